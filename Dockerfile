@@ -1,0 +1,26 @@
+# Two targets from one base: `service` answers HTTP, `worker` computes. Neither installs torch.
+FROM python:3.11-slim-bookworm AS base
+ENV PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+WORKDIR /app
+COPY requirements/service.txt requirements/service.txt
+RUN pip install -r requirements/service.txt
+COPY clients clients
+RUN pip install --no-deps ./clients/python && useradd --create-home --uid 10001 dlo \
+    && mkdir /data && chown dlo /data
+COPY workers workers
+ENV DLO_DATA_DIR=/data
+USER 10001
+VOLUME /data
+
+FROM base AS worker
+COPY models models
+CMD ["python", "-m", "workers"]
+
+FROM base AS service
+COPY services services
+EXPOSE 8000
+HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \
+    CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/healthz', timeout=2)"]
+# The settings refuse a host that is not loopback unless DLO_API_KEY_HASHES is set.
+ENV DLO_HOST=0.0.0.0
+CMD ["uvicorn", "--factory", "services.app:create_app", "--host", "0.0.0.0", "--port", "8000"]

@@ -1,0 +1,18 @@
+"""What every contract shares: unknown fields are refused, numbers are finite, values do not change."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Point = tuple[float, float]
+"""``(x, y)`` in pixels of the upright image; the center of the top-left pixel is ``(0, 0)``."""
+
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class Contract(BaseModel):
+    """Base of everything that travels between a client, the service and a worker."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -1,0 +1,40 @@
+"""How a picture is named in a request. Pixel convention: see :data:`dlo_client.contracts.base.Point`.
+
+A picture whose EXIF data asks for a rotation is turned upright before anything else happens to it:
+sizes and coordinates in every answer are those of the upright picture.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from dlo_client.contracts.base import Contract
+
+BlobId = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the bytes, lower-case hex")]
+
+
+class ImageRef(Contract):
+    """A picture uploaded before with ``POST /v1/images``."""
+
+    id: BlobId
+
+
+class ImagePart(Contract):
+    """The n-th ``image`` part of the multipart request that carries this field, counted from 0."""
+
+    part: int = Field(ge=0, lt=64)
+
+
+ImageSource = ImageRef | ImagePart
+
+
+class ImageInfo(Contract):
+    """What the service knows of an uploaded picture; ``width`` and ``height`` of the upright picture."""
+
+    id: BlobId
+    sha256: BlobId
+    width: int = Field(gt=0)
+    height: int = Field(gt=0)
+    bytes: int = Field(gt=0)

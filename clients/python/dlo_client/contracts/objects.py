@@ -1,0 +1,64 @@
+"""What the service sees in a picture: DLO instances and their crossings."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from dlo_client.contracts.base import Contract, Point, Probability
+
+
+class Spline(Contract):
+    """B-spline of the centerline: ``len(knots) == len(control_xy) + degree + 1``, parameter 0 to 1."""
+
+    degree: int = Field(ge=1, le=5)
+    knots: list[float]
+    control_xy: list[Point]
+
+
+class Endpoint(Contract):
+    """Where a DLO ends: ``free`` in view, ``border`` at the picture's edge, ``hidden`` under another DLO."""
+
+    xy: Point
+    kind: Literal["free", "border", "hidden"]
+
+
+class MaskRLE(Contract):
+    """COCO compressed run-length mask; ``size`` is ``(height, width)``, runs go down the columns."""
+
+    size: tuple[int, int]
+    counts: str
+
+
+class Instance(Contract):
+    """One DLO as it appears in the picture."""
+
+    id: int = Field(ge=1, description="also its value in instances.png")
+    score: Probability = Field(description="confidence that this is one true DLO; not yet calibrated")
+    centerline_xy: list[Point] = Field(description="ordered, at equal arc length, end to end")
+    width_px: float = Field(gt=0)
+    length_px: float = Field(ge=0)
+    closed: bool = Field(description="the centerline is a ring; it then has no endpoints")
+    spline: Spline
+    endpoints: list[Endpoint]
+    mask_rle: MaskRLE = Field(description="visible pixels: at a crossing the upper DLO owns them")
+
+
+class StrandPosition(Contract):
+    """A place on an instance: ``u`` from 0 at the first to 1 at the last centerline point, by arc length."""
+
+    instance: int = Field(ge=1)
+    u: Probability
+
+
+class Crossing(Contract):
+    """Where one strand passes over another; both may belong to the same instance (a self-crossing)."""
+
+    id: int = Field(ge=1)
+    xy: Point
+    over: StrandPosition
+    under: StrandPosition
+    score: Probability = Field(
+        description="confidence in the order; 0.5 when it is not known (no picture, or no difference seen)"
+    )
