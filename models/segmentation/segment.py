@@ -1,0 +1,53 @@
+"""Picture to foreground probability with any network of the task ``foreground``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class ForegroundInput:
+    """How the network wants its picture: longest side in pixels, sides multiples of ``multiple``, values
+    ``(x / 255 - mean) / std``; ``threshold`` is the one value that turns probability into a mask."""
+
+    long_side: int
+    multiple: int
+    mean: tuple[float, float, float]
+    std: tuple[float, float, float]
+    threshold: float
+
+    @classmethod
+    def from_manifest(cls, preprocess: Mapping[str, Any]) -> ForegroundInput:
+        values = dict(preprocess)
+        values["mean"], values["std"] = tuple(values["mean"]), tuple(values["std"])
+        return cls(**values)
+
+
+def segment(image: NDArray[np.uint8], network: Network, settings: ForegroundInput) -> NDArray[np.float32]:
+    """``image`` (H, W, 3) RGB to (H, W) probability of cable.
+
+    The rule for every size: a picture longer than ``long_side`` is reduced to it (area average), a smaller
+    one is left as it is; the sides are then filled up to a multiple by repeating the last row and column.
+    The way back is the exact inverse: cut, then enlarge with pixel centers at ``(k + 0.5) s - 0.5``.
+    """
+    height, width = image.shape[:2]
+    scale = min(1.0, settings.long_side / max(height, width))
+    inner = max(round(width * scale), 1), max(round(height * scale), 1)
+    small = cv2.resize(image, inner, interpolation=cv2.INTER_AREA) if scale < 1 else image
+    right, bottom = (-side % settings.multiple for side in inner)
+    padded = cv2.copyMakeBorder(small, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
+    mean, std = (np.array(v, np.float32) * 255.0 for v in (settings.mean, settings.std))
+    planes = ((padded.astype(np.float32) - mean) / std).transpose(2, 0, 1)[None]
+    logits = network(np.ascontiguousarray(planes))[0, 0, : inner[1], : inner[0]]
+    probability = 1.0 / (1.0 + np.exp(-logits))
+    if scale < 1:
+        probability = cv2.resize(probability, (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(probability, np.float32)

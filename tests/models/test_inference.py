@@ -1,0 +1,102 @@
+"""The manifest, the check of every file, and ONNX against torch."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor, nn
+
+from models import export, inference
+from models.inference import CorruptWeightsError, UnknownNetworkError
+
+
+def test_every_shipped_file_is_the_one_in_the_manifest():
+    files = {path.name for path in inference.WEIGHTS.glob("*.onnx")}
+    entries = inference.manifest().values()
+    assert {spec.file for spec in entries} == files
+    for spec in entries:
+        data = (inference.WEIGHTS / spec.file).read_bytes()
+        assert hashlib.sha256(data).hexdigest() == spec.sha256
+        assert len(data) == spec.bytes
+        assert spec.origin
+        assert spec.license
+        assert spec.training["seed"] is not None
+        assert spec.metrics
+    assert sum(spec.bytes for spec in entries) < 120e6
+
+
+@pytest.mark.parametrize("task", ["foreground", "orientation"])
+def test_each_task_has_one_default(task):
+    assert [s.default for s in inference.manifest().values() if s.task == task].count(True) == 1
+    assert inference.manifest()[inference.default_name(task)].task == task
+
+
+def test_foreground_network_runs_at_other_sizes():
+    network = inference.load(inference.default_name("foreground"))
+    for height, width in ((32, 32), (192, 320), (384, 640)):
+        logits = network(np.zeros((1, 3, height, width), np.float32))
+        assert logits.shape == (1, 1, height, width)
+        assert np.isfinite(logits).all()
+
+
+def test_an_unknown_name_is_refused():
+    with pytest.raises(UnknownNetworkError, match="nobody"):
+        inference.load("nobody")
+    with pytest.raises(UnknownNetworkError):
+        inference.default_name("nothing")
+
+
+class Doubler(nn.Module):
+    def __init__(self) -> None:
+        super().__init__()
+        self.factor = nn.Parameter(torch.tensor(2.0))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(n, 3) to (n, 3)."""
+        return x * self.factor
+
+
+CARD = export.Card(
+    version="1", task="test", default=True, input="(n, 3)", license="Apache-2.0", origin="a test",
+    preprocess={}, training={"seed": 0}, metrics={},
+)  # fmt: skip
+
+
+@pytest.fixture
+def weights(tmp_path, monkeypatch):
+    monkeypatch.setattr(inference, "WEIGHTS", tmp_path)
+    monkeypatch.setattr(export, "WEIGHTS", tmp_path)
+    inference.manifest.cache_clear()
+    yield tmp_path
+    inference.manifest.cache_clear()
+
+
+def test_export_registers_what_can_then_be_loaded(weights):
+    examples = [torch.rand(n, 3) for n in (4, 2, 9)]
+    difference = export.export(Doubler(), "doubler", CARD, examples, {0: torch.export.Dim("n")}, 1e-6)
+    assert difference == 0.0
+    network = inference.load("doubler")
+    assert network(np.ones((5, 3), np.float32)).tolist() == [[2.0] * 3] * 5
+    assert network.spec.parameters == 1
+
+
+def test_a_changed_file_is_refused(weights):
+    export.export(Doubler(), "doubler", CARD, [torch.rand(4, 3)], {0: torch.export.Dim("n")}, 1e-6)
+    path = weights / "doubler.onnx"
+    path.write_bytes(path.read_bytes() + b"\0")
+    with pytest.raises(CorruptWeightsError, match=r"doubler\.onnx"):
+        inference.load("doubler")
+
+
+def test_an_export_that_differs_is_not_registered(weights):
+    class Noisy(Doubler):
+        def forward(self, x: Tensor) -> Tensor:
+            return x * self.factor + (0.0 if torch.compiler.is_exporting() else 0.5)
+
+    with pytest.raises(ValueError, match="differs"):
+        export.export(Noisy(), "noisy", CARD, [torch.rand(4, 3)], {0: torch.export.Dim("n")}, 1e-6)
+    assert not (weights / "noisy.onnx").exists()
+    assert not (weights / "manifest.toml").exists()

@@ -1,0 +1,119 @@
+"""Letterboxing to the pixel, the loss, the network's shapes, and training that can be resumed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from models.segmentation.network_compact import CompactNetwork, foreground_loss
+from models.segmentation.segment import ForegroundInput, segment
+from models.segmentation.train import Training, TrainParams, learning_rate, validate
+from models.synthesis.scenes import SceneParams
+from models.synthesis.textures import TexturePool
+
+SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5)
+
+
+def red_is_cable(planes: np.ndarray) -> np.ndarray:
+    """A network that answers +8 where the red channel is bright, else -8."""
+    assert planes.shape[2] % 32 == 0
+    assert planes.shape[3] % 32 == 0
+    return np.where(planes[:, :1] > 0.5, 8.0, -8.0).astype(np.float32)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (20, 8000), (31, 33), (64, 64), (33, 50), (360, 640), (641, 127)])
+def test_any_size_comes_back_at_its_own_size(size):
+    probability = segment(np.zeros((*size, 3), np.uint8), red_is_cable, SETTINGS)
+    assert probability.shape == size
+    assert probability.dtype == np.float32
+    assert probability.max() < 0.01
+
+
+def test_a_picture_that_fits_is_not_moved_by_a_pixel():
+    image = np.zeros((40, 50, 3), np.uint8)
+    image[10:14, 20:33, 0] = 255
+    found = segment(image, red_is_cable, SETTINGS) > 0.5
+    assert np.array_equal(found, image[:, :, 0] > 0)
+
+
+def test_a_reduced_picture_comes_back_where_it_was():
+    """Four times too large: a bright square keeps its center to a fraction of a pixel."""
+    image = np.zeros((256, 256, 3), np.uint8)
+    image[96:160, 32:96, 0] = 255
+    found = segment(image, red_is_cable, SETTINGS) > 0.5
+    rows, columns = np.nonzero(found)
+    assert rows.mean() == pytest.approx(127.5, abs=0.3)
+    assert columns.mean() == pytest.approx(63.5, abs=0.3)
+    assert found.sum() == pytest.approx(64 * 64, rel=0.05)
+
+
+def test_normalization_is_that_of_training():
+    settings = ForegroundInput(64, 32, (0.5, 0.25, 0.0), (0.5, 0.25, 1.0), 0.5)
+    seen = {}
+
+    def spy(planes):
+        seen["planes"] = planes
+        return np.zeros((1, 1, *planes.shape[2:]), np.float32)
+
+    segment(np.full((32, 32, 3), 255, np.uint8), spy, settings)
+    assert seen["planes"][0, :, 0, 0].tolist() == pytest.approx([1.0, 3.0, 1.0])
+
+
+def test_network_answers_at_the_size_of_its_input():
+    network = CompactNetwork().eval()
+    with torch.no_grad():
+        assert network(torch.zeros(2, 3, 64, 96)).shape == (2, 1, 64, 96)
+    assert sum(p.numel() for p in network.parameters()) < 5_000_000
+
+
+def test_batched_equals_one_by_one():
+    network = CompactNetwork().eval()
+    x = torch.rand(3, 3, 32, 64, generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        together, apart = network(x), torch.cat([network(x[k : k + 1]) for k in range(3)])
+    assert torch.allclose(together, apart, atol=1e-5)
+
+
+def test_loss_prefers_the_truth():
+    target = torch.zeros(2, 1, 8, 8)
+    target[0, 0, 2:4] = 1
+    right, wrong = (target * 2 - 1) * 9, (1 - target * 2) * 9
+    assert float(foreground_loss(right, target)) < 0.01
+    assert float(foreground_loss(wrong, target)) > 5
+
+
+def test_learning_rate_warms_up_then_falls():
+    rates = [learning_rate(s, 1.0) for s in (0.0, 0.03, 0.5, 1.0)]
+    assert rates[0] == pytest.approx(0.05)
+    assert rates[1] == pytest.approx(1.0)
+    assert rates[1] > rates[2] > rates[3]
+    assert rates[3] == pytest.approx(0.01)
+
+
+def test_training_learns_and_resumes_where_it_was(tmp_path):
+    params = TrainParams(minutes=1.0, batch=2)
+    training = Training(params, tmp_path, torch.device("cpu"))
+    image = torch.zeros(2, 3, 32, 32, dtype=torch.uint8)
+    image[:, 0, 10:20] = 255
+    mask = (image[:, 0] > 0).byte()
+    training.network.train()
+    losses = [training.step(image, mask) for _ in range(12)]
+    assert losses[-1] < losses[0]
+    training.progress.seconds = 30.0
+    training.save("last")
+
+    resumed = Training(params, tmp_path, torch.device("cpu"))
+    resumed.start(None)
+    assert resumed.progress == training.progress
+    for a, b in zip(training.average.parameters(), resumed.average.parameters(), strict=True):
+        assert torch.equal(a, b)
+    assert resumed.optimizer.state_dict()["state"].keys() == training.optimizer.state_dict()["state"].keys()
+
+
+def test_validation_reports_and_draws(tmp_path):
+    training = Training(TrainParams(), tmp_path, torch.device("cpu"))
+    metrics = validate(training, TexturePool(()), SceneParams(size=(32, 64), empty_share=0.4), count=12)
+    assert set(metrics) == {"dice", "false"}
+    assert 0 <= metrics["dice"] <= 1
+    assert (tmp_path / "validation.png").exists()
