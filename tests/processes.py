@@ -1,0 +1,82 @@
+"""Real processes for tests: start a worker, wait for a condition, put everything away again."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from workers.queue import JobQueue, WorkerInfo
+from workers.settings import Settings
+
+ROOT = Path(__file__).parent.parent
+T = TypeVar("T")
+
+
+def wait_until(condition: Callable[[], T], timeout_s: float = 20.0) -> T:
+    """The first true value of ``condition``; AssertionError if there is none in time."""
+    give_up = time.monotonic() + timeout_s
+    while not (value := condition()):
+        assert time.monotonic() < give_up, f"waited {timeout_s:g} s in vain"
+        time.sleep(0.02)
+    return value
+
+
+def environment(settings: Settings) -> dict[str, str]:
+    """Of a process that is to have these settings."""
+    values = settings.model_dump(mode="json", exclude={"onnx_providers"})
+    return os.environ | {f"DLO_{name.upper()}": str(value) for name, value in values.items()}
+
+
+class WorkerProcess:
+    """``python -m workers`` as a child of the test."""
+
+    def __init__(self, settings: Settings, name: str) -> None:
+        self._name = name
+        self._queue = JobQueue(settings)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "workers", "--name", name, "--with-parent", str(os.getpid())],
+            cwd=ROOT,
+            env=environment(settings),
+        )
+
+    def info(self) -> WorkerInfo | None:
+        """What it says of itself, while it lives."""
+        return next((worker for worker in self._queue.workers() if worker.name.startswith(self._name)), None)
+
+    def wait_ready(self) -> None:
+        def ready() -> bool:
+            assert self.process.poll() is None, "the worker ended"
+            info = self.info()
+            return info is not None and info.ready
+
+        wait_until(ready, 60.0)
+
+    def child_pid(self) -> int:
+        """Of its warm child."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        assert len(children) == 1, children
+        return int(children[0])
+
+    def kill(self) -> None:
+        """As the out-of-memory killer does it; the kernel takes the child along."""
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self, timeout_s: float = 20.0) -> int:
+        """SIGTERM; its exit status."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(timeout_s)
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            try:
+                self.stop()
+            except subprocess.TimeoutExpired:
+                self.kill()
+        self._queue.close()

@@ -1,0 +1,60 @@
+import hashlib
+import os
+import time
+
+import pytest
+
+from workers.blobs import BlobMissing, FolderBlobs
+
+HOUR = 3600.0
+
+
+@pytest.fixture
+def blobs(tmp_path):
+    return FolderBlobs(tmp_path / "blobs", HOUR)
+
+
+def test_bytes_come_back_under_their_sha256(blobs):
+    blob_id = blobs.put(b"cable")
+    assert blob_id == hashlib.sha256(b"cable").hexdigest()
+    assert blobs.get(blob_id) == b"cable"
+    assert blobs.path(blob_id).read_bytes() == b"cable"
+
+
+def test_the_same_bytes_are_one_file_and_nothing_else_is_left(blobs, tmp_path):
+    assert blobs.put(b"cable") == blobs.put(b"cable")
+    assert len([path for path in tmp_path.rglob("*") if path.is_file()]) == 1
+
+
+@pytest.mark.parametrize("name", ["0" * 64, "", "../secret", "a/../../secret", "A" * 64, "0" * 64 + "\n"])
+def test_what_is_no_blob_is_missing(blobs, tmp_path, name):
+    (tmp_path / "secret").write_text("x")
+    for look in (blobs.get, blobs.path, blobs.touch):
+        if look == blobs.touch and name == "0" * 64:
+            assert look(name) is False
+        else:
+            with pytest.raises(BlobMissing):
+                look(name)
+
+
+def test_sweep_removes_what_was_not_touched_for_its_lifetime(blobs):
+    old, touched, new = (blobs.put(data) for data in (b"old", b"touched", b"new"))
+    for blob_id in (old, touched):
+        os.utime(blobs.path(blob_id), (0, time.time() - HOUR - 1))
+    assert blobs.touch(touched)
+    assert blobs.sweep() == 1
+    assert blobs.get(touched) == b"touched"
+    assert blobs.get(new) == b"new"
+    with pytest.raises(BlobMissing):
+        blobs.get(old)
+
+
+def test_putting_again_starts_the_lifetime_anew(blobs):
+    blob_id = blobs.put(b"cable")
+    os.utime(blobs.path(blob_id), (0, time.time() - HOUR - 1))
+    blobs.put(b"cable")
+    assert blobs.sweep() == 0
+
+
+def test_sweep_of_a_folder_that_is_not_there_yet(blobs):
+    assert blobs.sweep() == 0

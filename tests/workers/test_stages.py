@@ -1,0 +1,209 @@
+"""The stages on real bytes and the shipped networks: every kind of picture, and one result shape."""
+
+from __future__ import annotations
+
+import io
+
+import cv2
+import numpy as np
+import pytest
+from dlo_client.contracts import ImageRef, InstancesRequest, InstancesResult, NoopRequest, SegmentRequest
+from PIL import Image
+
+from models.geometry import rle
+from workers import stages
+from workers.settings import Settings
+from workers.stages.outcome import InvalidInput, Tools
+from workers.stages.pictures import read_mask, read_rgb
+
+
+@pytest.fixture(scope="module")
+def tools(tmp_path_factory) -> Tools:
+    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
+
+
+def put(tools: Tools, picture: Image.Image, form: str = "PNG", **options) -> ImageRef:
+    buffer = io.BytesIO()
+    picture.save(buffer, form, **options)
+    return ImageRef(id=tools.blobs.put(buffer.getvalue()))
+
+
+def crossing_picture() -> np.ndarray:
+    """A red bar over a green one on gray, 200 × 120, each 11 px wide."""
+    image = np.full((120, 200, 3), 128, np.uint8)
+    cv2.line(image, (20, 100), (180, 20), (30, 160, 40), 11)
+    cv2.line(image, (20, 20), (180, 100), (200, 30, 30), 11)
+    return image
+
+
+def crossing_mask() -> np.ndarray:
+    mask = np.zeros((120, 200), np.uint8)
+    cv2.line(mask, (20, 100), (180, 20), 255, 11)
+    cv2.line(mask, (20, 20), (180, 100), 255, 11)
+    return mask
+
+
+def test_noop_holds():
+    assert stages.noop.run(NoopRequest(hold_s=0.01)).result.held_s == 0.01
+
+
+@pytest.mark.parametrize(
+    ("mode", "form", "color", "expected"),
+    [
+        ("RGB", "PNG", (10, 200, 30), (10, 200, 30)),
+        ("RGB", "WEBP", (10, 200, 30), (10, 200, 30)),
+        ("L", "PNG", 77, (77, 77, 77)),
+        ("LA", "PNG", (77, 9), (77, 77, 77)),
+        ("RGBA", "PNG", (10, 200, 30, 5), (10, 200, 30)),
+        ("P", "PNG", 0, None),
+        ("1", "PNG", 1, (255, 255, 255)),
+        ("CMYK", "JPEG", (0, 0, 0, 0), (255, 255, 255)),
+    ],
+)
+def test_every_color_mode_becomes_rgb(tools, mode, form, color, expected):
+    options = {"lossless": True} if form == "WEBP" else {}
+    image = read_rgb(put(tools, Image.new(mode, (5, 4), color), form, **options), "image", tools)
+    assert image.shape == (4, 5, 3)
+    assert image.dtype == np.uint8
+    if expected:
+        assert np.abs(image[1, 1].astype(int) - expected).max() <= 2
+
+
+def test_sixteen_bit_gray_keeps_its_upper_byte(tools):
+    values = np.array([[0, 256, 0x8000, 0xFFFF]], np.uint16)
+    image = read_rgb(put(tools, Image.fromarray(values)), "image", tools)
+    assert image[0, :, 0].tolist() == [0, 1, 128, 255]
+
+
+def test_sixteen_bit_color_is_read(tools):
+    done, data = cv2.imencode(".png", np.full((4, 6, 3), 0x8000, np.uint16))
+    assert done
+    image = read_rgb(ImageRef(id=tools.blobs.put(data.tobytes())), "image", tools)
+    assert image.shape == (4, 6, 3)
+    assert abs(int(image[0, 0, 0]) - 128) <= 1
+
+
+def test_exif_rotation_is_applied(tools):
+    exif = Image.Exif()
+    exif[0x0112] = 6  # the camera was turned: the upright picture is 10 wide, 20 high
+    assert read_rgb(put(tools, Image.new("RGB", (20, 10)), "JPEG", exif=exif), "image", tools).shape == (
+        20,
+        10,
+        3,
+    )
+
+
+@pytest.mark.parametrize("form", ["PNG", "JPEG"])
+def test_a_truncated_picture_names_its_field(tools, form):
+    buffer = io.BytesIO()
+    noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8)
+    Image.fromarray(noise).save(buffer, form)
+    ref = ImageRef(id=tools.blobs.put(buffer.getvalue()[: len(buffer.getvalue()) // 2]))
+    with pytest.raises(InvalidInput, match="decoded") as caught:
+        read_rgb(ref, "views[1].image", tools)
+    assert caught.value.field == "views[1].image"
+
+
+def test_too_many_pixels_are_refused_before_decoding(tools):
+    small = Tools(tools.blobs, 100, tools.runtime, [])
+    with pytest.raises(InvalidInput, match="too many"):
+        read_rgb(put(tools, Image.new("L", (11, 10))), "image", small)
+
+
+def test_expired_bytes_say_so(tools):
+    with pytest.raises(InvalidInput, match="upload it again"):
+        read_rgb(ImageRef(id="0" * 64), "image", tools)
+
+
+@pytest.mark.parametrize("white", [1, 255])
+def test_a_mask_may_be_white_or_one(tools, white):
+    mask = np.zeros((4, 4), np.uint8)
+    mask[1] = white
+    assert read_mask(put(tools, Image.fromarray(mask)), "mask", tools).tolist() == (mask / white).tolist()
+
+
+def test_a_wide_mask_keeps_its_scale(tools):
+    values = np.array([[0, 0x8000, 0xFFFF]], np.uint16)
+    found = read_mask(put(tools, Image.fromarray(values)), "mask", tools)
+    assert found[0].tolist() == pytest.approx([0.0, 0.5, 1.0], abs=1e-4)
+
+
+def test_instances_from_mask_and_image(tools):
+    request = InstancesRequest(
+        image=put(tools, Image.fromarray(crossing_picture())),
+        mask=put(tools, Image.fromarray(crossing_mask())),
+        points_per_instance=33,
+        files=["instances", "overlay", "mask"],
+    )
+    outcome = stages.run(request, tools)
+    result = outcome.result
+    assert isinstance(result, InstancesResult)
+    assert [len(i.centerline_xy) for i in result.instances] == [33, 33]
+    assert all(9 < i.width_px < 13 for i in result.instances)
+    assert all([e.kind for e in i.endpoints] == ["free", "free"] for i in result.instances)
+    (crossing,) = result.crossings
+    assert crossing.xy == pytest.approx((100, 60), abs=3)
+    over = next(i for i in result.instances if i.id == crossing.over.instance)
+    (x0, y0), (x1, y1) = over.centerline_xy[0], over.centerline_xy[-1]
+    assert (x1 - x0) * (y1 - y0) > 0, "the red bar, drawn last, falls to the right"
+    assert crossing.score > 0.5
+    labels = np.asarray(Image.open(io.BytesIO(outcome.files["instances.png"][1])))
+    for instance in result.instances:
+        assert np.array_equal(rle.decode(instance.mask_rle.counts, instance.mask_rle.size), labels == instance.id)
+    assert set(outcome.files) == {"instances.png", "overlay.png", "mask.png"}
+    assert {"decode", "instances", "encode"} <= set(outcome.timings_ms)
+
+
+def test_a_mask_alone_gives_an_order_that_is_not_known(tools):
+    request = InstancesRequest(mask=put(tools, Image.fromarray(crossing_mask())))
+    outcome = stages.run(request, tools)
+    assert len(outcome.result.instances) == 2
+    assert [c.score for c in outcome.result.crossings] == [0.5]
+    assert [m.name for m in outcome.result.models] == ["rt_dlo_orientation"]
+
+
+def test_the_whole_chain_from_a_picture(tools):
+    outcome = stages.run(InstancesRequest(image=put(tools, Image.fromarray(crossing_picture()))), tools)
+    assert outcome.result.width == 200
+    assert outcome.result.height == 120
+    assert [m.name for m in outcome.result.models] == ["foreground_compact", "rt_dlo_orientation"]
+
+
+def test_equal_requests_give_equal_bytes(tools):
+    image = put(tools, Image.fromarray(crossing_picture()))
+    mask = put(tools, Image.fromarray(crossing_mask()))
+    first, again = (stages.run(InstancesRequest(image=image, mask=mask), tools) for _ in range(2))
+    assert first.result.model_dump_json() == again.result.model_dump_json()
+    assert first.files == again.files
+
+
+@pytest.mark.parametrize("size", [(1, 1), (8000, 20), (20, 8000)])
+def test_odd_sizes_are_answered(tools, size):
+    result = stages.run(InstancesRequest(image=put(tools, Image.new("RGB", size))), tools).result
+    assert (result.width, result.height) == size
+    assert result.instances == []
+
+
+def test_a_mask_of_another_size_is_refused(tools):
+    request = InstancesRequest(image=put(tools, Image.new("RGB", (20, 10))), mask=put(tools, Image.new("L", (10, 20))))
+    with pytest.raises(InvalidInput) as caught:
+        stages.run(request, tools)
+    assert caught.value.field == "mask"
+    assert "10 × 20" in caught.value.message
+
+
+@pytest.mark.parametrize("model", ["nobody", "rt_dlo_orientation"])
+def test_a_network_that_does_not_exist_or_fit_is_named(tools, model):
+    request = SegmentRequest(image=put(tools, Image.new("RGB", (20, 10))), model=model)
+    with pytest.raises(InvalidInput, match="foreground_compact") as caught:
+        stages.run(request, tools)
+    assert caught.value.field == "model"
+
+
+def test_segment_reports_what_its_mask_shows(tools):
+    request = SegmentRequest(image=put(tools, Image.fromarray(crossing_picture())), threshold=0.25)
+    outcome = stages.run(request, tools)
+    mask = np.asarray(Image.open(io.BytesIO(outcome.files["mask.png"][1])))
+    assert mask.shape == (120, 200)
+    assert outcome.result.threshold == 0.25
+    assert outcome.result.coverage == pytest.approx(np.mean(mask >= 0.25 * 255), abs=0.01)

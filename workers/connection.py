@@ -1,0 +1,47 @@
+"""Connections to the queue server: impatient ones for answering people, patient ones for workers."""
+
+from __future__ import annotations
+
+import redis
+import redis.asyncio
+from redis.asyncio.retry import Retry as AsyncRetry
+from redis.backoff import ConstantBackoff
+from redis.retry import Retry
+
+from workers.settings import Settings
+
+LONGEST_BLOCK_MS = 10_000
+"""No call blocks longer than this, so that a dead connection is noticed."""
+
+_SOCKET_TIMEOUT_S = LONGEST_BLOCK_MS / 1000 + 5.0
+_CONNECT_TIMEOUT_S = 2.0
+_MAX_CONNECTIONS = 4096
+_PAUSE_S = 0.25
+
+
+def connect(settings: Settings, *, patient: bool = False, text: bool = True) -> redis.Redis:
+    """A client; a patient one waits for a server that is away, for ever, instead of raising.
+
+    It answers text, which is all that a job's record holds; RQ wants one that answers bytes.
+    """
+    retry = Retry(ConstantBackoff(_PAUSE_S), -1 if patient else 1)
+    return redis.Redis.from_url(
+        settings.redis_url,
+        retry=retry,
+        decode_responses=text,
+        socket_timeout=_SOCKET_TIMEOUT_S,
+        socket_connect_timeout=_CONNECT_TIMEOUT_S,
+        max_connections=_MAX_CONNECTIONS,
+    )
+
+
+def connect_async(settings: Settings) -> redis.asyncio.Redis:
+    """The impatient client for an event loop."""
+    return redis.asyncio.Redis.from_url(
+        settings.redis_url,
+        retry=AsyncRetry(ConstantBackoff(_PAUSE_S), 1),
+        decode_responses=True,
+        socket_timeout=_SOCKET_TIMEOUT_S,
+        socket_connect_timeout=_CONNECT_TIMEOUT_S,
+        max_connections=_MAX_CONNECTIONS,
+    )

@@ -1,0 +1,32 @@
+"""What the queue's door answers instead of a job.
+
+QueueError
+├── JobUnknown           no such job
+├── JobGone              there was one; its record has expired
+├── QueueFull            too many jobs wait; come back after ``retry_after_s``
+└── IdempotencyConflict  the key was used for another request
+"""
+
+from __future__ import annotations
+
+
+class QueueError(Exception):
+    """Base of all."""
+
+
+class JobUnknown(QueueError):
+    pass
+
+
+class JobGone(QueueError):
+    pass
+
+
+class IdempotencyConflict(QueueError):
+    pass
+
+
+class QueueFull(QueueError):
+    def __init__(self, depth: int, retry_after_s: float) -> None:
+        super().__init__(f"{depth} jobs are waiting")
+        self.retry_after_s = retry_after_s

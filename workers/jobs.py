@@ -1,0 +1,66 @@
+"""The one function that the queue may call, run in the warm child: do the job, store, sort errors."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from uuid import uuid4
+
+import structlog
+from dlo_client.contracts import FileRef
+
+from workers import problems, stages
+from workers.blobs import FolderBlobs
+from workers.ledger import Claim, Ledger
+from workers.record import REQUEST
+from workers.stages.outcome import InvalidInput, Outcome, Tools
+
+_PROGRESS_STEP = 0.01
+
+log = structlog.get_logger(__name__)
+
+
+def run(claim: Claim, ledger: Ledger, tools: Tools) -> None:
+    """Run the claimed job to its end, good or bad; raises only if the end cannot be written down."""
+    say = log.bind(job_id=claim.job_id, attempt=claim.attempt)
+    started = time.perf_counter()
+    try:
+        request = REQUEST.validate_json(claim.request)
+        say = say.bind(kind=request.kind)
+        tools.progress = _reporter(claim, ledger)
+        outcome = stages.run(request, tools)
+        files = _store(outcome, tools.blobs)
+        took_ms = (time.perf_counter() - started) * 1000
+        timings_ms = outcome.timings_ms | {
+            "queue_wait": claim.queue_wait_ms,
+            "total": claim.queue_wait_ms + took_ms,
+        }
+        held = ledger.succeed(claim, outcome.result, files, timings_ms)
+        say.info("job succeeded", timings_ms=timings_ms, held=held)
+    except InvalidInput as error:
+        held = ledger.fail(claim, problems.invalid(error.field, error.message, error.code))
+        say.info("job failed: invalid input", field=error.field, code=error.code, held=held)
+    except Exception:
+        incident = uuid4().hex
+        say.exception("job failed: internal", incident=incident)
+        ledger.fail(claim, problems.internal(incident))
+
+
+def _store(outcome: Outcome, blobs: FolderBlobs) -> list[FileRef]:
+    return [
+        FileRef(name=name, media_type=media_type, bytes=len(data), sha256=blobs.put(data))
+        for name, (media_type, data) in outcome.files.items()
+    ]
+
+
+def _reporter(claim: Claim, ledger: Ledger) -> Callable[[float], None]:
+    """Tells of progress, but not of every hair's breadth."""
+    told = 0.0
+
+    def report(fraction: float) -> None:
+        nonlocal told
+        if fraction >= told + _PROGRESS_STEP:
+            told = min(fraction, 1.0)
+            ledger.progress(claim, told)
+
+    return report

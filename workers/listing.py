@@ -1,0 +1,75 @@
+"""Recent jobs, newest first, page by page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import cast
+
+import redis
+from dlo_client.contracts import AnyJob, JobKind, JobPage, JobState
+
+from workers.record import LISTED, RECENT, job_key, read_job
+
+_BATCH = 100
+_MAX_BATCHES = 10
+"""A page is cut short rather than looking at more than this many batches for a rare state or kind."""
+
+
+def recent_page(
+    client: redis.Redis,
+    *,
+    limit: int,
+    cursor: str | None,
+    state: JobState | None,
+    kind: JobKind | None,
+) -> JobPage:
+    """At most ``limit`` jobs older than ``cursor``, without results; raises ValueError on a foreign cursor.
+
+    A page may hold fewer jobs and still name a ``next_cursor``: only a page without one is the last.
+    """
+    if cursor is not None and not (cursor.isascii() and cursor.isdecimal()):
+        raise ValueError(f"not a cursor: {cursor!r}")
+    below = f"({cursor}" if cursor is not None else "+inf"
+    found: list[AnyJob] = []
+    for _ in range(_MAX_BATCHES):
+        answer = client.zrevrangebyscore(RECENT, below, "-inf", start=0, num=_BATCH, withscores=True)
+        batch = cast(list[tuple[str, float]], answer)
+        for (_, number), job in zip(batch, _jobs(client, [job_id for job_id, _ in batch]), strict=True):
+            below = f"({int(number)}"
+            if job and state in (None, job.state) and kind in (None, job.kind):
+                found.append(job)
+                if len(found) == limit:
+                    return JobPage(jobs=found, next_cursor=below[1:])
+        if len(batch) < _BATCH:
+            return JobPage(jobs=found)
+    return JobPage(jobs=found, next_cursor=below[1:])
+
+
+def trim(client: redis.Redis) -> int:
+    """Forget the oldest jobs whose records have expired; return how many."""
+    trimmed = 0
+    for _ in range(_MAX_BATCHES):
+        oldest = cast(list[str], client.zrange(RECENT, 0, _BATCH - 1))
+        gone = [job_id for job_id, there in zip(oldest, _exist(client, oldest), strict=True) if not there]
+        if gone:
+            trimmed += client.zrem(RECENT, *gone)
+        if len(gone) < _BATCH:
+            break
+    return trimmed
+
+
+def _jobs(client: redis.Redis, job_ids: Iterable[str]) -> list[AnyJob | None]:
+    """The jobs without their results; None where the record has expired."""
+    with client.pipeline(transaction=False) as pipeline:
+        for job_id in job_ids:
+            pipeline.hmget(job_key(job_id), LISTED)
+        rows = pipeline.execute()
+    records = [{name: value for name, value in zip(LISTED, row, strict=True) if value} for row in rows]
+    return [read_job(record) if record else None for record in records]
+
+
+def _exist(client: redis.Redis, job_ids: Iterable[str]) -> list[int]:
+    with client.pipeline(transaction=False) as pipeline:
+        for job_id in job_ids:
+            pipeline.exists(job_key(job_id))
+        return pipeline.execute()

@@ -1,0 +1,228 @@
+"""The door to the queue: submit, look at, wait for and cancel jobs. Imports nothing heavy.
+
+:class:`JobQueue` blocks and may be used from many threads; :class:`AsyncJobQueue` is its twin for an event
+loop, so that hundreds of waiters need no threads.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from typing import Any, cast
+from uuid import uuid4
+
+import redis
+import redis.asyncio
+from dlo_client.contracts import AnyJob, AnyRequest, JobEvent, JobKind, JobPage, JobState, NetworkInfo
+from rq.queue import Queue
+from rq.serializers import JSONSerializer
+
+from workers.blobs import FolderBlobs
+from workers.connection import LONGEST_BLOCK_MS, connect, connect_async
+from workers.errors import IdempotencyConflict, JobGone, JobUnknown, QueueError, QueueFull
+from workers.ledger import Ledger
+from workers.listing import recent_page
+from workers.presence import WorkerInfo, present
+from workers.reaper import reap
+from workers.record import QUEUES, events_key, job_key, pictures, read_event, read_job, tombstone_key
+from workers.settings import Settings
+
+__all__ = [
+    "QUEUES",
+    "AsyncJobQueue",
+    "IdempotencyConflict",
+    "JobGone",
+    "JobQueue",
+    "JobUnknown",
+    "QueueError",
+    "QueueFull",
+    "WorkerInfo",
+]
+
+RUN = "workers.jobs.run"
+"""The one function that a queue entry may name."""
+
+_RETRY_AFTER_S = 5.0
+_EVENT_ID = re.compile(r"\d{1,20}(-\d{1,20})?")
+
+
+class JobQueue:
+    """Jobs by id; every method raises ``redis.RedisError`` when the queue server does not answer."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._client = connect(settings)
+        self._blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s)
+        self._ledger = Ledger(self._client, settings)
+        self._queues: dict[str, Queue] = {
+            name: Queue(name, connection=self._client, serializer=JSONSerializer) for name in QUEUES
+        }
+
+    def submit(
+        self, request: AnyRequest, *, idempotency_key: str | None = None, request_digest: str | None = None
+    ) -> tuple[AnyJob, bool]:
+        """Put a request, its pictures all uploaded, into the queue; the job, and whether it is a new one.
+
+        With a key that was used within ``idempotency_ttl_s`` for a request of the same digest the job of
+        then is returned. Raises QueueFull, IdempotencyConflict, and JobGone when the job of then has expired.
+        """
+        key = idempotency_key and f"dlo:idempotency:{hashlib.sha256(idempotency_key.encode()).hexdigest()}"
+        digest = request_digest or ""
+        job_id = uuid4().hex
+
+        def put(pipeline: redis.client.Pipeline) -> str:
+            if key and (known := _known(cast(str | None, pipeline.get(key)), digest)):
+                return known
+            self._make_room()
+            pipeline.multi()
+            self._put(pipeline, job_id, request)
+            if key:
+                ttl_ms = round(self._settings.idempotency_ttl_s * 1000)
+                pipeline.set(key, f"{digest} {job_id}", px=ttl_ms)
+            return job_id
+
+        for blob_id in pictures(request):
+            self._blobs.touch(blob_id)  # they live longer than any job may wait
+        watched = [key] if key else []
+        put_any = cast(Callable[[redis.client.Pipeline], None], put)  # redis-py's type forgets the value
+        put_id = cast(str, self._client.transaction(put_any, *watched, value_from_callable=True))
+        return self.get(put_id), put_id == job_id
+
+    def get(self, job_id: str) -> AnyJob:
+        """The job; raises JobUnknown or JobGone."""
+        record = cast(dict[str, str], self._client.hgetall(job_key(job_id)))
+        if not record:
+            raise _absent(self._client.exists(tombstone_key(job_id)), job_id)
+        return read_job(record)
+
+    def cancel(self, job_id: str) -> AnyJob:
+        """Cancel a job that is not over, and return it; raises JobUnknown or JobGone.
+
+        The worker of a running one kills it within a second.
+        """
+        self._ledger.cancel(job_id)
+        return self.get(job_id)
+
+    def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
+        """The job's events after the event id ``after``; anything that is not such an id means all of them.
+
+        Waits up to ``block_ms`` (at most ``LONGEST_BLOCK_MS``) for the first; none is an empty list.
+        Raises JobUnknown or JobGone.
+        """
+        answer = self._client.xread(*_xread(job_id, after), block=_block(block_ms))
+        if not answer and not self._client.exists(job_key(job_id)):
+            raise _absent(self._client.exists(tombstone_key(job_id)), job_id)
+        return _events(answer)
+
+    def recent(
+        self,
+        *,
+        limit: int = 50,
+        cursor: str | None = None,
+        state: JobState | None = None,
+        kind: JobKind | None = None,
+    ) -> JobPage:
+        """Jobs newest first, without their results. Raises ValueError on a cursor that is not one."""
+        return recent_page(self._client, limit=limit, cursor=cursor, state=state, kind=kind)
+
+    def workers(self) -> list[WorkerInfo]:
+        """The live workers."""
+        return present(self._client)
+
+    def networks(self) -> list[NetworkInfo]:
+        """What the live, ready workers have loaded, each network once."""
+        loaded = (network for worker in self.workers() if worker.ready for network in worker.networks)
+        return list({(network.name, network.version): network for network in loaded}.values())
+
+    def depth(self) -> dict[str, int]:
+        """Jobs that wait, by queue."""
+        with self._client.pipeline(transaction=False) as pipeline:
+            for queue in self._queues.values():
+                pipeline.llen(queue.key)
+            return dict(zip(self._queues, pipeline.execute(), strict=True))
+
+    def ping(self) -> bool:
+        """Whether the queue server answers."""
+        try:
+            return bool(self._client.ping())
+        except redis.RedisError:
+            return False
+
+    def reap(self) -> int:
+        """Put right jobs whose worker is gone; workers do it, a service may too. Returns how many."""
+        return reap(self._client, self._ledger)
+
+    def close(self) -> None:
+        self._client.close()
+
+    def _put(self, pipeline: redis.client.Pipeline, job_id: str, request: AnyRequest) -> None:
+        self._ledger.open(
+            pipeline,
+            job_id,
+            kind=request.kind,
+            priority=request.priority,
+            label=request.label,
+            timeout_s=request.timeout_s,
+            request=request.model_dump_json(),
+        )
+        queue = self._queues[request.priority]
+        queue.enqueue_job(queue.create_job(RUN, args=(job_id,), job_id=job_id), pipeline=pipeline)
+
+    def _make_room(self) -> None:
+        waiting = sum(self.depth().values())
+        if waiting >= self._settings.max_queue_depth:
+            raise QueueFull(waiting, _RETRY_AFTER_S)
+
+
+class AsyncJobQueue:
+    """The part of :class:`JobQueue` that waits, for an event loop."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._client = connect_async(settings)
+
+    async def get(self, job_id: str) -> AnyJob:
+        """See :meth:`JobQueue.get`."""
+        record = cast(dict[str, str], await self._client.hgetall(job_key(job_id)))
+        if not record:
+            raise _absent(await self._client.exists(tombstone_key(job_id)), job_id)
+        return read_job(record)
+
+    async def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
+        """See :meth:`JobQueue.events`."""
+        answer = await self._client.xread(*_xread(job_id, after), block=_block(block_ms))
+        if not answer and not await self._client.exists(job_key(job_id)):
+            raise _absent(await self._client.exists(tombstone_key(job_id)), job_id)
+        return _events(answer)
+
+    async def close(self) -> None:
+        await self._client.aclose()
+
+
+def _known(value: str | None, digest: str) -> str | None:
+    """The job that an idempotency key stands for; raises IdempotencyConflict."""
+    if value is None:
+        return None
+    known_digest, job_id = value.rsplit(" ", 1)
+    if known_digest != digest:
+        raise IdempotencyConflict("the Idempotency-Key was used for another request")
+    return job_id
+
+
+def _absent(tombstone: int, job_id: str) -> QueueError:
+    return JobGone(job_id) if tombstone else JobUnknown(job_id)
+
+
+def _xread(job_id: str, after: str) -> tuple[Any]:
+    return ({events_key(job_id): after if _EVENT_ID.fullmatch(after) else "0"},)
+
+
+def _block(block_ms: int) -> int | None:
+    """The server takes 0 for ever."""
+    return max(0, min(block_ms, LONGEST_BLOCK_MS)) or None
+
+
+def _events(answer: Any) -> list[JobEvent]:
+    """One stream was read: redis-py answers a dict (RESP3) or a list of pairs (RESP2)."""
+    streams = answer.values() if isinstance(answer, dict) else [entries for _, entries in answer]
+    return [read_event(event_id, fields) for entries in streams for event_id, fields in entries]

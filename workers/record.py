@@ -1,0 +1,84 @@
+"""How a job lies in the queue server: key names, and the way back to a contract.
+
+The record is the one truth about a job; RQ only carries its id. Times are seconds since the epoch on the
+queue server's clock, so that machines need not agree on theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from dlo_client.contracts import AnyJob, AnyRequest, Contract, ImageRef, JobEvent, JobState
+from pydantic import TypeAdapter
+from pydantic_core import from_json
+
+QUEUES: tuple[Literal["interactive"], Literal["batch"]] = ("interactive", "batch")
+"""In the order in which workers look at them."""
+
+ACTIVE = "dlo:active"
+"""Set of the ids of all jobs that are queued or running."""
+
+RECENT = "dlo:recent"
+"""Sorted set of job ids by their running number."""
+
+WORKERS = "dlo:workers"
+"""Set of the names of workers that have announced themselves."""
+
+REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
+
+_JOB: TypeAdapter[AnyJob] = TypeAdapter(AnyJob)
+_TEXT = ("id", "kind", "priority", "label", "created_at", "started_at", "ended_at", "expires_at")
+_JSON = ("progress", "attempts", "timings_ms", "result", "problem", "files")
+LISTED = (*_TEXT, "state", *(name for name in _JSON if name != "result"))
+"""What a list of jobs shows: everything but the result, which can be large."""
+
+
+def job_key(job_id: str) -> str:
+    return f"dlo:job:{job_id}"
+
+
+def events_key(job_id: str) -> str:
+    return f"dlo:events:{job_id}"
+
+
+def tombstone_key(job_id: str) -> str:
+    return f"dlo:tombstone:{job_id}"
+
+
+def alive_key(job_id: str) -> str:
+    return f"dlo:alive:{job_id}"
+
+
+def worker_key(name: str) -> str:
+    return f"dlo:worker:{name}"
+
+
+def read_job(record: Mapping[str, str]) -> AnyJob:
+    """The contract of a record, as ``HGETALL`` gives it."""
+    fields: dict[str, Any] = {"state": JobState(record["state"])}
+    for name in _TEXT:
+        if value := record.get(name):
+            fields[name] = value
+    for name in _JSON:
+        if value := record.get(name):
+            fields[name] = from_json(value)
+    return _JOB.validate_python(fields)
+
+
+def read_event(event_id: str, fields: Mapping[str, str]) -> JobEvent:
+    """The contract of one entry of a job's event stream."""
+    return JobEvent(id=event_id, state=JobState(fields["state"]), progress=float(fields["progress"]))
+
+
+def pictures(value: object) -> list[str]:
+    """Blob ids of all pictures that a request names, however deep."""
+    match value:
+        case ImageRef():
+            return [value.id]
+        case Contract():
+            return [blob for name in type(value).model_fields for blob in pictures(getattr(value, name))]
+        case list() | tuple():
+            return [blob for item in value for blob in pictures(item)]
+        case _:
+            return []

@@ -1,0 +1,52 @@
+"""Every environment variable that the queue and the workers read; the HTTP ones are in services.settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+LONGEST_JOB_S = 3600.0
+"""Upper bound of ``JobRequest.timeout_s``."""
+
+
+class Settings(BaseSettings):
+    """Read from ``DLO_*``; durations in seconds."""
+
+    model_config = SettingsConfigDict(env_prefix="DLO_", frozen=True)
+
+    redis_url: str = "redis://127.0.0.1:6379/0"
+    data_dir: Path = Field(default=Path("data"), description="holds blobs/ and the embedded queue's queue/")
+    log_level: str = Field(default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$")
+
+    result_ttl_s: PositiveFloat = Field(default=3600.0, description="a job's record after its end")
+    tombstone_ttl_s: PositiveFloat = Field(default=86_400.0, description="410 is answered this long after that")
+    idempotency_ttl_s: PositiveFloat = 86_400.0
+    blob_ttl_s: PositiveFloat = Field(default=86_400.0, description="since a blob was last put or touched")
+
+    max_queue_depth: PositiveInt = 1000
+    max_attempts: PositiveInt = Field(default=2, description="times a job whose worker dies is taken up")
+    max_images_per_job: PositiveInt = 64
+    max_image_bytes: PositiveInt = 32 * 1024 * 1024
+    max_image_pixels: PositiveInt = 64_000_000
+
+    workers: PositiveInt = Field(default=1, description="on this machine; they share its cores")
+    onnx_providers: list[str] = ["CPUExecutionProvider"]
+    onnx_threads: int = Field(default=0, ge=0, description="a session; 0 = cores // workers")
+    recycle_after_jobs: PositiveInt = Field(default=2000, description="then the warm child is replaced")
+    recycle_rss_mb: PositiveInt = Field(default=4096, description="a larger warm child is replaced after its job")
+
+    @property
+    def blobs_dir(self) -> Path:
+        return self.data_dir / "blobs"
+
+    @property
+    def queue_dir(self) -> Path:
+        return self.data_dir / "queue"
+
+    @model_validator(mode="after")
+    def _blobs_outlive_their_jobs(self) -> Settings:
+        if self.blob_ttl_s < LONGEST_JOB_S + self.result_ttl_s:
+            raise ValueError(f"DLO_BLOB_TTL_S must be at least {LONGEST_JOB_S:g} + DLO_RESULT_TTL_S")
+        return self

@@ -1,0 +1,61 @@
+"""One file per job kind: fetch arrays, call models, build the result."""
+
+from __future__ import annotations
+
+import os
+from typing import assert_never
+
+import cv2
+import numpy as np
+from dlo_client.contracts import AnyRequest, InstancesRequest, NetworkInfo, NoopRequest, SegmentRequest
+
+from models import inference
+from models.inference import NetworkSpec, Runtime
+from workers.blobs import FolderBlobs
+from workers.settings import Settings
+from workers.stages import instances, noop, segment
+from workers.stages.outcome import Outcome, Tools
+
+
+def run(request: AnyRequest, tools: Tools) -> Outcome:
+    """Do one job; a kind without a case here is a type error."""
+    match request:
+        case NoopRequest():
+            return noop.run(request)
+        case SegmentRequest():
+            return segment.run(request, tools)
+        case InstancesRequest():
+            return instances.run(request, tools)
+        case _:
+            assert_never(request)
+
+
+def warm(settings: Settings) -> Tools:
+    """Load every default network and push one picture through the whole chain, so that the first job is
+    not the slow one."""
+    threads = settings.onnx_threads or max(1, (os.cpu_count() or 1) // settings.workers)
+    cv2.setNumThreads(threads)
+    tools = Tools(
+        blobs=FolderBlobs(settings.blobs_dir, settings.blob_ttl_s),
+        max_image_pixels=settings.max_image_pixels,
+        runtime=Runtime(settings.onnx_providers, threads, spinning=settings.workers == 1),
+        networks=[_info(spec) for spec in inference.manifest().values()],
+    )
+    instances.perceive(np.zeros((360, 640, 3), np.uint8), tools)
+    return tools
+
+
+def _info(spec: NetworkSpec) -> NetworkInfo:
+    return NetworkInfo(
+        name=spec.name,
+        version=spec.version,
+        task=spec.task,
+        default=spec.default,
+        sha256=spec.sha256,
+        bytes=spec.bytes,
+        parameters=spec.parameters,
+        input=spec.input,
+        origin=spec.origin,
+        license=spec.license,
+        metrics=dict(spec.metrics),
+    )

@@ -1,0 +1,58 @@
+"""``segment``: picture to foreground probability."""
+
+from __future__ import annotations
+
+import numpy as np
+from dlo_client.contracts import ModelUsed, SegmentRequest, SegmentResult
+from numpy.typing import NDArray
+
+from models.inference import NetworkSpec, default_name, manifest
+from models.segmentation.segment import ForegroundInput, segment
+from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.pictures import png, read_rgb
+
+TASK = "foreground"
+
+
+def run(request: SegmentRequest, tools: Tools) -> Outcome:
+    if request.image is None:
+        raise InvalidInput("image", "is missing")
+    watch = Stopwatch()
+    with watch.step("decode"):
+        image = read_rgb(request.image, "image", tools)
+    tools.progress(0.2)
+    with watch.step("segment"):
+        probability, spec = foreground(image, request.model, tools)
+    threshold = applied_threshold(request.threshold, spec)
+    with watch.step("encode"):
+        files = {"mask.png": ("image/png", mask_png(probability))}
+    result = SegmentResult(
+        width=image.shape[1],
+        height=image.shape[0],
+        coverage=float(np.count_nonzero(probability >= threshold)) / probability.size,
+        threshold=threshold,
+        models=[model_used(spec)],
+    )
+    return Outcome(result, files, watch.timings_ms)
+
+
+def foreground(image: NDArray[np.uint8], model: str | None, tools: Tools) -> tuple[NDArray[np.float32], NetworkSpec]:
+    """Probability (H, W) by the network named ``model`` or the default one, and that network's entry."""
+    name = model or default_name(TASK)
+    spec = manifest().get(name)
+    if spec is None or spec.task != TASK:
+        known = ", ".join(s.name for s in manifest().values() if s.task == TASK)
+        raise InvalidInput("model", f"there is no foreground network {name!r}; there are: {known}", "invalid_model")
+    return segment(image, tools.network(name), ForegroundInput.from_manifest(spec.preprocess)), spec
+
+
+def applied_threshold(asked: float | None, spec: NetworkSpec) -> float:
+    return float(spec.preprocess["threshold"]) if asked is None else asked
+
+
+def mask_png(probability: NDArray[np.float32]) -> bytes:
+    return png(np.rint(probability * 255).astype(np.uint8))
+
+
+def model_used(spec: NetworkSpec) -> ModelUsed:
+    return ModelUsed(name=spec.name, version=spec.version, sha256=spec.sha256[:12])

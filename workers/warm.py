@@ -1,0 +1,195 @@
+"""The warm worker: RQ brings job ids, one persistent child runs the jobs.
+
+Strategy: of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are
+used. What a job is and how it stands is in its record (:mod:`workers.ledger`). The worker claims the job,
+hands the claim to its child, and until the child is done renews the claim every half second. A claim that
+is gone — cancelled, or taken by a reaper — or a deadline that has come means: kill the child, whatever
+native code it is in. A child that dies by itself ends the wait at once. A new child is started before the
+next job is taken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from datetime import UTC, datetime
+from types import FrameType
+from typing import cast
+from uuid import uuid4
+
+import redis
+import structlog
+from redis.backoff import NoBackoff
+from redis.retry import Retry
+from rq.job import Job
+from rq.queue import Queue
+from rq.serializers import JSONSerializer
+from rq.worker import Worker
+from rq.worker.base import WorkerStatus
+from rq.worker_registration import clean_worker_registry
+
+from workers import presence, problems, reaper
+from workers.allowed import AllowedJob
+from workers.blobs import FolderBlobs
+from workers.child_process import ChildDied, ChildProcess
+from workers.connection import connect
+from workers.ledger import Claim, Ledger
+from workers.record import QUEUES
+from workers.repeater import Repeater
+from workers.settings import Settings
+
+_RENEW_S = 0.5
+_ANNOUNCE_S = 1.0
+_SWEEP_S = 300.0
+_LOOK_AFTER_CHILD_S = 3
+_RQ_WORKER_TTL_S = 30
+
+log = structlog.get_logger(__name__)
+
+
+class WarmWorker(Worker):
+    """One worker, one child; ``name`` gets a suffix, so that a killed worker's successor may bear it too."""
+
+    def __init__(self, settings: Settings, name: str) -> None:
+        super().__init__(
+            list(QUEUES),
+            name=f"{name}-{uuid4().hex[:6]}",
+            connection=connect(settings, patient=True, text=False),
+            job_class=AllowedJob,
+            serializer=JSONSerializer,
+            worker_ttl=_RQ_WORKER_TTL_S,
+            log_job_description=False,
+        )
+        self._child = ChildProcess(settings)
+        self._patient = connect(settings, patient=True)
+        self._impatient = connect(settings)
+        self._ledger = Ledger(self._patient, settings)
+        self._renewals = Ledger(self._impatient, settings)
+        self._started_at = datetime.now(UTC)
+        self._asked_to_stop = False
+        blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s)
+        self._upkeep = [
+            Repeater("announce", _ANNOUNCE_S, self._announce),
+            Repeater("reap", reaper.INTERVAL_S, lambda: reaper.reap(self._impatient, self._renewals)),
+            Repeater("sweep", _SWEEP_S, blobs.sweep),
+        ]
+
+    def serve(self) -> bool:
+        """Work until SIGTERM; False if it ended for another reason."""
+        for repeater in self._upkeep:
+            repeater.start()
+        try:
+            self.work(logging_level="WARNING")
+        finally:
+            self._child.kill()
+            for repeater in self._upkeep:
+                repeater.stop()
+            with contextlib.suppress(redis.RedisError):
+                presence.depart(self._impatient, self.name)
+        return self._asked_to_stop
+
+    # RQ calls what follows.
+
+    def dequeue_job_and_maintain_ttl(
+        self, timeout: int | None, max_idle_time: int | None = None
+    ) -> tuple[Job, Queue] | None:
+        """The next job, taken only by a worker whose child is warm."""
+        while not self._stop_requested:
+            if not self._child.alive:
+                self._start_child()
+            if entry := super().dequeue_job_and_maintain_ttl(timeout, _LOOK_AFTER_CHILD_S):
+                return entry
+        return None
+
+    def execute_job(self, job: Job, queue: Queue) -> None:
+        """Run one queue entry, if it may be and still has to be run."""
+        self.set_state(WorkerStatus.BUSY)
+        if refusal := cast(AllowedJob, job).refusal:
+            log.error("queue entry refused", job_id=job.id, why=refusal)
+            self._ledger.fail_queued(job.id, problems.refused())
+            self.connection.delete(job.key)
+        elif claim := self._ledger.claim(job.id, self.name):
+            self._run(claim)
+        else:
+            log.info("job not run: cancelled, or too late", job_id=job.id)
+        self.set_state(WorkerStatus.IDLE)
+
+    def request_stop(self, signum: int, frame: FrameType | None) -> None:
+        """SIGTERM or SIGINT: finish the job, then end; a queue server that is away is not waited for.
+
+        After a second one the job is given up, and a reaper gives it to another worker.
+        """
+        self._asked_to_stop = True
+        for client in (self.connection, self._patient):
+            client.set_retry(Retry(NoBackoff(), 0))
+        super().request_stop(signum, frame)  # type: ignore[no-untyped-call]
+
+    def subscribe(self) -> None:
+        """No commands over RQ's channel: cancelling goes through the job's record."""
+
+    def set_shutdown_requested_date(self) -> None:
+        """A signal handler does not talk to the queue server."""
+
+    def run_maintenance_tasks(self) -> None:
+        """Forget workers that were killed; RQ's own tasks could run callbacks that forged entries name."""
+        for queue in self.queues:
+            clean_worker_registry(queue)
+        self.last_cleaned_at = datetime.now(UTC)  # type: ignore[assignment]
+
+    def register_death(self) -> None:
+        with contextlib.suppress(redis.RedisError):
+            super().register_death()  # type: ignore[no-untyped-call]
+
+    def _start_child(self) -> None:
+        self._child.start()
+        log.info("child warm", worker=self.name)
+        with contextlib.suppress(redis.RedisError):
+            self._announce()
+
+    def _run(self, claim: Claim) -> None:
+        """See the claimed job through to one of its ends."""
+        try:
+            self._child.give(claim)
+            if not self._watch(claim):
+                self._child.kill()
+                return
+            self._child.finish()
+        except ChildDied:
+            self._child.kill()
+            log.error("child died", job_id=claim.job_id, then=self._ledger.lost(claim))
+            return
+        if self._child.worn:
+            self._child.kill()
+
+    def _watch(self, claim: Claim) -> bool:
+        """Wait for the child while the claim is held and time is left; False if it has to be killed."""
+        limit = time.monotonic() + claim.remaining_s
+        while not self._child.wait(min(_RENEW_S, max(limit - time.monotonic(), 0.0))):
+            if time.monotonic() >= limit:
+                self._child.kill()  # first, so that it cannot end the job behind our back
+                self._ledger.fail(claim, problems.timed_out())
+                log.warning("job stopped at its time limit", job_id=claim.job_id)
+                return False
+            if not self._held(claim):
+                log.info("job stopped: cancelled, or taken over", job_id=claim.job_id)
+                return False
+        return True
+
+    def _held(self, claim: Claim) -> bool:
+        try:
+            return self._renewals.renew(claim, self.name)
+        except redis.RedisError:
+            return True  # the queue server is away: go on, and ask again
+
+    def _announce(self) -> None:
+        presence.announce(
+            self._impatient,
+            presence.WorkerInfo(
+                name=self.name,
+                ready=self._child.ready and self._child.alive,
+                busy=self.get_state() == WorkerStatus.BUSY,
+                queues=list(QUEUES),
+                started_at=self._started_at,
+                networks=self._child.networks,
+            ),
+        )
