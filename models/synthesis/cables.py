@@ -110,9 +110,7 @@ def paint_cable(
         _paint_strand(canvas, ribbon, look, light, instance, int(run[0]), rng)
 
 
-def _cast_shadow(
-    canvas: Canvas, ribbon: Ribbon, light: Light, half: float, rng: np.random.Generator
-) -> None:
+def _cast_shadow(canvas: Canvas, ribbon: Ribbon, light: Light, half: float, rng: np.random.Generator) -> None:
     if light.shadow < 0.04:
         return
     cover = torch.zeros(canvas.height * canvas.width, device=canvas.rgb.device)
@@ -136,7 +134,9 @@ def _paint_strand(
     flat = canvas.rgb.view(3, -1)
     alpha = ribbon.alpha * look.opacity
     below = flat[:, ribbon.index]
-    flat[:, ribbon.index] = below + alpha * (color.T * torch.tensor(light.color, device=flat.device, dtype=torch.float32)[:, None] - below)
+    flat[:, ribbon.index] = below + alpha * (
+        color.T * torch.tensor(light.color, device=flat.device, dtype=torch.float32)[:, None] - below
+    )
     ids = canvas.ids.view(-1)
     ids[ribbon.index[ribbon.alpha > 0.5]] = instance
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 import torch.nn.functional as F
+from numpy.typing import NDArray
 from torch import Tensor
 
-Color = Sequence[float]
+Vector = Sequence[float] | NDArray[Any]
+"""Two coordinates in pixels, or three color values 0 to 1."""
 
 
 class Canvas:
@@ -25,7 +28,7 @@ class Canvas:
         return self.height, self.width
 
     def box(
-        self, center: Color, half: Color, angle: float, color: Color | Tensor, *,
+        self, center: Vector, half: Vector, angle: float, color: Vector | Tensor, *,
         corner: float = 0.0, opacity: float = 1.0, bevel: float = 0.0, covers: bool = False,
     ) -> None:  # fmt: skip
         """Rotated rectangle with round corners (px, rad); ``bevel`` shades it along its own y axis.
@@ -43,7 +46,7 @@ class Canvas:
         self._blend(rows, columns, signed, color, opacity, shade, covers)
 
     def disc(
-        self, center: Color, radius: float, color: Color | Tensor, *,
+        self, center: Vector, radius: float, color: Vector | Tensor, *,
         opacity: float = 1.0, bevel: float = 0.0, covers: bool = False,
     ) -> None:  # fmt: skip
         window = self._window(center, radius + 2)
@@ -58,7 +61,7 @@ class Canvas:
         """Multiply by a shadow; ``alpha`` (H, W) 0 to 1."""
         self.rgb = self.rgb * (1 - strength * alpha)
 
-    def _window(self, center: Color, reach: float) -> tuple[slice, slice, Tensor, Tensor] | None:
+    def _window(self, center: Vector, reach: float) -> tuple[slice, slice, Tensor, Tensor] | None:
         x0, x1 = max(int(center[0] - reach), 0), min(int(center[0] + reach) + 2, self.width)
         y0, y1 = max(int(center[1] - reach), 0), min(int(center[1] + reach) + 2, self.height)
         if x0 >= x1 or y0 >= y1:
@@ -69,7 +72,7 @@ class Canvas:
         return slice(y0, y1), slice(x0, x1), x, y
 
     def _blend(
-        self, rows: slice, columns: slice, signed: Tensor, color: Color | Tensor, opacity: float,
+        self, rows: slice, columns: slice, signed: Tensor, color: Vector | Tensor, opacity: float,
         shade: Tensor, covers: bool,
     ) -> None:  # fmt: skip
         alpha = (0.5 - signed).clamp(0, 1) * opacity
@@ -83,13 +86,14 @@ class Canvas:
 
 
 def blur(plane: Tensor, radius: int) -> Tensor:
-    """(H, W) nearly Gaussian: two box filters of odd size 2·radius + 1."""
+    """(H, W) nearly Gaussian: two box filters of odd size 2·radius + 1, rows and columns apart."""
     if radius < 1:
         return plane
     size = 2 * radius + 1
     image = plane[None, None]
     for _ in range(2):
-        image = F.avg_pool2d(image, size, 1, radius, count_include_pad=False)
+        image = F.avg_pool2d(image, (1, size), 1, (0, radius), count_include_pad=False)
+        image = F.avg_pool2d(image, (size, 1), 1, (radius, 0), count_include_pad=False)
     return image[0, 0]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -162,7 +163,14 @@ def mural(canvas: Canvas, rng: Rng) -> None:
         if rng.random() < 0.5:
             canvas.disc(at, rng.exponential(0.02 if graffiti else 0.005) * w + 0.5, color)
         else:
-            _thread(canvas, rng, at, color, flat, rng.uniform(0.01, 0.05) if graffiti else rng.uniform(0.001, 0.006))
+            _thread(
+                canvas,
+                rng,
+                at,
+                color,
+                flat,
+                rng.uniform(0.01, 0.05) if graffiti else rng.uniform(0.001, 0.006),
+            )
 
 
 def folds(canvas: Canvas, rng: Rng) -> None:
@@ -185,7 +193,20 @@ def mosaic(canvas: Canvas, rng: Rng) -> None:
         _thread(canvas, rng, at, random_color(rng), flat, thickness=rng.uniform(0.01, 0.05))
 
 
-PAINTERS: tuple[Painter, ...] = (seams, panel, panel, grid, rails, label, tools, tools, splatter, splatter, folds, mosaic)
+PAINTERS: tuple[Painter, ...] = (
+    seams,
+    panel,
+    panel,
+    grid,
+    rails,
+    label,
+    tools,
+    tools,
+    splatter,
+    splatter,
+    folds,
+    mosaic,
+)
 
 
 def terminal(canvas: Canvas, rng: Rng, at: np.ndarray, heading: float, half_width: float) -> None:
@@ -196,7 +217,15 @@ def terminal(canvas: Canvas, rng: Rng, at: np.ndarray, heading: float, half_widt
     middle = at + axis * length * 0.6
     color = _gray(rng) if rng.random() < 0.7 else random_color(rng)
     canvas.box(middle + cross * 2, (length, thick), heading, (0, 0, 0), opacity=0.35)
-    canvas.box(middle, (length, thick), heading, color, corner=0.3 * half_width, bevel=rng.uniform(-0.5, 0.5), covers=True)
+    canvas.box(
+        middle,
+        (length, thick),
+        heading,
+        color,
+        corner=0.3 * half_width,
+        bevel=rng.uniform(-0.5, 0.5),
+        covers=True,
+    )
     for k in range(rng.integers(0, 4)):
         canvas.box(middle + axis * length * (0.5 * k - 0.6), (0.08 * length, thick), heading, _gray(rng))
 
@@ -219,7 +248,7 @@ def _rod(canvas: Canvas, rng: Rng, at: np.ndarray) -> None:
     if rng.random() < 0.4:
         points.append(points[-1] + rng.uniform(0.15, 0.5) * length * _axes(heading + rng.choice([-1, 1]) * 1.5)[0])
     flat = np.concatenate([np.linspace(a, b, max(int(np.hypot(*(b - a)) / 0.7), 2))
-                           for a, b in zip(points[:-1], points[1:], strict=True)])  # fmt: skip
+                           for a, b in pairwise(points)])  # fmt: skip
     curve = np.concatenate([flat, np.zeros((len(flat), 1))], 1).astype(np.float32)
     color = tuple(_gray(rng)) if rng.random() < 0.6 else random_color(rng)
     look = Look(color, _gray(rng), "plain", 40.0, rng.uniform(0, 0.9), rng.uniform(5, 40), 0.0, 1.0)  # type: ignore[arg-type]
@@ -234,7 +263,7 @@ def _thread(
 ) -> None:  # fmt: skip
     w = canvas.width
     step = rng.uniform(0.015, 0.06) * w
-    params = CurveParams((0.3 * step, 1.6 * step), rng.uniform(0.1, 0.8), rng.uniform(0.2, 0.9), rng.integers(4, 9))
+    params = CurveParams((0.3 * step, 1.6 * step), rng.uniform(0.1, 0.8), rng.uniform(0.2, 0.9), int(rng.integers(4, 9)))
     curve = interpolate(propagate(rng, at.astype(np.float32), rng.uniform(-np.pi, np.pi), params), 0.7)
     swell = np.interp(np.linspace(0, 1, len(curve)), np.linspace(0, 1, 7), rng.uniform(0.15, 1.0, 7))
     look = Look(color, color, "plain", 10.0, 0.0, 4.0, 0.0, 1.0)

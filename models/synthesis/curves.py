@@ -25,9 +25,7 @@ class CurveParams:
     height: tuple[float, float] = (0.0, 1.0)
 
 
-def propagate(
-    rng: np.random.Generator, start_xy: FloatArray, heading_rad: float, params: CurveParams
-) -> FloatArray:
+def propagate(rng: np.random.Generator, start_xy: FloatArray, heading_rad: float, params: CurveParams) -> FloatArray:
     """Control points (n, 3) x, y, z: ``p[t+1] = p[t] + s d``; z drifts within ``params.height``."""
     n = params.n_control
     rate = rng.normal(0.0, params.turn_rad)
@@ -57,9 +55,7 @@ def interpolate(control: FloatArray, spacing: float) -> FloatArray:
     return np.asarray(sum(b * padded[k + i] for i, b in enumerate(basis)) / 6.0, np.float32)
 
 
-def random_curve(
-    rng: np.random.Generator, size: tuple[int, int], width_px: float, spacing: float = 0.7
-) -> FloatArray:
+def random_curve(rng: np.random.Generator, size: tuple[int, int], width_px: float, spacing: float = 0.7) -> FloatArray:
     """One DLO over a picture of ``size`` (height, width): (m, 3) dense points, from border or from inside."""
     height, width = size
     step = rng.uniform(0.10, 0.28) * max(size)
@@ -77,7 +73,7 @@ def random_curve(
     if rng.random() < 0.65:
         start, heading = _from_border(rng, height, width, width_px)
     else:
-        start = rng.uniform((0.05 * width, 0.05 * height), (0.95 * width, 0.95 * height))
+        start = (rng.uniform(0.05, 0.95) * width, rng.uniform(0.05, 0.95) * height)
         heading = rng.uniform(-np.pi, np.pi)
     return interpolate(propagate(rng, np.asarray(start, np.float32), heading, params), spacing)
 
@@ -99,9 +95,7 @@ def normals(curve: FloatArray) -> FloatArray:
     return np.stack([-tangent[:, 1], tangent[:, 0]], 1).astype(np.float32)
 
 
-def _from_border(
-    rng: np.random.Generator, height: int, width: int, margin: float
-) -> tuple[tuple[float, float], float]:
+def _from_border(rng: np.random.Generator, height: int, width: int, margin: float) -> tuple[tuple[float, float], float]:
     side = rng.choice(4, p=np.array([width, height, width, height]) / (2 * (width + height)))
     along = rng.uniform(0.03, 0.97)
     start = [

@@ -9,6 +9,7 @@ without rendering at a higher resolution.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -55,14 +56,12 @@ def rasterize(
     center = torch.stack([index % width, index // width], 1).float()
     distance = ((center - xyz[sample, :2]) * normal[sample]).sum(1)
     alpha = (half[sample] + 0.5 - distance.abs()).clamp(0.0, 1.0)
-    return Ribbon(
-        index, sample, (distance / half[sample]).clamp(-1, 1), alpha, normal[sample], xyz[sample, 2]
-    )
+    return Ribbon(index, sample, (distance / half[sample]).clamp(-1, 1), alpha, normal[sample], xyz[sample, 2])
 
 
 def strands(curve: NDArray[np.float32], pieces: int) -> list[NDArray[np.int64]]:
     """Sample indices of ``curve`` in ``pieces`` runs, lowest first: drawn in this order a self-crossing's
     upper strand blends over the lower one. Neighbors share a sample, so no seam shows."""
     cuts = np.linspace(0, len(curve), pieces + 1).astype(int)
-    runs = [np.arange(max(a - 1, 0), b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b - a > 1]
+    runs = [np.arange(max(a - 1, 0), b) for a, b in pairwise(cuts.tolist()) if b - a > 1]
     return sorted(runs, key=lambda run: float(curve[run, 2].mean()))

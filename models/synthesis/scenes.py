@@ -20,7 +20,8 @@ from models.synthesis.textures import TexturePool
 @dataclass(frozen=True)
 class SceneParams:
     """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's width (6 to
-    60 px at 640); ``max_cables``; ``empty_share`` pictures without any; ``clutter`` how often there is some, of which ``style``."""
+    60 px at 640); ``max_cables``; ``empty_share`` pictures without any; ``clutter`` how often there is some, and
+    of which ``style``."""
 
     size: tuple[int, int] = (192, 320)
     width_share: tuple[float, float] = (0.008, 0.085)
@@ -94,7 +95,8 @@ def _colors(rng: np.random.Generator, n: int, canvas: Canvas) -> list[tuple[floa
         if rng.random() < 0.15:
             y, x = rng.integers(canvas.height), rng.integers(canvas.width)
             seen = canvas.rgb[:, y, x].cpu().numpy()
-            color = tuple(float(c) for c in np.clip(seen + rng.normal(0, 0.04, 3), 0, 1))
+            red, green, blue = np.clip(seen + rng.normal(0, 0.04, 3), 0, 1).tolist()
+            color = (red, green, blue)
         colors.append(color)
     return colors
 

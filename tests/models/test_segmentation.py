@@ -48,6 +48,21 @@ def test_a_reduced_picture_comes_back_where_it_was():
     assert found.sum() == pytest.approx(64 * 64, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("size", "seen"),
+    [((20, 1500), (32, 1504)), ((40, 4000), (32, 2048)), ((200, 400), (32, 64)), ((5, 5), (32, 32))],
+)
+def test_a_strip_is_not_reduced_to_nothing(size, seen):
+    shapes = []
+
+    def spy(planes):
+        shapes.append(planes.shape[2:])
+        return red_is_cable(planes)
+
+    segment(np.zeros((*size, 3), np.uint8), spy, SETTINGS)
+    assert shapes == [seen]
+
+
 def test_normalization_is_that_of_training():
     settings = ForegroundInput(64, 32, (0.5, 0.25, 0.0), (0.5, 0.25, 1.0), 0.5)
     seen = {}

@@ -9,7 +9,7 @@ import torch
 from models.synthesis.cables import Light, Look, paint_cable
 from models.synthesis.canvas import Canvas, shift
 from models.synthesis.clutter import PAINTERS, mural
-from models.synthesis.curves import CurveParams, interpolate, parallel_curve, propagate, random_curve
+from models.synthesis.curves import CurveParams, interpolate, parallel_curve, propagate
 from models.synthesis.optics import jpeg
 from models.synthesis.ribbons import rasterize, strands
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8

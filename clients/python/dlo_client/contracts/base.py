@@ -1,8 +1,8 @@
-"""What every contract shares: unknown fields are refused, numbers are finite, values do not change."""
+"""What every contract shares: numbers are finite, values do not change."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -13,6 +13,16 @@ Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class Contract(BaseModel):
-    """Base of everything that travels between a client, the service and a worker."""
+    """Base of everything that travels between a client, the service and a worker. Unknown fields of a
+    request are refused, so that a misspelled one is not silently without effect."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Reply(Contract):
+    """Base of what the service answers: a client passes over fields that a newer service has added."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+ResultT = TypeVar("ResultT", bound=Reply)

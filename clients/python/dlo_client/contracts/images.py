@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from dlo_client.contracts.base import Contract
+from dlo_client.contracts.base import Contract, Reply
 
 BlobId = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the bytes, lower-case hex")]
 
@@ -30,7 +30,7 @@ class ImagePart(Contract):
 ImageSource = ImageRef | ImagePart
 
 
-class ImageInfo(Contract):
+class ImageInfo(Reply):
     """What the service knows of an uploaded picture; ``width`` and ``height`` of the upright picture."""
 
     id: BlobId

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from datetime import datetime
 from enum import StrEnum
-from typing import Generic, TypeVar
+from typing import Generic
 
 from pydantic import Field
 
-from dlo_client.contracts.base import Contract, Probability
+from dlo_client.contracts.base import Probability, Reply, ResultT
 from dlo_client.contracts.images import BlobId
 from dlo_client.contracts.requests import AnyResult, JobKind, Priority
-
-ResultT = TypeVar("ResultT", bound=Contract)
 
 
 class JobState(StrEnum):
@@ -29,14 +27,14 @@ class JobState(StrEnum):
         return self in (JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED)
 
 
-class FieldProblem(Contract):
+class FieldProblem(Reply):
     """One field of a request and what is wrong with it; ``field`` as in ``params.neighbors``."""
 
     field: str
     message: str
 
 
-class Problem(Contract):
+class Problem(Reply):
     """RFC 9457 problem details, the body of every error (``application/problem+json``).
 
     ``code`` is stable and for programs: ``invalid_*`` is the request's fault, ``internal`` ours (then
@@ -48,11 +46,11 @@ class Problem(Contract):
     status: int = Field(ge=400, le=599)
     detail: str
     code: str
-    errors: list[FieldProblem] = []
+    errors: list[FieldProblem] = Field(default_factory=list)
     incident: str | None = None
 
 
-class FileRef(Contract):
+class FileRef(Reply):
     """A file of a result, at ``/v1/jobs/{id}/files/{name}``."""
 
     name: str
@@ -61,7 +59,7 @@ class FileRef(Contract):
     sha256: BlobId
 
 
-class Job(Contract, Generic[ResultT]):
+class Job(Reply, Generic[ResultT]):
     """A job and, once it has ended, its ``result`` or its ``problem``."""
 
     id: str
@@ -75,23 +73,23 @@ class Job(Contract, Generic[ResultT]):
     started_at: datetime | None = None
     ended_at: datetime | None = None
     expires_at: datetime | None = Field(default=None, description="then it answers 410")
-    timings_ms: dict[str, float] = {}
+    timings_ms: dict[str, float] = Field(default_factory=dict)
     result: ResultT | None = None
     problem: Problem | None = None
-    files: list[FileRef] = []
+    files: list[FileRef] = Field(default_factory=list)
 
 
-AnyJob = Job[AnyResult]  # type: ignore[type-var]
+AnyJob = Job[AnyResult]
 
 
-class JobPage(Contract):
+class JobPage(Reply):
     """A page of jobs, newest first; ``next_cursor`` is None on the last."""
 
     jobs: list[AnyJob]
     next_cursor: str | None = None
 
 
-class JobEvent(Contract):
+class JobEvent(Reply):
     """One server-sent event of a job."""
 
     id: str
@@ -99,7 +97,7 @@ class JobEvent(Contract):
     progress: Probability
 
 
-class NetworkInfo(Contract):
+class NetworkInfo(Reply):
     """A network of the manifest, as ``GET /v1/models`` shows it."""
 
     name: str
@@ -112,4 +110,4 @@ class NetworkInfo(Contract):
     input: str = Field(description="layout, size and normalization in words")
     origin: str
     license: str
-    metrics: dict[str, float] = {}
+    metrics: dict[str, float] = Field(default_factory=dict)

@@ -6,10 +6,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from dlo_client.contracts.base import Contract, Point, Probability
+from dlo_client.contracts.base import Point, Probability, Reply
 
 
-class Spline(Contract):
+class Spline(Reply):
     """B-spline of the centerline: ``len(knots) == len(control_xy) + degree + 1``, parameter 0 to 1."""
 
     degree: int = Field(ge=1, le=5)
@@ -17,21 +17,21 @@ class Spline(Contract):
     control_xy: list[Point]
 
 
-class Endpoint(Contract):
+class Endpoint(Reply):
     """Where a DLO ends: ``free`` in view, ``border`` at the picture's edge, ``hidden`` under another DLO."""
 
     xy: Point
     kind: Literal["free", "border", "hidden"]
 
 
-class MaskRLE(Contract):
+class MaskRLE(Reply):
     """COCO compressed run-length mask; ``size`` is ``(height, width)``, runs go down the columns."""
 
     size: tuple[int, int]
     counts: str
 
 
-class Instance(Contract):
+class Instance(Reply):
     """One DLO as it appears in the picture."""
 
     id: int = Field(ge=1, description="also its value in instances.png")
@@ -45,14 +45,14 @@ class Instance(Contract):
     mask_rle: MaskRLE = Field(description="visible pixels: at a crossing the upper DLO owns them")
 
 
-class StrandPosition(Contract):
+class StrandPosition(Reply):
     """A place on an instance: ``u`` from 0 at the first to 1 at the last centerline point, by arc length."""
 
     instance: int = Field(ge=1)
     u: Probability
 
 
-class Crossing(Contract):
+class Crossing(Reply):
     """Where one strand passes over another; both may belong to the same instance (a self-crossing)."""
 
     id: int = Field(ge=1)

@@ -5,11 +5,11 @@ To add a kind: a pair here, a file in ``workers/stages``, a ``case`` there.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Generic, Literal
 
 from pydantic import Field, model_validator
 
-from dlo_client.contracts.base import Contract, Probability
+from dlo_client.contracts.base import Contract, Probability, Reply, ResultT
 from dlo_client.contracts.images import ImageSource
 from dlo_client.contracts.objects import Crossing, Instance
 
@@ -17,38 +17,15 @@ Priority = Literal["interactive", "batch"]
 ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
 
 
-class JobRequest(Contract):
-    """What every request may carry."""
+class JobRequest(Contract, Generic[ResultT]):
+    """What every request may carry; ``ResultT`` is what its job comes back with."""
 
     priority: Priority = "interactive"
     timeout_s: float = Field(default=60.0, gt=0, le=3600, description="from acceptance to the end of the job")
     label: str | None = Field(default=None, max_length=200, description="echoed in the job")
 
 
-class NoopRequest(JobRequest):
-    """Holds a worker for ``hold_s`` and does nothing: to measure the path and rehearse time-outs."""
-
-    kind: Literal["noop"] = "noop"
-    hold_s: float = Field(default=0.0, ge=0, le=60)
-
-
-class NoopResult(Contract):
-    kind: Literal["noop"] = "noop"
-    held_s: float
-
-
-class SegmentRequest(JobRequest):
-    """Picture to foreground probability."""
-
-    kind: Literal["segment"] = "segment"
-    image: ImageSource | None = Field(
-        default=None, description="may be left out when an `image` part fills it"
-    )
-    model: ModelName | None = Field(default=None, description="name in /v1/models; default the best one")
-    threshold: Probability | None = Field(default=None, description="default: the network's own")
-
-
-class ModelUsed(Contract):
+class ModelUsed(Reply):
     """Which network took part, and the first 12 digits of its file's SHA-256."""
 
     name: str
@@ -56,7 +33,19 @@ class ModelUsed(Contract):
     sha256: str
 
 
-class SegmentResult(Contract):
+class NoopResult(Reply):
+    kind: Literal["noop"] = "noop"
+    held_s: float
+
+
+class NoopRequest(JobRequest[NoopResult]):
+    """Holds a worker for ``hold_s`` and does nothing: to measure the path and rehearse time-outs."""
+
+    kind: Literal["noop"] = "noop"
+    hold_s: float = Field(default=0.0, ge=0, le=60)
+
+
+class SegmentResult(Reply):
     kind: Literal["segment"] = "segment"
     width: int
     height: int
@@ -65,12 +54,19 @@ class SegmentResult(Contract):
     models: list[ModelUsed]
 
 
+class SegmentRequest(JobRequest[SegmentResult]):
+    """Picture to foreground probability."""
+
+    kind: Literal["segment"] = "segment"
+    image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
+    model: ModelName | None = Field(default=None, description="name in /v1/models; default the best one")
+    threshold: Probability | None = Field(default=None, description="default: the network's own")
+
+
 class RtDloParams(Contract):
     """Parameters of RT-DLO (thesis section 3.5, Table 3.5)."""
 
-    sampling_ratio: float = Field(
-        default=0.15, gt=0, le=1, description="alpha: share of maxima kept as vertices"
-    )
+    sampling_ratio: float = Field(default=0.15, gt=0, le=1, description="alpha: share of maxima kept as vertices")
     neighbors: int = Field(default=8, ge=2, le=64, description="K_nn")
     min_similarity: float = Field(default=0.1, ge=0, lt=1, description="mu: weakest edge accepted")
 
@@ -79,7 +75,18 @@ InstanceMethod = Literal["rt_dlo"]
 InstanceFile = Literal["instances", "overlay", "mask"]
 
 
-class InstancesRequest(JobRequest):
+class InstancesResult(Reply):
+    kind: Literal["instances"] = "instances"
+    width: int
+    height: int
+    method: InstanceMethod
+    threshold: Probability
+    instances: list[Instance]
+    crossings: list[Crossing]
+    models: list[ModelUsed]
+
+
+class InstancesRequest(JobRequest[InstancesResult]):
     """Picture, or foreground mask, to DLO instances.
 
     With ``image`` alone the foreground network makes the mask. With ``mask`` (white or 1 = DLO) no network
@@ -87,15 +94,11 @@ class InstancesRequest(JobRequest):
     """
 
     kind: Literal["instances"] = "instances"
-    image: ImageSource | None = Field(
-        default=None, description="may be left out when an `image` part fills it"
-    )
+    image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     mask: ImageSource | None = Field(default=None, description="or a `mask` part")
     method: InstanceMethod = "rt_dlo"
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
-    threshold: Probability | None = Field(
-        default=None, description="default: the network's own; 0.5 for a mask"
-    )
+    threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
     params: RtDloParams | None = None
     points_per_instance: int | None = Field(
         default=None, ge=2, le=2000, description="default: one point about every 5 px"
@@ -107,17 +110,6 @@ class InstancesRequest(JobRequest):
         if self.mask is not None and self.model is not None:
             raise ValueError("`model` has no meaning beside `mask`: the mask is the foreground")
         return self
-
-
-class InstancesResult(Contract):
-    kind: Literal["instances"] = "instances"
-    width: int
-    height: int
-    method: InstanceMethod
-    threshold: Probability
-    instances: list[Instance]
-    crossings: list[Crossing]
-    models: list[ModelUsed]
 
 
 AnyRequest = Annotated[NoopRequest | SegmentRequest | InstancesRequest, Field(discriminator="kind")]

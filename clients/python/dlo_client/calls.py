@@ -1,0 +1,239 @@
+"""Every call of the API as data: what is sent, and how the reply is read. Both clients send these.
+
+The only input or output here is reading picture files.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypedDict, TypeVar, cast
+from urllib.parse import quote
+from uuid import uuid4
+
+import httpx
+from pydantic import TypeAdapter, ValidationError
+
+from dlo_client.contracts import (
+    AnyJob,
+    ImageInfo,
+    Job,
+    JobKind,
+    JobPage,
+    JobRequest,
+    JobState,
+    NetworkInfo,
+    Problem,
+)
+from dlo_client.contracts.base import ResultT
+from dlo_client.errors import APIError, ConnectionFailed, UnexpectedReply, refusal
+from dlo_client.retry import Outcome, retry_after_s
+
+T = TypeVar("T")
+
+Picture = bytes | str | os.PathLike[str]
+"""The encoded bytes of a picture (PNG, JPEG, …) or the path of a file that holds them."""
+
+JobOrId = Job[Any] | str
+
+LONGEST_WAIT_S = 60.0
+"""The longest ``?wait=`` the service accepts."""
+
+GRACE_S = 10.0
+"""How long after a request's own time limit its job has surely ended: the service ends it then."""
+
+
+class Submission(TypedDict, total=False):
+    """What may go along with a request.
+
+    ``images``: one picture or several in order; ``mask``: the foreground of an ``instances`` request;
+    ``wait``: seconds (≤ 60) the service may hold the reply for the job to end; ``idempotency_key``: instead
+    of a random one, for a caller that may itself submit the same thing twice.
+    """
+
+    images: Picture | Sequence[Picture] | None
+    mask: Picture | None
+    wait: float
+    idempotency_key: str | None
+
+
+class RunInputs(TypedDict, total=False):
+    """What ``run`` takes beside the request and its image.
+
+    ``mask``: as in Submission; ``timeout``: seconds to wait, by default the request's own time limit.
+    """
+
+    mask: Picture | None
+    timeout: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Generic[T]):
+    """One HTTP call: ``body`` in httpx's arguments, ``held_s`` how long the service may hold the reply."""
+
+    method: str
+    path: str
+    read: Callable[[httpx.Response], T]
+    params: Mapping[str, str | int | float] = field(default_factory=dict)
+    headers: Mapping[str, str] = field(default_factory=dict)
+    body: Mapping[str, Any] = field(default_factory=dict)
+    held_s: float = 0.0
+
+    def build(self, http: httpx.Client | httpx.AsyncClient, timeout_s: float) -> httpx.Request:
+        return http.build_request(
+            self.method,
+            self.path,
+            params=self.params,
+            headers=self.headers,
+            timeout=httpx.Timeout(timeout_s, read=timeout_s + self.held_s),
+            **self.body,
+        )
+
+    def finish(self, outcome: Outcome) -> T:
+        """The reply's value; raises ConnectionFailed, APIError or UnexpectedReply."""
+        if isinstance(outcome, httpx.RequestError):
+            raise connection_failed(outcome) from outcome
+        check(outcome)
+        return self.read(outcome)
+
+
+def upload(image: Picture) -> Call[ImageInfo]:
+    body = {"content": _bytes_of(image)}
+    return Call("POST", "/v1/images", _reader(ImageInfo), headers=_BINARY, body=body)
+
+
+def submit(
+    request: JobRequest[ResultT],
+    images: Picture | Sequence[Picture] | None = None,
+    mask: Picture | None = None,
+    wait: float = 0.0,
+    idempotency_key: str | None = None,
+) -> Call[Job[ResultT]]:
+    """JSON, or multipart when pictures come along. Without a key of the caller's it gets one of its own."""
+    return Call(
+        "POST",
+        "/v1/jobs",
+        cast(Callable[[httpx.Response], Job[ResultT]], _reader(AnyJob)),
+        params=_wait_params(wait),
+        headers={"Idempotency-Key": idempotency_key or uuid4().hex},
+        body=_job_body(request, _several(images), mask),
+        held_s=wait,
+    )
+
+
+def get(job: JobOrId, wait: float = 0.0) -> Call[Job[Any]]:
+    return Call("GET", _job_path(job), _reader(AnyJob), params=_wait_params(wait), held_s=wait)
+
+
+def cancel(job: JobOrId) -> Call[AnyJob]:
+    return Call("DELETE", _job_path(job), _reader(AnyJob))
+
+
+def jobs(state: JobState | None, kind: JobKind | None, limit: int, cursor: str | None) -> Call[JobPage]:
+    params = {"limit": limit, "state": state, "kind": kind, "cursor": cursor}
+    given = {name: value for name, value in params.items() if value is not None}
+    return Call("GET", "/v1/jobs", _reader(JobPage), params=given)
+
+
+def events(job: JobOrId, after: str | None) -> Call[None]:
+    """The stream itself is read by the client, line by line."""
+    resume = {"Last-Event-ID": after} if after else {}
+    headers = {"Accept": "text/event-stream", **resume}
+    path = f"{_job_path(job)}/events"
+    return Call("GET", path, _nothing, headers=headers, held_s=LONGEST_WAIT_S)
+
+
+def file(job: JobOrId, name: str) -> Call[bytes]:
+    return Call("GET", f"{_job_path(job)}/files/{quote(name, safe='')}", lambda response: response.content)
+
+
+def networks() -> Call[list[NetworkInfo]]:
+    return Call("GET", "/v1/models", _reader(list[NetworkInfo]))
+
+
+def ready() -> Call[None]:
+    return Call("GET", "/readyz", _nothing)
+
+
+def patience_s(request: JobRequest[Any], timeout: float | None) -> float:
+    """How long ``run`` waits for the job of ``request``."""
+    return request.timeout_s + GRACE_S if timeout is None else timeout
+
+
+def check(response: httpx.Response) -> None:
+    """Raise the APIError of a reply that is not a success; its body must have been read."""
+    if response.is_success:
+        return
+    if response.is_redirect:
+        raise UnexpectedReply(f"{response.request.url} answers with a redirect; is the address right?")
+    raise _refused(response)
+
+
+def connection_failed(error: httpx.RequestError) -> ConnectionFailed:
+    address = error.request.url.copy_with(query=None)
+    return ConnectionFailed(f"cannot reach {address}: {error or type(error).__name__}")
+
+
+_BINARY = {"Content-Type": "application/octet-stream"}
+
+
+def _refused(response: httpx.Response) -> APIError:
+    try:
+        problem = Problem.model_validate_json(response.content)
+    except ValidationError:
+        problem = _foreign_problem(response)
+    return refusal(problem, retry_after_s(response))
+
+
+def _foreign_problem(response: httpx.Response) -> Problem:
+    """For an error page that is not ours, such as a proxy's."""
+    title = f"{response.status_code} {response.reason_phrase}".strip()
+    detail = response.text[:200].strip()
+    return Problem(title=title, status=response.status_code, detail=detail, code="foreign_error")
+
+
+def _nothing(response: httpx.Response) -> None:
+    """For a reply whose status says it all."""
+
+
+def _reader(kind: type[T]) -> Callable[[httpx.Response], T]:
+    def read(response: httpx.Response) -> T:
+        try:
+            return TypeAdapter(kind).validate_json(response.content)
+        except ValidationError as error:
+            raise UnexpectedReply(f"{response.request.url} did not answer as this API: {error}") from error
+
+    return read
+
+
+def _job_path(job: JobOrId) -> str:
+    job_id = job if isinstance(job, str) else job.id
+    return f"/v1/jobs/{quote(job_id, safe='')}"
+
+
+def _wait_params(wait: float) -> dict[str, float]:
+    return {"wait": round(wait, 3)} if wait > 0 else {}
+
+
+def _job_body(request: JobRequest[Any], images: Sequence[Picture], mask: Picture | None) -> dict[str, Any]:
+    parts = [("image", _part(image)) for image in images]
+    if mask is not None:
+        parts.append(("mask", _part(mask)))
+    if not parts:
+        return {"json": request.model_dump(mode="json", exclude_none=True)}
+    return {"data": {"request": request.model_dump_json(exclude_none=True)}, "files": parts}
+
+
+def _several(images: Picture | Sequence[Picture] | None) -> Sequence[Picture]:
+    return [images] if isinstance(images, bytes | str | os.PathLike) else images or []
+
+
+def _part(picture: Picture) -> tuple[str, bytes, str]:
+    name = "picture" if isinstance(picture, bytes) else Path(picture).name
+    return name, _bytes_of(picture), "application/octet-stream"
+
+
+def _bytes_of(picture: Picture) -> bytes:
+    return picture if isinstance(picture, bytes) else Path(picture).read_bytes()

@@ -1,0 +1,18 @@
+"""The ``dlo`` command's door. Its commands need typer and rich, which are an extra of this package."""
+
+from __future__ import annotations
+
+import sys
+
+_MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
+(not found: {name})"""
+
+
+def main() -> None:
+    try:
+        from dlo_client.commands import app
+    except ModuleNotFoundError as error:
+        if error.name not in ("typer", "rich"):
+            raise
+        sys.exit(_MISSING.format(name=error.name))
+    app()

@@ -1,0 +1,171 @@
+"""The synchronous client: what it sends is in ``calls.py``, when it sends again in ``retry.py``."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from types import TracebackType
+from typing import Self, Unpack
+
+import httpx
+
+from dlo_client import calls
+from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, Picture, RunInputs, Submission, T
+from dlo_client.connection import DEFAULT_TIMEOUT_S, POLL_PAUSE_S, base_headers, base_url
+from dlo_client.contracts import (
+    AnyJob,
+    ImageInfo,
+    Job,
+    JobEvent,
+    JobKind,
+    JobRequest,
+    JobState,
+    NetworkInfo,
+)
+from dlo_client.contracts.base import ResultT
+from dlo_client.errors import WaitTimeout
+from dlo_client.event_stream import EventCursor
+from dlo_client.outcomes import succeeded
+from dlo_client.retry import Outcome, RetryPolicy
+
+
+class Client:
+    """The service, from Python.
+
+    What the methods raise is a :class:`~dlo_client.errors.DLOError`, or an OSError for a picture file that
+    cannot be read.
+
+    ``url`` and ``api_key`` default to ``DLO_URL`` and ``DLO_API_KEY``; ``timeout_s`` bounds the silence on
+    one connection; ``transport`` replaces the network: tests give an ``httpx.MockTransport``.
+    """
+
+    def __init__(
+        self,
+        url: str | None = None,
+        api_key: str | None = None,
+        *,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        retry: RetryPolicy | None = None,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        self._timeout_s = timeout_s
+        self._retry = retry or RetryPolicy()
+        self._http = httpx.Client(base_url=base_url(url), headers=base_headers(api_key), transport=transport)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._http.close()
+
+    def upload(self, image: Picture) -> ImageInfo:
+        """Store a picture for several jobs; the same bytes give the same id."""
+        return self._send(calls.upload(image))
+
+    def submit(self, request: JobRequest[ResultT], **more: Unpack[Submission]) -> Job[ResultT]:
+        """Hand in a job, with its pictures or with references to uploaded ones; see Submission."""
+        return self._send(calls.submit(request, **more))
+
+    def run(
+        self, request: JobRequest[ResultT], image: Picture | None = None, **more: Unpack[RunInputs]
+    ) -> Job[ResultT]:
+        """Submit, wait and insist on success: raises JobFailed, JobCancelled or WaitTimeout."""
+        patience_s = calls.patience_s(request, more.get("timeout"))
+        deadline = time.monotonic() + patience_s
+        held_s = min(patience_s, LONGEST_WAIT_S)
+        job = self._send(calls.submit(request, image, more.get("mask"), held_s), deadline)
+        return succeeded(self.wait(job, deadline - time.monotonic()))
+
+    def wait(self, job: Job[ResultT], timeout: float = 60.0) -> Job[ResultT]:
+        """The job once it has ended, whichever way; WaitTimeout after ``timeout`` seconds."""
+        deadline = time.monotonic() + timeout
+        while not job.state.final:
+            left_s = deadline - time.monotonic()
+            if left_s <= 0:
+                raise WaitTimeout(job, timeout)
+            job = self._send(calls.get(job, min(left_s, LONGEST_WAIT_S)), deadline)
+            if not job.state.final:
+                time.sleep(POLL_PAUSE_S)
+        return job
+
+    def get(self, job: JobOrId) -> AnyJob:
+        """The job as it is now."""
+        return self._send(calls.get(job))
+
+    def cancel(self, job: JobOrId) -> AnyJob:
+        """End a queued or running job; a finished one stays as it is."""
+        return self._send(calls.cancel(job))
+
+    def jobs(
+        self, *, state: JobState | None = None, kind: JobKind | None = None, page_size: int = 50
+    ) -> Iterator[AnyJob]:
+        """Recent jobs, newest first; a page is fetched when the iteration reaches it."""
+        cursor: str | None = None
+        while True:
+            page = self._send(calls.jobs(state, kind, page_size, cursor))
+            yield from page.jobs
+            cursor = page.next_cursor
+            if cursor is None:
+                return
+
+    def events(self, job: JobOrId) -> Iterator[JobEvent]:
+        """State and progress as they change, until the job ends; a broken stream is resumed."""
+        cursor = EventCursor()
+        while not cursor.ended:
+            try:
+                yield from self._stream(calls.events(job, cursor.last_id), cursor)
+            except httpx.RequestError as error:
+                pause_s = self._retry.pause_s(cursor.broken(), error)
+                if pause_s is None:
+                    raise calls.connection_failed(error) from error
+                time.sleep(pause_s)
+
+    def file(self, job: JobOrId, name: str) -> bytes:
+        """A file of a result, such as ``overlay.png``; the job's ``files`` lists them."""
+        return self._send(calls.file(job, name))
+
+    def networks(self) -> list[NetworkInfo]:
+        """The networks of the workers that are alive."""
+        return self._send(calls.networks())
+
+    def ready(self) -> bool:
+        """Whether the service can take jobs now; False also while nobody answers."""
+        outcome = self._attempt(calls.ready().build(self._http, self._timeout_s))
+        return isinstance(outcome, httpx.Response) and outcome.is_success
+
+    def _send(self, call: Call[T], deadline: float = math.inf) -> T:
+        """Send until it succeeds, is refused for good, or another pause would pass ``deadline``."""
+        request = call.build(self._http, self._timeout_s)
+        attempt = 1
+        while True:
+            outcome = self._attempt(request)
+            pause_s = self._retry.pause_s(attempt, outcome)
+            if pause_s is None or time.monotonic() + pause_s > deadline:
+                return call.finish(outcome)
+            time.sleep(pause_s)
+            attempt += 1
+
+    def _attempt(self, request: httpx.Request) -> Outcome:
+        try:
+            return self._http.send(request)
+        except httpx.RequestError as error:
+            return error
+
+    def _stream(self, call: Call[None], cursor: EventCursor) -> Iterator[JobEvent]:
+        """The events of one connection; one that ends before the job does counts as broken."""
+        with closing(self._http.send(call.build(self._http, self._timeout_s), stream=True)) as response:
+            if not response.is_success:
+                response.read()
+            call.finish(response)
+            for line in response.iter_lines():
+                event = cursor.feed(line)
+                if event is not None:
+                    yield event
+        cursor.check_end(response)

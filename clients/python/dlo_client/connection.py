@@ -1,0 +1,37 @@
+"""Where the service is and who asks: from the arguments, else from the environment."""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import version
+
+import httpx
+
+from dlo_client.errors import ConnectionFailed
+
+DEFAULT_URL = "http://127.0.0.1:8000"
+DEFAULT_TIMEOUT_S = 20.0
+POLL_PAUSE_S = 0.05
+"""Between two long polls, so that a service that does not hold them is not flooded."""
+
+URL_VARIABLE = "DLO_URL"
+KEY_VARIABLE = "DLO_API_KEY"
+
+
+def base_url(given: str | None) -> httpx.URL:
+    """``given``, else ``DLO_URL``, else the address ``make serve`` listens on. Raises ConnectionFailed."""
+    text = given or os.environ.get(URL_VARIABLE) or DEFAULT_URL
+    try:
+        url = httpx.URL(text)
+    except httpx.InvalidURL as error:
+        raise ConnectionFailed(f"{text!r} is not an address: {error}") from error
+    if url.scheme not in ("http", "https") or not url.host:
+        raise ConnectionFailed(f"{text!r} is not an address such as {DEFAULT_URL}")
+    return url
+
+
+def base_headers(api_key: str | None) -> dict[str, str]:
+    """Who asks; the key is ``api_key``, else ``DLO_API_KEY``, else none is sent."""
+    agent = {"User-Agent": f"dlo-client/{version('dlo-client')}"}
+    key = api_key or os.environ.get(KEY_VARIABLE)
+    return agent | {"Authorization": f"Bearer {key}"} if key else agent

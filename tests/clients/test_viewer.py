@@ -1,0 +1,276 @@
+"""The viewer in a real browser, against a stand-in for the service."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import ExifTags, Image
+
+from models.geometry.rle import encode
+from models.instances.drawing import palette
+from tests.clients import samples
+from tests.clients.fake_service import FakeService, served
+
+sync_api = pytest.importorskip("playwright.sync_api")
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+GRAY = 100
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def service() -> FakeService:
+    return FakeService()
+
+
+@pytest.fixture
+def page(browser: Any, service: FakeService) -> Iterator[Any]:
+    """The viewer, opened; an error on the page or a request to another host fails the test."""
+    wrong: list[str] = []
+    with served(service.app()) as url:
+        page = browser.new_page(viewport={"width": 1300, "height": 900})
+        page.set_default_timeout(10_000)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on(
+            "request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url)
+        )
+        page.goto(url)
+        yield page
+        page.close()
+    assert wrong == []
+
+
+def picture() -> dict[str, Any]:
+    """A gray JPEG as a file to choose."""
+    return jpeg(Image.new("L", (samples.WIDTH, samples.HEIGHT), GRAY))
+
+
+def jpeg(image: Image.Image, orientation: int = 1) -> dict[str, Any]:
+    data = io.BytesIO()
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    image.save(data, "JPEG", exif=exif)
+    return {"name": "it's.jpg", "mimeType": "image/jpeg", "buffer": data.getvalue()}
+
+
+def analyze(page: Any, file: dict[str, Any] | None = None) -> None:
+    page.set_input_files("#file", file or picture())
+    page.wait_for_selector("#instances button")
+
+
+def color_at(page: Any, x: float, y: float) -> list[int]:
+    """RGB on the canvas at a point of the picture."""
+    place = [(x + 0.5) / samples.WIDTH, (y + 0.5) / samples.HEIGHT]
+    script = """([u, v]) => {
+        const canvas = document.querySelector("#canvas");
+        const at = [Math.floor(u * canvas.width), Math.floor(v * canvas.height)];
+        return [...canvas.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3);
+    }"""
+    return page.evaluate(script, place)
+
+
+def show_only(page: Any, *layers: str) -> None:
+    for name in ("mask", "centerlines", "endpoints", "crossings", "numbers"):
+        page.set_checked(f"input[name={name}]", name in layers)
+
+
+def test_a_picture_becomes_lists(page: Any, service: FakeService) -> None:
+    analyze(page)
+    first, second = page.locator("#instances button").all_inner_texts()
+    assert first.split() == ["1", "7.0", "×", "149", "px", "free", "–", "border", "0.95"]
+    assert second.split()[-3:-1] == ["–", "hidden"]
+    assert page.inner_text("#crossings button").split() == ["1", "over", "2", "0.90"]
+    assert page.inner_text("#total") == "40.0 ms"
+    assert [row.split() for row in page.locator("#timings li").all_inner_texts()] == [
+        ["segment", "31.5", "ms"],
+        ["instances", "8.3", "ms"],
+        ["paths", "2.0", "ms"],
+    ]
+    assert page.locator("#bar span").count() == 2
+    assert '"kind":"instances"' in service.requests[0]
+
+
+def test_a_picture_can_be_dropped(page: Any, service: FakeService) -> None:
+    script = """() => {
+        const dataTransfer = new DataTransfer();
+        dataTransfer.items.add(new File(["picture"], "dropped.png"));
+        document.body.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+    }"""
+    page.evaluate(script)
+    page.wait_for_selector("#instances button")
+    assert '@"dropped.png"' in page.inner_text("#curl")
+    assert len(service.requests) == 1
+
+
+def test_the_upper_cable_is_drawn_through_and_the_lower_interrupted(page: Any) -> None:
+    analyze(page)
+    show_only(page, "centerlines")
+    upper, lower = palette()[1].tolist(), palette()[2].tolist()
+    assert color_at(page, 40, 60) == color_at(page, 80, 60) == upper
+    assert color_at(page, 80, 30) == color_at(page, 80, 90) == lower
+    beside = [color_at(page, 80, 60 - 3), color_at(page, 80, 60 + 3)]
+    assert beside == [[GRAY] * 3] * 2
+
+
+def test_every_layer_can_be_hidden(page: Any) -> None:
+    analyze(page)
+    show_only(page)
+    marks = [(10, 60), (40, 60), (40, 62), (80, 10), (80, 62)]
+    assert [color_at(page, *mark) for mark in marks] == [[GRAY] * 3] * len(marks)
+    show_only(page, "mask")
+    assert color_at(page, 40, 62) != [GRAY] * 3
+    assert color_at(page, 40, 68) == [GRAY] * 3
+
+
+def test_ends_have_different_markers(page: Any) -> None:
+    analyze(page)
+    show_only(page, "endpoints")
+    one, two = palette()[1].tolist(), palette()[2].tolist()
+    assert color_at(page, 10, 60) == one
+    assert color_at(page, 80, 10) == two
+    hidden = color_at(page, 80, 110)
+    assert max(hidden) < GRAY
+
+
+def test_list_and_picture_highlight_each_other(page: Any) -> None:
+    analyze(page)
+    show_only(page, "mask")
+    page.locator("#instances button").nth(1).hover()
+    assert color_at(page, 40, 62) == [GRAY] * 3
+    box = page.locator("#canvas").bounding_box()
+    page.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] * 60.5 / samples.HEIGHT)
+    assert page.locator("#instances .focused .swatch").inner_text() == "1"
+    assert color_at(page, 80, 30) == [GRAY] * 3
+    page.mouse.down()
+    page.mouse.up()
+    page.mouse.move(0, 0)
+    assert page.locator("#instances [aria-pressed=true] .swatch").inner_text() == "1"
+
+
+def test_a_rotated_photograph_stands_upright(page: Any) -> None:
+    """The result's coordinates are those of the upright picture: here the stored top is the right side."""
+    stored = Image.new("L", (samples.HEIGHT, samples.WIDTH), GRAY)
+    stored.paste(0, (0, 0, samples.HEIGHT, samples.WIDTH // 2))
+    analyze(page, jpeg(stored, orientation=6))
+    canvas = page.locator("#canvas").bounding_box()
+    assert canvas["width"] / canvas["height"] == pytest.approx(samples.WIDTH / samples.HEIGHT, rel=0.01)
+    show_only(page)
+    assert [color_at(page, x, 20)[0] for x in (20, 140)] == [GRAY, 0]
+
+
+def test_only_foreground_networks_are_offered(page: Any) -> None:
+    page.wait_for_selector("#service.good")
+    assert page.locator("#model option").all_inner_texts() == ["default", "foreground_compact 1"]
+
+
+def test_the_request_is_shown_as_code(page: Any) -> None:
+    page.fill("#threshold", "0.25")
+    page.fill("#key", "secret")
+    page.press("#key", "Tab")
+    analyze(page)
+    curl, python = page.inner_text("#curl"), page.inner_text("#python")
+    assert """'request={"kind":"instances","method":"rt_dlo","threshold":0.25}'""" in curl
+    assert r"""-F 'image=@"it'\''s.jpg"'""" in curl
+    assert "Bearer $DLO_API_KEY" in curl
+    assert 'InstancesRequest(method="rt_dlo", threshold=0.25), "it\'s.jpg"' in python
+    compile(python, "snippet", "exec")
+    assert "secret" not in curl + python
+
+
+def test_the_code_can_be_copied(page: Any) -> None:
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.click("[data-copy=python]")
+    page.wait_for_function("document.querySelector('[data-copy=python]').textContent === 'Copied'")
+    assert page.evaluate("navigator.clipboard.readText()") == page.inner_text("#python")
+
+
+def test_options_and_key_reach_the_service(page: Any, service: FakeService) -> None:
+    page.fill("#threshold", "0.25")
+    page.fill("#key", "secret")
+    page.press("#key", "Tab")
+    page.select_option("#model", "foreground_compact")
+    analyze(page)
+    assert '"model":"foreground_compact","threshold":0.25' in service.requests[0]
+    assert service.keys == ["Bearer secret"]
+
+
+def test_a_problem_is_shown_with_its_field(page: Any, service: FakeService) -> None:
+    service.refusal = samples.bad_threshold()
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#error:visible")
+    assert "threshold must be at most 1" in page.inner_text("#error")
+    service.refusal = None
+    page.click("#run")
+    page.wait_for_selector("#instances button")
+    assert not page.is_visible("#error")
+
+
+def test_text_from_the_service_is_never_html(page: Any, service: FakeService) -> None:
+    service.refusal = samples.refused(422).model_copy(update={"detail": "<img src=x onerror=alert(1)>"})
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#error:visible")
+    assert "<img" in page.inner_text("#error")
+    assert page.locator("#error img").count() == 0
+
+
+def test_a_running_job_can_be_cancelled(page: Any, service: FakeService) -> None:
+    service.slow = True
+    page.set_input_files("#file", picture())
+    page.click("#cancel")
+    page.wait_for_selector("#error:visible")
+    assert "cancelled" in page.inner_text("#error")
+    assert service.cancelled.is_set()
+
+
+def test_a_picture_the_browser_cannot_read_still_shows_its_lines(page: Any) -> None:
+    page.set_input_files("#file", {"name": "a.tif", "mimeType": "image/tiff", "buffer": b"II*\0"})
+    page.wait_for_selector("#instances button")
+    show_only(page, "centerlines")
+    assert color_at(page, 40, 60) == palette()[1].tolist()
+
+
+def test_files_are_saved_under_the_pictures_name(page: Any) -> None:
+    analyze(page)
+    with page.expect_download() as download:
+        page.click("text=overlay.png")
+    assert download.value.suggested_filename == "it's.overlay.png"
+    assert Path(download.value.path()).read_bytes() == samples.OVERLAY
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_masks_are_decoded_as_the_service_encodes_them(page: Any, seed: int) -> None:
+    """A tall mask of noise has short runs, a smooth one has differences of several characters."""
+    noise = np.random.default_rng(seed).random((700, 90)) < (0.5, 0.001, 0.999)[seed]
+    script = """async ({ counts, rows, columns }) => {
+        const { labelMap } = await import("/viewer/masks.js");
+        const mask_rle = { size: [rows, columns], counts };
+        const result = { width: columns, height: rows, instances: [{ id: 7, mask_rle }] };
+        return [...labelMap(result).ids];
+    }"""
+    arguments = {"counts": encode(noise), "rows": noise.shape[0], "columns": noise.shape[1]}
+    decoded = np.array(page.evaluate(script, arguments)).reshape(noise.shape)
+    assert np.array_equal(decoded, 7 * noise)
