@@ -31,10 +31,9 @@ def run(claim: Claim, ledger: Ledger, tools: Tools) -> None:
         outcome = stages.run(request, tools)
         files = _store(outcome, tools.blobs)
         took_ms = (time.perf_counter() - started) * 1000
-        timings_ms = outcome.timings_ms | {
-            "queue_wait": claim.queue_wait_ms,
-            "total": claim.queue_wait_ms + took_ms,
-        }
+        waited_ms = claim.queue_wait_ms
+        timings_ms = outcome.timings_ms | {"queue_wait": waited_ms, "total": waited_ms + took_ms}
+        timings_ms = {step: round(ms, 3) for step, ms in timings_ms.items()}
         held = ledger.succeed(claim, outcome.result, files, timings_ms)
         say.info("job succeeded", timings_ms=timings_ms, held=held)
     except InvalidInput as error:

@@ -23,7 +23,7 @@ from rq.job import Job as RQJob
 from rq.queue import Queue
 
 from workers import problems
-from workers.record import ACTIVE, RECENT, alive_key, events_key, job_key, tombstone_key
+from workers.record import ACTIVE, COUNTS, RECENT, alive_key, events_key, job_key, tombstone_key
 from workers.settings import Settings
 
 ALIVE_MS = 5000
@@ -48,7 +48,10 @@ local function tell()
   redis.call('XADD', events, 'MAXLEN', '~', 500, '*', 'state', get('state'), 'progress', get('progress'))
 end
 
+local function count(state) redis.call('HINCRBY', '{COUNTS}', get('kind') .. '|' .. state, 1) end
+
 local function conclude(state)
+  count(state)
   set('state', state, 'ended_at', text(now), 'expires_at', text(now + keep_ms / 1000))
   redis.call('LREM', queue(), 0, id)
   redis.call('SREM', '{ACTIVE}', id)
@@ -90,6 +93,7 @@ set('id', id, 'kind', kind, 'priority', priority, 'label', label, 'request', req
     'progress', '0', 'attempts', '0', 'created_at', text(now), 'deadline', text(now + timeout_s))
 redis.call('SADD', '{ACTIVE}', id)
 redis.call('ZADD', '{RECENT}', redis.call('INCR', '{RECENT}:number'), id)
+count('queued')
 tell()
 """
 

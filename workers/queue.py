@@ -25,7 +25,7 @@ from workers.ledger import Ledger
 from workers.listing import recent_page
 from workers.presence import WorkerInfo, present
 from workers.reaper import reap
-from workers.record import QUEUES, events_key, job_key, pictures, read_event, read_job, tombstone_key
+from workers.record import COUNTS, QUEUES, events_key, job_key, pictures, read_event, read_job, tombstone_key
 from workers.settings import Settings
 
 __all__ = [
@@ -141,6 +141,14 @@ class JobQueue:
             for queue in self._queues.values():
                 pipeline.llen(queue.key)
             return dict(zip(self._queues, pipeline.execute(), strict=True))
+
+    def counts(self) -> dict[tuple[str, str], int]:
+        """How many jobs of each kind have ever entered each state; every job enters ``queued``, once."""
+        counted = {}
+        for name, number in cast(dict[str, str], self._client.hgetall(COUNTS)).items():
+            kind, state = name.split("|")
+            counted[kind, state] = int(number)
+        return counted
 
     def ping(self) -> bool:
         """Whether the queue server answers."""

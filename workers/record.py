@@ -22,6 +22,9 @@ ACTIVE = "dlo:active"
 RECENT = "dlo:recent"
 """Sorted set of job ids by their running number."""
 
+COUNTS = "dlo:counts"
+"""Hash of ``kind|state`` to how many jobs have ever entered that state."""
+
 WORKERS = "dlo:workers"
 """Set of the names of workers that have announced themselves."""
 

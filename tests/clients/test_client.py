@@ -142,9 +142,7 @@ def test_what_will_not_pass_is_not_tried_again(connect: Connect, answer: Reply) 
         (503, errors.ServiceFault),
     ],
 )
-def test_a_refusal_is_the_error_of_its_status(
-    connect: Connect, status: int, error: type[errors.APIError]
-) -> None:
+def test_a_refusal_is_the_error_of_its_status(connect: Connect, status: int, error: type[errors.APIError]) -> None:
     problem = samples.refused(status, code="some_code")
     with pytest.raises(error) as caught:
         connect(Script(refusal(problem, {"Retry-After": "99"}))).get("abc")

@@ -79,9 +79,7 @@ def test_results_are_saved_under_the_pictures_name(dlo: Dlo, picture: Path, tmp_
     assert f"saved {out / 'desk [1].overlay.png'}" in done.stdout
 
 
-def test_pictures_of_the_same_name_do_not_overwrite_one_another(
-    dlo: Dlo, picture: Path, tmp_path: Path
-) -> None:
+def test_pictures_of_the_same_name_do_not_overwrite_one_another(dlo: Dlo, picture: Path, tmp_path: Path) -> None:
     done = dlo(Service(), "instances", picture, picture.rename(tmp_path / "a.png"), "--out", tmp_path / "out")
     assert done.exit_code == 1
     other = tmp_path / "b" / "a.png"

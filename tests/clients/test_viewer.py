@@ -55,9 +55,7 @@ def page(browser: Any, service: FakeService) -> Iterator[Any]:
         page = browser.new_page(viewport={"width": 1300, "height": 900})
         page.set_default_timeout(10_000)
         page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on(
-            "request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url)
-        )
+        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
         page.goto(url)
         yield page
         page.close()

@@ -1,0 +1,89 @@
+"""The HTTP application. Nothing is kept in its process: any number of replicas may answer.
+
+Imports: contracts, the queue's door, the blobs and the settings; nothing that computes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+
+import redis
+from anyio import to_thread
+from fastapi import FastAPI
+from fastapi_offline import FastAPIOffline
+from prometheus_client import CollectorRegistry
+
+from services import documents, problems
+from services.access import Backend
+from services.metrics import QueueCollector, RequestDurations
+from services.middleware import Requests
+from services.routes import health, images, jobs, metrics, viewer
+from services.settings import ServiceSettings
+from services.uploads import Uploads
+from workers.blobs import FolderBlobs
+from workers.queue import AsyncJobQueue, JobQueue
+
+DESCRIPTION = """Finds deformable linear objects (cables, wires, ropes) in pictures.
+
+Upload a picture, or send it along with a request; a job runs it; its result is JSON and files.
+Every error is an RFC 9457 problem (`application/problem+json`) that names the fields at fault."""
+
+
+_REAP_EVERY_S = 2.0
+
+
+def create_app(settings: ServiceSettings | None = None) -> FastAPI:
+    """The application; without ``settings``, with those of the environment."""
+    settings = settings or ServiceSettings()
+    backend = _assemble(settings)
+    app = FastAPIOffline(
+        title="DLO perception service",
+        version="1",
+        description=DESCRIPTION,
+        lifespan=_lifespan,
+    )
+    app.state.backend = backend
+    app.add_middleware(Requests, durations=RequestDurations(backend.registry))
+    problems.install(app)
+    for module in (images, jobs, health, metrics):
+        app.include_router(module.router)
+    viewer.mount(app)
+    documents.describe(app)
+    return app
+
+
+def _assemble(settings: ServiceSettings) -> Backend:
+    blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s)
+    queue = JobQueue(settings)
+    registry = CollectorRegistry()
+    registry.register(QueueCollector(queue))
+    return Backend(
+        settings=settings,
+        queue=queue,
+        waiting=AsyncJobQueue(settings),
+        blobs=blobs,
+        uploads=Uploads(settings, blobs),
+        registry=registry,
+    )
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    backend: Backend = app.state.backend
+    reaping = asyncio.create_task(_reap_forever(backend.queue))
+    yield
+    reaping.cancel()
+    with suppress(asyncio.CancelledError):
+        await reaping
+    await backend.waiting.close()
+    await to_thread.run_sync(backend.queue.close)
+
+
+async def _reap_forever(queue: JobQueue) -> None:
+    """Workers do this as well; with the last of them gone, nobody else would say that its job is lost."""
+    while True:
+        await asyncio.sleep(_REAP_EVERY_S)
+        with suppress(redis.RedisError):  # told by /readyz
+            await to_thread.run_sync(queue.reap)

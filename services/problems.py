@@ -1,0 +1,128 @@
+"""Every error of the service is an RFC 9457 problem; :func:`problem_of` is the one table of them."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Mapping
+from http import HTTPStatus
+
+import structlog
+from dlo_client.contracts import FieldProblem, Problem
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from redis.exceptions import RedisError
+from starlette.exceptions import HTTPException
+
+from services.fields import parameter_problems
+from workers.blobs import BlobMissing
+from workers.queue import IdempotencyConflict, JobGone, JobUnknown, QueueFull
+
+MEDIA_TYPE = "application/problem+json"
+log = structlog.get_logger(__name__)
+
+
+class ProblemError(Exception):
+    """A request that cannot be answered; carries the problem to answer with."""
+
+    def __init__(
+        self,
+        status: int,
+        code: str,
+        detail: str,
+        *,
+        errors: list[FieldProblem] | None = None,
+        incident: str | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.headers = headers
+        self.problem = Problem(
+            title=HTTPStatus(status).phrase,
+            status=status,
+            detail=detail,
+            code=code,
+            errors=errors or [],
+            incident=incident,
+        )
+
+
+def field_error(field: str, message: str, *, code: str = "invalid_request", status: int = 422) -> ProblemError:
+    """The problem of a request with one field at fault."""
+    errors = [FieldProblem(field=field, message=message)]
+    return ProblemError(status, code, f"{field}: {message}", errors=errors)
+
+
+def fields_error(errors: list[FieldProblem]) -> ProblemError:
+    """The problem of a request with several fields at fault; the first three are in ``detail`` too."""
+    detail = "; ".join(f"{error.field}: {error.message}" for error in errors[:3])
+    more = f" (and {len(errors) - 3} more)" if len(errors) > 3 else ""
+    return ProblemError(422, "invalid_request", detail + more, errors=errors)
+
+
+def problem_of(error: Exception) -> ProblemError:
+    """Sort ``error`` by whose fault it is. What is not known is ours, and in the log with its incident id."""
+    match error:
+        case ProblemError():
+            return error
+        case RequestValidationError():
+            return fields_error(parameter_problems(error.errors()))
+        case HTTPException():
+            code = HTTPStatus(error.status_code).name.lower()
+            return ProblemError(error.status_code, code, str(error.detail), headers=error.headers)
+        case JobUnknown():
+            return ProblemError(404, "unknown_job", "no job has this id")
+        case JobGone():
+            return ProblemError(410, "job_expired", "the job has ended and its result is no longer kept")
+        case BlobMissing():
+            return ProblemError(410, "file_expired", "the file is no longer kept")
+        case IdempotencyConflict():
+            message = "this Idempotency-Key was used before, for another request"
+            return field_error("Idempotency-Key", message, code="idempotency_conflict", status=409)
+        case QueueFull():
+            return _retry(429, "queue_full", "too many jobs wait; try again later", error.retry_after_s)
+        case RedisError():
+            log.warning("queue not reachable", error=str(error))
+            return _retry(503, "queue_unavailable", "the queue cannot be reached; try again later", 1.0)
+        case _:
+            return _internal(error)
+
+
+def _retry(status: int, code: str, detail: str, after_s: float) -> ProblemError:
+    return ProblemError(status, code, detail, headers={"Retry-After": str(max(1, round(after_s)))})
+
+
+def _internal(error: Exception) -> ProblemError:
+    incident = uuid.uuid4().hex
+    log.error("incident", incident=incident, exc_info=error)
+    return ProblemError(500, "internal", "an error of the service, not of the request", incident=incident)
+
+
+def response_of(error: ProblemError) -> Response:
+    """``error`` as a response."""
+    return Response(
+        error.problem.model_dump_json(exclude_none=True),
+        status_code=error.problem.status,
+        media_type=MEDIA_TYPE,
+        headers=error.headers,
+    )
+
+
+async def _answer(_: Request, error: Exception) -> Response:
+    return response_of(problem_of(error))
+
+
+def install(app: FastAPI) -> None:
+    """Let ``app`` answer the errors that are known by type; the others reach :mod:`services.middleware`."""
+    known = (
+        ProblemError,
+        RequestValidationError,
+        HTTPException,
+        JobUnknown,
+        JobGone,
+        BlobMissing,
+        IdempotencyConflict,
+        QueueFull,
+        RedisError,
+    )
+    for kind in known:
+        app.add_exception_handler(kind, _answer)

@@ -1,0 +1,42 @@
+"""Is the service alive, is it ready, and what can it do."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from dlo_client.contracts import NetworkInfo
+from fastapi import APIRouter
+from pydantic import BaseModel
+
+from services import documents
+from services.access import Authorized, BackendDep
+from services.problems import ProblemError
+from services.readiness import hindrance
+
+router = APIRouter(tags=["health"])
+
+
+class Health(BaseModel):
+    """A probe's answer; one that is not `ok` is a problem."""
+
+    status: Literal["ok"] = "ok"
+
+
+@router.get("/healthz")
+async def alive() -> Health:
+    """The process answers."""
+    return Health()
+
+
+@router.get("/readyz", responses=documents.problems())
+def ready(backend: BackendDep) -> Health:
+    """The queue answers, and a live worker has loaded and warmed its networks."""
+    if why_not := hindrance(backend.queue):
+        raise ProblemError(503, "not_ready", why_not, headers={"Retry-After": "1"})
+    return Health()
+
+
+@router.get("/v1/models", dependencies=[Authorized], responses=documents.problems())
+def list_models(backend: BackendDep) -> list[NetworkInfo]:
+    """The networks that the live workers have loaded."""
+    return backend.queue.networks()

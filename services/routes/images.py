@@ -1,0 +1,43 @@
+"""``/v1/images``: pictures by content."""
+
+from __future__ import annotations
+
+from contextlib import aclosing
+
+from dlo_client.contracts import ImageInfo
+from fastapi import APIRouter, Request
+
+from services import documents
+from services.access import Authorized, Backend, BackendDep
+from services.bodies import Allowed, media_type, parts, whole
+from services.problems import ProblemError, field_error
+
+router = APIRouter(prefix="/v1/images", tags=["images"], dependencies=[Authorized])
+
+
+@router.post(
+    "",
+    status_code=201,
+    responses=documents.problems(413, 415),
+    openapi_extra={"requestBody": documents.PICTURE},
+)
+async def upload_image(request: Request, backend: BackendDep) -> ImageInfo:
+    """Keep a picture, to be named by its id in requests. The same bytes give the same id."""
+    limit = backend.settings.max_image_bytes
+    kind = media_type(request)
+    if kind == "multipart/form-data":
+        return await _keep_part(request, backend)
+    if kind and kind != "application/octet-stream" and not kind.startswith("image/"):
+        detail = f"send the picture as image/*, application/octet-stream or multipart/form-data, not {kind}"
+        raise ProblemError(415, "unsupported_media_type", detail)
+    return await backend.uploads.keep(await whole(request, field="image", max_bytes=limit), field="image")
+
+
+async def _keep_part(request: Request, backend: Backend) -> ImageInfo:
+    kept = None
+    async with aclosing(parts(request, {"file": Allowed(1, backend.settings.max_image_bytes)})) as stream:
+        async for part in stream:
+            kept = await backend.uploads.keep(part.data, field=part.name)
+    if kept is None:
+        raise field_error("file", "this part is missing: it holds the picture")
+    return kept

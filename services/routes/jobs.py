@@ -1,0 +1,137 @@
+"""``/v1/jobs``: submit, look at, wait for, cancel, list."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import AsyncIterator
+from functools import partial
+from typing import Annotated
+
+from anyio import to_thread
+from dlo_client.contracts import AnyJob, JobKind, JobPage, JobState
+from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi.responses import FileResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+
+from services import documents, waiting
+from services.access import Authorized, BackendDep
+from services.problems import ProblemError
+from services.submissions import read_submission
+from workers.queue import JobUnknown
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=[Authorized])
+
+Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=255,
+        description="the same key and request give the same job for 24 h; another request is refused",
+    ),
+]
+Cursor = Annotated[str | None, Query(pattern=r"^\d{1,18}$", description="`next_cursor` of the page before")]
+EventId = Annotated[
+    str, Header(alias="Last-Event-ID", pattern=r"^\d{1,20}-\d{1,20}$|^0$", description="resume after it")
+]
+
+
+async def _job_id(job_id: Annotated[str, Path(description="as in the job")]) -> str:
+    """Ids are looked up only when they have the form of one: they become part of keys."""
+    if len(job_id) != 32 or not set(job_id) <= set("0123456789abcdef"):
+        raise JobUnknown(job_id)
+    return job_id
+
+
+JobId = Annotated[str, Depends(_job_id)]
+
+
+async def _job(job_id: JobId, backend: BackendDep) -> AnyJob:
+    return await backend.waiting.get(job_id)
+
+
+Existing = Annotated[AnyJob, Depends(_job)]
+
+
+@router.post(
+    "",
+    status_code=202,
+    responses={
+        200: {"model": AnyJob, "description": "It ended within `wait`"},
+        **documents.problems(409, 410, 413, 415, 429),
+    },
+    openapi_extra={"requestBody": documents.SUBMISSION},
+)
+async def submit_job(
+    request: Request,
+    response: Response,
+    backend: BackendDep,
+    wait: Wait = 0.0,
+    idempotency_key: IdempotencyKey = None,
+) -> AnyJob:
+    """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in time."""
+    submitted = await read_submission(request, backend.settings, backend.uploads)
+    digest = hashlib.sha256(submitted.model_dump_json().encode()).hexdigest()
+    submit = partial(backend.queue.submit, submitted, idempotency_key=idempotency_key, request_digest=digest)
+    job, _ = await to_thread.run_sync(submit)
+    if wait:
+        job = await waiting.ended(backend.waiting, job, wait)
+        response.status_code = 200 if job.state.final else 202
+    response.headers["Location"] = request.app.url_path_for("read_job", job_id=job.id)
+    return job
+
+
+@router.get("", responses=documents.problems())
+def list_jobs(
+    backend: BackendDep,
+    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+    cursor: Cursor = None,
+    state: JobState | None = None,
+    kind: JobKind | None = None,
+) -> JobPage:
+    """Jobs newest first, without their results. Only a page without `next_cursor` is the last."""
+    return backend.queue.recent(limit=limit, cursor=cursor, state=state, kind=kind)
+
+
+@router.get("/{job_id}", responses=documents.problems(404, 410))
+async def read_job(job: Existing, backend: BackendDep, wait: Wait = 0.0) -> AnyJob:
+    """The job; with `wait`, as soon as it has ended or the seconds are over."""
+    return await waiting.ended(backend.waiting, job, wait)
+
+
+@router.delete("/{job_id}", responses=documents.problems(404, 410))
+def cancel_job(job_id: JobId, backend: BackendDep) -> AnyJob:
+    """Cancel a queued or running job; one that has ended stays as it is."""
+    return backend.queue.cancel(job_id)
+
+
+@router.get("/{job_id}/events", response_class=EventSourceResponse, responses=documents.problems(404, 410))
+async def follow_job(
+    job: Existing, backend: BackendDep, last_event_id: EventId = "0"
+) -> AsyncIterator[ServerSentEvent]:
+    """Server-sent events of state and progress; the stream ends when the job does."""
+    async for event in waiting.follow(backend.waiting, job, last_event_id):
+        yield ServerSentEvent(id=event.id, data=event)
+
+
+@router.get(
+    "/{job_id}/files/{name}",
+    response_class=FileResponse,
+    responses={
+        304: {"description": "`If-None-Match` names the file's ETag"},
+        **documents.problems(404, 410),
+    },
+)
+async def read_file(
+    job: Existing, name: str, backend: BackendDep, if_none_match: Annotated[str | None, Header()] = None
+) -> Response:
+    """A file of the job's result, as named in its `files`."""
+    file = next((file for file in job.files if file.name == name), None)
+    if file is None:
+        raise ProblemError(404, "unknown_file", "the job has no file of this name")
+    headers = {"ETag": f'"{file.sha256}"', "X-Content-Type-Options": "nosniff"}
+    if if_none_match and (if_none_match == "*" or file.sha256 in if_none_match):
+        return Response(status_code=304, headers=headers)
+    path = await to_thread.run_sync(backend.blobs.path, file.sha256)
+    return FileResponse(path, media_type=file.media_type, headers=headers)

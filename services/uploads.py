@@ -1,0 +1,58 @@
+"""Pictures on their way in: looked at, then kept as blobs."""
+
+from __future__ import annotations
+
+from anyio import to_thread
+from dlo_client.contracts import ImageInfo
+
+from services.pictures import PictureError, Size, inspect
+from services.problems import field_error
+from services.settings import ServiceSettings
+from workers.blobs import BlobMissing, FolderBlobs
+
+
+class Uploads:
+    """Keeps pictures and knows their sizes. The work is done in threads: it hashes and touches the disk."""
+
+    def __init__(self, settings: ServiceSettings, blobs: FolderBlobs) -> None:
+        self._max_pixels = settings.max_image_pixels
+        self._blobs = blobs
+
+    async def keep(self, data: bytes, *, field: str) -> ImageInfo:
+        """Store the picture that came in as ``field``.
+
+        Raises:
+            ProblemError: 422 when it is no whole picture or has too many pixels.
+        """
+        return await to_thread.run_sync(self._keep, data, field)
+
+    async def find(self, image_id: str, *, field: str) -> ImageInfo:
+        """The picture kept before that ``field`` refers to; its lifetime begins anew.
+
+        Raises:
+            ProblemError: 422 ``unknown_image`` when it is not, or no longer, kept.
+        """
+        return await to_thread.run_sync(self._find, image_id, field)
+
+    def _keep(self, data: bytes, field: str) -> ImageInfo:
+        size = self._inspect(data, field)
+        return _info(self._blobs.put(data), size, len(data))
+
+    def _find(self, image_id: str, field: str) -> ImageInfo:
+        try:
+            self._blobs.touch(image_id)
+            data = self._blobs.get(image_id)
+        except BlobMissing:
+            message = "no uploaded picture has this id (any longer); upload it first"
+            raise field_error(field, message, code="unknown_image") from None
+        return _info(image_id, self._inspect(data, field), len(data))
+
+    def _inspect(self, data: bytes, field: str) -> Size:
+        try:
+            return inspect(data, max_pixels=self._max_pixels)
+        except PictureError as error:
+            raise field_error(field, str(error), code="invalid_image") from error
+
+
+def _info(image_id: str, size: Size, size_bytes: int) -> ImageInfo:
+    return ImageInfo(id=image_id, sha256=image_id, width=size.width, height=size.height, bytes=size_bytes)

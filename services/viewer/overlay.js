@@ -1,0 +1,155 @@
+// Draws a picture and what was found in it. Lines and markers keep their size on the screen at any scale.
+
+import { tint } from "./masks.js";
+import { pointAt, quietShare, visiblePieces } from "./strands.js";
+
+const CASING = "rgb(0 0 0 / 0.65)";
+const SMALLEST_GAP = 7; // screen pixels, half of it
+const LINE = 2.5;
+
+/** `[r, g, b]` of an instance, the same as in overlay.png and instances.png: hues a golden ratio apart. */
+export function rgb(id) {
+  const number = id - 1;
+  const hue = (0.02 + number * 0.61803398875) % 1;
+  const dim = Math.floor(number / 12) % 3;
+  const [saturation, value] = [0.9 - 0.2 * dim, 1 - 0.15 * dim];
+  const channel = (n) => {
+    const k = (n + 6 * hue) % 6;
+    return Math.round(255 * value * (1 - saturation * Math.max(0, Math.min(k, 4 - k, 1))));
+  };
+  return [channel(5), channel(3), channel(1)];
+}
+
+export const color = (id) => `rgb(${rgb(id).join(" ")})`;
+
+/** A score of one half says that nothing tells which strand is on top. */
+export const orderKnown = (crossing) => crossing.score > 0.5;
+
+/**
+ * `scene`: `{ bitmap, result, map }`, each may be null. `view`: `{ scale, density, shown, focus }`: screen pixels
+ * a picture pixel, device pixels a screen pixel, the set of layers, and `{ instance }`, `{ crossing }` or null.
+ */
+export function draw(context, scene, view) {
+  const { canvas } = context;
+  context.setTransform(1, 0, 0, 1, 0, 0);
+  context.globalAlpha = 1;
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  if (scene.bitmap) context.drawImage(scene.bitmap, 0, 0, canvas.width, canvas.height);
+  if (!scene.result) return;
+  context.scale(view.density, view.density);
+  context.lineCap = context.lineJoin = "round";
+  if (view.shown.has("mask")) drawMask(context, scene.map, view);
+  for (const [layer, drawInstance] of INSTANCE_LAYERS) {
+    if (!view.shown.has(layer)) continue;
+    for (const instance of scene.result.instances) {
+      context.globalAlpha = inFocus(instance, scene.result, view.focus) ? 1 : 0.25;
+      drawInstance(context, instance, scene.result, view);
+    }
+  }
+  context.globalAlpha = 1;
+  if (!view.shown.has("crossings")) return;
+  for (const crossing of scene.result.crossings) drawCrossing(context, crossing, view);
+}
+
+const INSTANCE_LAYERS = [
+  ["centerlines", drawCenterline],
+  ["endpoints", drawEndpoints],
+  ["numbers", drawNumber],
+];
+
+function inFocus(instance, result, focus) {
+  if (!focus) return true;
+  if (focus.instance) return focus.instance === instance.id;
+  const crossing = result.crossings.find(({ id }) => id === focus.crossing);
+  return [crossing?.over.instance, crossing?.under.instance].includes(instance.id);
+}
+
+/** The center of the top-left pixel is (0, 0): it lies half a pixel inside the canvas. */
+const onScreen = ([x, y], { scale }) => [(x + 0.5) * scale, (y + 0.5) * scale];
+
+function drawMask(context, map, { scale, focus }) {
+  context.globalAlpha = 0.4;
+  context.imageSmoothingEnabled = false;
+  const size = map.step * scale;
+  context.drawImage(tint(map, rgb, focus?.instance), 0, 0, map.width * size, map.height * size);
+  context.imageSmoothingEnabled = true;
+}
+
+function drawCenterline(context, instance, result, view) {
+  const width = view.focus?.instance === instance.id ? LINE + 1.5 : LINE;
+  const path = new Path2D();
+  for (const piece of visiblePieces(instance, result, SMALLEST_GAP / view.scale)) {
+    piece.forEach((point, i) => path[i ? "lineTo" : "moveTo"](...onScreen(point, view)));
+  }
+  cased(context, path, color(instance.id), width);
+}
+
+function drawEndpoints(context, instance, _, view) {
+  for (const { xy, kind } of instance.endpoints) {
+    const path = MARKERS[kind](...onScreen(xy, view));
+    context.lineWidth = 2;
+    context.fillStyle = kind === "hidden" ? CASING : color(instance.id);
+    context.strokeStyle = kind === "hidden" ? color(instance.id) : "white";
+    context.fill(path);
+    context.stroke(path);
+  }
+}
+
+const MARKERS = {
+  free: (x, y) => circle(x, y, 5.5),
+  border: (x, y) => polygon([x - 5, y - 5], [x + 5, y - 5], [x + 5, y + 5], [x - 5, y + 5]),
+  hidden: (x, y) => polygon([x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y]),
+};
+
+function drawNumber(context, instance, result, view) {
+  const share = quietShare(instance, result.crossings);
+  const place = onScreen(pointAt(instance.centerline_xy, share), view);
+  const text = String(instance.id);
+  context.font = "600 12px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  const half = context.measureText(text).width / 2 + 5;
+  const x = inside(place[0], half, result.width * view.scale);
+  const y = inside(place[1], 9, result.height * view.scale);
+  const plate = new Path2D();
+  plate.roundRect(x - half, y - 9, 2 * half, 18, 9);
+  context.fillStyle = color(instance.id);
+  context.fill(plate);
+  context.lineWidth = 1;
+  context.strokeStyle = context.fillStyle = "#111";
+  context.stroke(plate);
+  context.fillText(text, x, y + 0.5);
+}
+
+const inside = (value, margin, size) => Math.max(margin, Math.min(size - margin, value));
+
+function drawCrossing(context, crossing, view) {
+  const chosen = view.focus?.crossing === crossing.id;
+  const path = circle(...onScreen(crossing.xy, view), chosen ? 15 : 11);
+  context.setLineDash(orderKnown(crossing) ? [] : [4, 5]);
+  cased(context, path, "white", chosen ? 3 : 1.5);
+  context.setLineDash([]);
+}
+
+function cased(context, path, stroke, width) {
+  context.lineWidth = width + 2;
+  context.strokeStyle = CASING;
+  context.stroke(path);
+  context.lineWidth = width;
+  context.strokeStyle = stroke;
+  context.stroke(path);
+}
+
+function circle(x, y, radius) {
+  const path = new Path2D();
+  path.arc(x, y, radius, 0, 2 * Math.PI);
+  return path;
+}
+
+function polygon(first, ...others) {
+  const path = new Path2D();
+  path.moveTo(...first);
+  for (const point of others) path.lineTo(...point);
+  path.closePath();
+  return path;
+}

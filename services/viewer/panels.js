@@ -1,0 +1,127 @@
+// The lists beside the picture. Text from the service enters as text, never as HTML.
+
+import { color, orderKnown } from "./overlay.js";
+
+/** `onHover(focus)` and `onClick(focus)` get `{ instance }` or `{ crossing }`, or null when left. */
+export function showResult(result, onHover, onClick) {
+  const rows = {
+    instances: result.instances.map((instance) => [{ instance: instance.id }, instanceRow(instance)]),
+    crossings: result.crossings.map((crossing) => [{ crossing: crossing.id }, crossingRow(crossing)]),
+  };
+  for (const [name, entries] of Object.entries(rows)) {
+    const items = entries.map(([focus, parts]) => item(focus, parts, onHover, onClick));
+    byId(name).replaceChildren(...(items.length ? items : [element("li", "none", "none found")]));
+  }
+  byId("instance-count").value = result.instances.length;
+  byId("crossing-count").value = result.crossings.length;
+}
+
+export function clearResult() {
+  for (const id of ["instances", "crossings", "timings", "bar", "files"]) byId(id).replaceChildren();
+  for (const id of ["instance-count", "crossing-count", "total"]) byId(id).value = "";
+}
+
+/** Marks the rows of what is in focus and of what was clicked. */
+export function showFocus(focus, pinned) {
+  for (const row of document.querySelectorAll(".list button")) {
+    row.classList.toggle("focused", row.dataset.focus === JSON.stringify(focus));
+    row.setAttribute("aria-pressed", row.dataset.focus === JSON.stringify(pinned));
+  }
+}
+
+/** The bar shows the stages; `stage.step` is a part of a stage and stands below it in the list. */
+export function showTimings(timings) {
+  const stages = Object.entries(timings).filter(([name]) => !name.includes(".") && name !== "total");
+  const total = timings.total ?? stages.reduce((sum, [, value]) => sum + value, 0);
+  byId("total").value = `${total.toFixed(1)} ms`;
+  byId("bar").replaceChildren(...stages.map(([, value], i) => timingBar(value, i)));
+  const rows = stages.flatMap(([stage, value], i) => {
+    const steps = Object.entries(timings).filter(([name]) => name.startsWith(`${stage}.`));
+    const step = ([name, part]) => timingRow("step", name.slice(stage.length + 1), part);
+    return [timingRow(`stage-${i % 6}`, stage, value), ...steps.map(step)];
+  });
+  byId("timings").replaceChildren(...rows);
+}
+
+export function showFiles(names, onSave) {
+  const buttons = names.map((name) => {
+    const button = element("button", "", name);
+    button.type = "button";
+    button.addEventListener("click", () => onSave(name));
+    return button;
+  });
+  byId("files").replaceChildren(...buttons);
+}
+
+export function showProblem(problem) {
+  const box = byId("error");
+  box.hidden = !problem;
+  if (!problem) return;
+  const detail = problem.errors.length ? "" : problem.detail;
+  box.replaceChildren(element("strong", "", problem.title), element("span", "", detail));
+  for (const { field, message } of problem.errors) {
+    const line = element("p");
+    line.append(element("code", "", field), ` ${message}`);
+    box.append(line);
+  }
+  if (problem.incident) box.append(element("p", "", `incident ${problem.incident}`));
+}
+
+export const byId = (id) => document.getElementById(id);
+
+function instanceRow({ id, score, width_px, length_px, closed, endpoints }) {
+  const ends = closed ? "closed ring" : endpoints.map(({ kind }) => kind).join(" – ");
+  const swatch = element("i", "swatch", String(id));
+  swatch.style.background = color(id);
+  const size = `${width_px.toFixed(1)} × ${length_px.toFixed(0)} px`;
+  return [swatch, element("span", "size", size), element("span", "ends", ends), scoreOf(score)];
+}
+
+function crossingRow(crossing) {
+  const { over, under, score } = crossing;
+  const swatches = [over, under].map(({ instance }) => {
+    const swatch = element("i", "swatch", String(instance));
+    swatch.style.background = color(instance);
+    return swatch;
+  });
+  const known = orderKnown(crossing);
+  return [swatches[0], element("span", "size", known ? "over" : "and"), swatches[1],
+    element("span", "ends", known ? "" : "order unknown"), scoreOf(score)];
+}
+
+function scoreOf(score) {
+  return element("span", "score", score.toFixed(2));
+}
+
+function item(focus, parts, onHover, onClick) {
+  const button = element("button");
+  button.type = "button";
+  button.dataset.focus = JSON.stringify(focus);
+  button.append(...parts);
+  for (const event of ["pointerenter", "focus"]) button.addEventListener(event, () => onHover(focus));
+  for (const event of ["pointerleave", "blur"]) button.addEventListener(event, () => onHover(null));
+  button.addEventListener("click", () => onClick(focus));
+  const row = element("li");
+  row.append(button);
+  return row;
+}
+
+function timingRow(className, name, value) {
+  const row = element("li", className);
+  const label = element("span", "", name.replaceAll("_", " "));
+  row.append(label, element("b", "", `${value.toFixed(1)} ms`));
+  return row;
+}
+
+function timingBar(value, index) {
+  const part = element("span", `stage-${index % 6}`);
+  part.style.flexGrow = value;
+  return part;
+}
+
+function element(tag, className = "", text = "") {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  made.textContent = text;
+  return made;
+}

@@ -1,0 +1,71 @@
+"""The real application over a real queue server, called without a network unless a test is about that."""
+
+from __future__ import annotations
+
+import socket
+import threading
+
+import pytest
+import uvicorn
+from starlette.testclient import TestClient
+
+from services.app import create_app
+from services.settings import ServiceSettings
+from tests.processes import wait_until
+from workers.ledger import Ledger
+
+
+@pytest.fixture
+def service_settings(settings) -> ServiceSettings:
+    return ServiceSettings(redis_url=settings.redis_url, data_dir=settings.data_dir)
+
+
+@pytest.fixture
+def app(service_settings):
+    return create_app(service_settings)
+
+
+@pytest.fixture
+def client(app):
+    """Errors of the service come back as the problems that a caller would see."""
+    with TestClient(app, raise_server_exceptions=False) as client:
+        yield client
+
+
+@pytest.fixture
+def problem(client):
+    """Checks that a response is a problem of the given status and that the service goes on; returns it."""
+
+    def check(response, status: int, code: str | None = None, field: str | None = None) -> dict:
+        assert response.status_code == status, response.text
+        assert response.headers["content-type"] == "application/problem+json"
+        found = response.json()
+        assert found["status"] == status
+        assert found["title"]
+        assert found["detail"]
+        assert code in (None, found["code"])
+        assert field is None or field in [error["field"] for error in found["errors"]], found
+        assert client.get("/healthz").status_code == 200
+        return found
+
+    return check
+
+
+@pytest.fixture
+def ledger(job_queue, settings) -> Ledger:
+    """For a test that does a worker's part by hand."""
+    return Ledger(job_queue._client, settings)
+
+
+@pytest.fixture
+def address(app):
+    """Of the application behind a real HTTP server on a port of its own."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        server = uvicorn.Server(uvicorn.Config(app, log_config=None, access_log=False))
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
+        thread.start()
+        wait_until(lambda: server.started)
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+        server.should_exit = True
+        thread.join()

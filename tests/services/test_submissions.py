@@ -1,0 +1,239 @@
+"""``POST /v1/jobs``: what becomes a job, and what is said about what does not."""
+
+import json
+
+import pytest
+from dlo_client.contracts import AnyRequest, ImageRef
+from pydantic import TypeAdapter
+
+from tests.services import samples
+from workers.queue import JobQueue
+from workers.record import job_key
+
+JSON = {"Content-Type": "application/json"}
+
+
+@pytest.fixture
+def upload(client):
+    def upload(data: bytes) -> dict[str, str]:
+        return {"id": client.post("/v1/images", content=data).json()["id"]}
+
+    return upload
+
+
+@pytest.fixture
+def send(client):
+    """Multipart: the request, its `image` parts in order, perhaps a `mask` part."""
+
+    def send(request: dict | None, *images: bytes, mask: bytes | None = None):
+        files = [("image", ("picture", image)) for image in images]
+        files += [("mask", ("mask", mask))] if mask is not None else []
+        files += [("request", (None, json.dumps(request)))] if request is not None else []
+        return client.post("/v1/jobs", files=files)
+
+    return send
+
+
+@pytest.fixture
+def queued(job_queue: JobQueue):
+    """The request as it lies in the queue."""
+
+    def queued(response) -> AnyRequest:
+        assert response.status_code == 202, response.text
+        assert response.headers["Location"] == f"/v1/jobs/{response.json()['id']}"
+        stored = job_queue._client.hget(job_key(response.json()["id"]), "request")
+        return TypeAdapter(AnyRequest).validate_json(stored)
+
+    return queued
+
+
+class TestAccepted:
+    def test_json_with_an_uploaded_picture(self, client, upload, queued):
+        image = upload(samples.encoded())
+        response = client.post("/v1/jobs", json={"kind": "instances", "image": image, "label": "cell 3"})
+        assert response.json()["label"] == "cell 3"
+        assert queued(response).image == ImageRef(**image)
+
+    def test_part_fills_the_image_left_out(self, send, upload, queued):
+        request = queued(send({"kind": "segment"}, samples.encoded()))
+        assert request.image == ImageRef(**upload(samples.encoded()))
+
+    def test_mask_part_beside_an_image_part(self, send, upload, queued):
+        mask = samples.encoded(samples.pixels(mode="L"))
+        request = queued(send({"kind": "instances"}, samples.encoded(), mask=mask))
+        assert request.image == ImageRef(**upload(samples.encoded()))
+        assert request.mask == ImageRef(**upload(mask))
+
+    def test_mask_alone(self, send, upload, queued):
+        request = queued(send({"kind": "instances"}, mask=samples.encoded()))
+        assert request.image is None
+        assert request.mask == ImageRef(**upload(samples.encoded()))
+
+    def test_fields_may_name_parts_by_number(self, send, upload, queued):
+        first, second = samples.encoded(), samples.encoded(format_name="BMP")
+        request = queued(send({"kind": "instances", "mask": {"part": 0}}, first, second))
+        assert request.mask == ImageRef(**upload(first))
+        assert request.image == ImageRef(**upload(second))
+
+    def test_part_that_is_the_mask_is_not_the_image_too(self, send, queued):
+        assert queued(send({"kind": "instances", "mask": {"part": 0}}, samples.encoded())).image is None
+
+    def test_sizes_are_compared_upright(self, send, queued):
+        turned = samples.encoded(format_name="JPEG", orientation=samples.TURNED_RIGHT)
+        queued(send({"kind": "instances"}, turned, mask=samples.encoded(samples.pixels(30, 40))))
+
+    def test_request_part_may_be_a_file(self, client, queued):
+        files = {"request": ("../request.json", b'{"kind": "noop"}', "application/json")}
+        queued(client.post("/v1/jobs", files=files))
+
+    @pytest.mark.parametrize("size", [(1, 1), (8000, 20)])
+    def test_extreme_shapes(self, send, queued, size):
+        queued(send({"kind": "instances"}, samples.encoded(samples.pixels(*size))))
+
+
+class TestRefused:
+    @pytest.mark.parametrize("data", samples.REFUSED.values(), ids=samples.REFUSED)
+    def test_what_is_no_whole_picture(self, send, problem, data):
+        problem(send({"kind": "instances"}, data), 422, "invalid_image", "image")
+        problem(send({"kind": "instances"}, samples.encoded(), mask=data), 422, "invalid_image", "mask")
+
+    @pytest.mark.parametrize(
+        ("field", "request_fields"),
+        [
+            ("kind", {"kind": "knot"}),
+            ("kind", {"kind": None}),
+            ("kind", {"kind": 3}),
+            ("method", {"method": "magic"}),
+            ("model", {"model": "../../etc/passwd"}),
+            ("params", {"params": "fast"}),
+            ("params.sampling_ratio", {"params": {"sampling_ratio": float("nan")}}),
+            ("params.sampling_ratio", {"params": {"sampling_ratio": float("inf")}}),
+            ("params.sampling_ratio", {"params": {"sampling_ratio": -0.1}}),
+            ("params.neighbors", {"params": {"neighbors": 10**30}}),
+            ("params.neighbors", {"params": {"neighbors": "many"}}),
+            ("params.instances", {"params": {"instances": 1}}),
+            ("threshold", {"threshold": float("-inf")}),
+            ("timeout_s", {"timeout_s": 1e300}),
+            ("timeout_s", {"timeout_s": -1}),
+            ("points_per_instance", {"points_per_instance": 1}),
+            ("priority", {"priority": "urgent"}),
+            ("label", {"label": "x" * 201}),
+            ("files.1", {"files": ["overlay", "passwd"]}),
+            ("instances", {"instances": 1}),
+            ("image", {"image": "cable.png"}),
+            ("image.id", {"image": {"id": "../../etc/passwd"}}),
+            ("image.id", {"image": {}}),
+            ("image.part", {"image": {"part": -1}}),
+            ("image.part", {"image": {"part": 0.5}}),
+            ("image", {"image": {"part": 0}}),
+            ("image", {"image": None}),
+        ],
+    )
+    def test_field_at_fault_is_named(self, client, problem, field, request_fields):
+        body = json.dumps({"kind": "instances"} | request_fields)
+        problem(client.post("/v1/jobs", content=body, headers=JSON), 422, field=field)
+
+    def test_only_the_nearest_form_of_an_image_is_reported(self, client, problem):
+        response = client.post("/v1/jobs", json={"kind": "segment", "image": {"part": 99}})
+        assert [error["field"] for error in problem(response, 422)["errors"]] == ["image.part"]
+
+    def test_all_fields_at_fault_are_named(self, client, problem):
+        response = client.post("/v1/jobs", json={"kind": "noop", "hold_s": -1, "label": 3, "color": "red"})
+        named = [error["field"] for error in problem(response, 422)["errors"]]
+        assert sorted(named) == ["color", "hold_s", "label"]
+
+    def test_rule_between_fields_names_the_field(self, send, problem):
+        response = send({"kind": "instances", "model": "net"}, mask=samples.encoded())
+        problem(response, 422, field="model")
+
+    def test_neither_image_nor_mask(self, client, send, problem):
+        problem(client.post("/v1/jobs", json={"kind": "instances"}), 422, field="image")
+        problem(send({"kind": "segment"}), 422, field="image")
+
+    def test_picture_that_was_never_uploaded(self, client, problem):
+        for field in ("image", "mask"):
+            response = client.post("/v1/jobs", json={"kind": "instances", field: {"id": "0" * 64}})
+            problem(response, 422, "unknown_image", field)
+
+    def test_mask_of_another_size(self, client, upload, send, problem):
+        image, mask = samples.encoded(), samples.encoded(samples.pixels(30, 40))
+        problem(send({"kind": "instances"}, image, mask=mask), 422, "size_mismatch", "mask")
+        request = {"kind": "instances", "image": upload(image), "mask": upload(mask)}
+        problem(client.post("/v1/jobs", json=request), 422, "size_mismatch", "mask")
+
+    def test_mask_given_twice(self, upload, send, problem):
+        request = {"kind": "instances", "mask": upload(samples.encoded())}
+        problem(send(request, mask=samples.encoded()), 422, field="mask")
+
+    def test_picture_that_the_request_does_not_use(self, upload, send, problem):
+        problem(send({"kind": "segment"}, samples.encoded(), samples.encoded()), 422, field="image")
+        problem(send({"kind": "noop"}, samples.encoded()), 422, field="image")
+
+    def test_65_pictures(self, send, problem):
+        response = send({"kind": "instances"}, *[samples.encoded()] * 65)
+        assert "64" in problem(response, 422, "too_many_parts", "image")["detail"]
+
+    def test_33_mebibytes(self, send, problem):
+        huge = bytes(33 * 1024 * 1024)
+        problem(send({"kind": "instances"}, huge), 413, "too_large", "image")
+        problem(send({"kind": "instances"}, samples.encoded(), mask=huge), 413, "too_large", "mask")
+
+    def test_request_part_missing_or_unknown_part(self, client, send, problem):
+        problem(send(None, samples.encoded()), 422, field="request")
+        problem(client.post("/v1/jobs", files={"picture": ("x", b"")}), 422, field="picture")
+
+    @pytest.mark.parametrize("body", [b"", b"{", b"kind=noop", b"\xff\xfe", b"[" * 100_000, b'{"a": "\\ud800"}'])
+    def test_not_json(self, client, problem, body):
+        problem(client.post("/v1/jobs", content=body, headers=JSON), 422, "invalid_json", "body")
+        response = client.post("/v1/jobs", files={"request": ("request", body)})
+        problem(response, 422, "invalid_json", "request")
+
+    @pytest.mark.parametrize("body", [b"[]", b'"noop"', b"null", b"3"])
+    def test_json_of_another_kind(self, client, problem, body):
+        problem(client.post("/v1/jobs", content=body, headers=JSON), 422, field="body")
+
+    @pytest.mark.parametrize("content_type", ["text/plain", "image/png", "application/xml", ""])
+    def test_wrong_content_type(self, client, problem, content_type):
+        headers = {"Content-Type": content_type}
+        response = client.post("/v1/jobs", content=b'{"kind": "noop"}', headers=headers)
+        problem(response, 415, "unsupported_media_type")
+
+    def test_json_larger_than_its_limit(self, client, problem, service_settings):
+        body = b'{"kind": "noop", "label": "' + b"x" * service_settings.max_request_bytes + b'"}'
+        problem(client.post("/v1/jobs", content=body, headers=JSON), 413, "too_large", "body")
+
+    @pytest.mark.parametrize("wait", ["61", "-1", "nan", "inf", "soon"])
+    def test_wait_out_of_range(self, client, problem, wait):
+        problem(client.post(f"/v1/jobs?wait={wait}", json={"kind": "noop"}), 422, field="wait")
+
+    def test_nothing_refused_is_queued(self, client, send, job_queue):
+        send({"kind": "instances"}, b"")
+        client.post("/v1/jobs", json={"kind": "knot"})
+        assert sum(job_queue.depth().values()) == 0
+
+
+class TestIdempotencyKey:
+    def test_same_key_and_request_give_the_same_job(self, send, client, job_queue):
+        first, second = (
+            client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k1"}) for _ in range(2)
+        )
+        assert first.status_code == second.status_code == 202
+        assert first.json()["id"] == second.json()["id"]
+        assert job_queue.depth()["interactive"] == 1
+
+    def test_same_pictures_sent_anew_are_the_same_request(self, client):
+        def send():
+            files = [("image", ("x", samples.encoded())), ("request", (None, '{"kind": "segment"}'))]
+            return client.post("/v1/jobs", files=files, headers={"Idempotency-Key": "k2"}).json()["id"]
+
+        assert send() == send()
+
+    def test_same_key_for_another_request(self, client, problem):
+        headers = {"Idempotency-Key": "k3"}
+        client.post("/v1/jobs", json={"kind": "noop"}, headers=headers)
+        other = client.post("/v1/jobs", json={"kind": "noop", "hold_s": 1}, headers=headers)
+        problem(other, 409, "idempotency_conflict", "Idempotency-Key")
+
+    def test_key_out_of_range(self, client, problem):
+        response = client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k" * 256})
+        problem(response, 422, field="Idempotency-Key")
