@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.geometry.rle import decode, encode
+from models.geometry.rle import decode, encode, encode_labels
 
 
 @pytest.mark.parametrize(
@@ -43,6 +43,13 @@ def test_long_runs_round_trip():
     mask[100:2900, 50:3950] = True
     mask[5, 7] = True
     np.testing.assert_array_equal(decode(encode(mask), mask.shape), mask)
+
+
+def test_labels_are_encoded_each_for_itself():
+    labels = np.random.default_rng(4).integers(0, 4, (37, 53), dtype=np.uint8)
+    strings = encode_labels(labels, 4)
+    assert strings == [encode(labels == number) for number in (1, 2, 3, 4)]
+    np.testing.assert_array_equal(decode(strings[1], labels.shape), labels == 2)
 
 
 def test_empty_mask():

@@ -74,3 +74,9 @@ def test_equal_colors_leave_the_order_open():
     (meeting,) = find_meetings(strands)
     assert order_meeting(meeting, strands, image).score == pytest.approx(0.5)
     assert order_meeting(meeting, strands, None).score == 0.5
+
+
+def test_seam_of_a_ring_is_no_crossing():
+    """The last point of a ring is its first; what happens around it is one place, not two ends of a strand."""
+    seam = [[100, 100], [106, 101], [200, 100], [200, 200], [100, 200], [100, 110], [102, 98], [100, 100]]
+    assert find_meetings([Strand.of(np.array(seam, float), 10.0)]) == []

@@ -1,0 +1,63 @@
+"""Polylines: ``(n, 2)`` arrays of ``(x, y)`` points in pixels, joined in order."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from models.geometry.arrays import FloatArray, IntArray
+
+
+class Intersections(NamedTuple):
+    """Where segments cross: indices of both segments, how far along each (0 to 1), and the point."""
+
+    first: IntArray
+    second: IntArray
+    along_first: FloatArray
+    along_second: FloatArray
+    xy: FloatArray
+
+
+def arc_lengths(points_xy: FloatArray) -> FloatArray:
+    """Length from the first point to every point, ``(n,)``; the last entry is the whole length."""
+    steps = np.hypot(*np.diff(points_xy, axis=0).T)
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def resample(points_xy: FloatArray, count: int) -> FloatArray:
+    """``count`` points at equal arc length along the polyline, both ends included."""
+    lengths = arc_lengths(points_xy)
+    wanted = np.linspace(0.0, lengths[-1], count)
+    return np.stack([np.interp(wanted, lengths, axis) for axis in points_xy.T], axis=1)
+
+
+def point_at(points_xy: FloatArray, lengths: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Points at the arc lengths ``wanted``; outside the polyline its nearest end."""
+    return np.stack([np.interp(wanted, lengths, axis) for axis in points_xy.T], axis=-1)
+
+
+def crossing_segments(starts_xy: FloatArray, ends_xy: FloatArray) -> Intersections:
+    """All pairs of properly crossing segments, ``first < second``; ``O(S)`` memory for well-spread segments.
+
+    Segments that share an end point or are parallel do not cross. Strategy: two segments can only meet if
+    their middles are nearer than the longest segment, so a k-d tree of the middles proposes the pairs.
+    """
+    steps = ends_xy - starts_xy
+    reach = float(np.hypot(*steps.T).max(initial=0.0))
+    pairs = cKDTree((starts_xy + ends_xy) / 2).query_pairs(reach + 1e-9, output_type="ndarray")
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].astype(np.int64)
+    i, j = pairs[:, 0], pairs[:, 1]
+    between = starts_xy[j] - starts_xy[i]
+    area = _cross(steps[i], steps[j])
+    safe = np.where(area == 0, 1.0, area)
+    t, u = _cross(between, steps[j]) / safe, _cross(between, steps[i]) / safe
+    hit = (area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1)
+    i, j, t, u = i[hit], j[hit], t[hit], u[hit]
+    return Intersections(i, j, t, u, starts_xy[i] + t[:, None] * steps[i])
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    out: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return out

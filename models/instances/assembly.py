@@ -1,0 +1,120 @@
+"""From ordered points along each DLO to the finished scene; shared by the instance methods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.polylines import arc_lengths, resample
+from models.geometry.sampling import read_nearest
+from models.geometry.splines import fit_spline
+from models.instances.crossings import Strand, find_meetings, order_meeting
+from models.instances.drawing import draw_labels, stroke
+from models.instances.endpoints import endpoints_of
+from models.instances.scene import Instance, Scene
+
+MAX_INSTANCES = 255
+"""As many as labels of one byte can name."""
+_POINT_SPACING_PX = 5.0
+_TOLERANCE_PX = 1.0
+"""Root mean square distance of the spline to the points it is fitted to."""
+_SHORTEST_WIDTHS = 3.0
+"""Shorter things are not called DLOs; in widths of the scene's typical DLO."""
+_COVERED = 0.6
+"""Share of a centerline that may lie on a longer DLO before it counts as a part of that one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Ordered points ``(n, 2)`` found along one DLO; a closed one does not repeat its first point."""
+
+    xy: FloatArray
+    closed: bool
+
+
+def assemble(chains: list[Chain], mask: BoolArray, distances: Float32Array, image: ByteArray | None) -> Scene:
+    """Splines, widths, endpoints, crossings and labels of the chains, longest first.
+
+    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain.
+    """
+    started = perf_counter()
+    fitted = [instance for chain in chains if (instance := _fit(chain, mask, distances)) is not None]
+    instances = _without_fragments(fitted, mask.shape)
+    after_fit = perf_counter()
+    strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]
+    crossings = tuple(order_meeting(m, strands, image) for m in find_meetings(strands))
+    ends = endpoints_of(instances, mask.shape)
+    after_order = perf_counter()
+    finished = tuple(replace(i, endpoints=e) for i, e in zip(instances, ends, strict=True))
+    labels = draw_labels(mask, finished, crossings)
+    timings = {
+        "splines": 1e3 * (after_fit - started),
+        "crossings": 1e3 * (after_order - after_fit),
+        "labels": 1e3 * (perf_counter() - after_order),
+    }
+    return Scene(finished, crossings, labels, timings)
+
+
+def _fit(chain: Chain, mask: BoolArray, distances: Float32Array) -> Instance | None:
+    """The instance of one chain, or None if it is too short for its own width."""
+    width = max(1.0, 2 * float(np.median(read_nearest(distances, chain.xy))) - 1)
+    points = np.concatenate((chain.xy, chain.xy[:1])) if chain.closed else _to_the_tips(chain.xy, mask, width)
+    points = points[np.concatenate(([True], np.any(np.diff(points, axis=0) != 0, axis=1)))]
+    rough_length = float(arc_lengths(points)[-1])
+    if rough_length < _SHORTEST_WIDTHS * width:
+        return None
+    spline = fit_spline(points, tolerance_px=_TOLERANCE_PX)
+    count = max(2, round(rough_length / _POINT_SPACING_PX) + 1)
+    centerline = resample(spline.at(np.linspace(0, 1, 2 * count)), count)
+    length = float(arc_lengths(centerline)[-1])
+    score = float(read_nearest(mask, centerline).mean()) * (1 - float(np.exp(-length / (4 * width))))
+    return Instance(centerline, width, length, chain.closed, spline, (), score)
+
+
+def _to_the_tips(points: FloatArray, mask: BoolArray, width: float) -> FloatArray:
+    """The points with both ends moved on along the strand while there is foreground, at most a width.
+
+    Maxima of a distance transform end half a width before the strand does.
+    """
+    first, last = _tip(points, mask, width), _tip(points[::-1], mask, width)
+    return np.concatenate((first, points, last))
+
+
+def _tip(ordered: FloatArray, mask: BoolArray, width: float) -> FloatArray:
+    """``(1, 2)`` the tip beyond the first point, or ``(0, 2)`` if that is the tip already."""
+    step = ordered[0] - ordered[min(3, len(ordered) - 1)]
+    direction = step / max(float(np.hypot(*step)), 1e-9)
+    ahead = ordered[0] + np.arange(1, int(width) + 2)[:, None] * direction
+    limit = np.array(mask.shape[::-1]) - 1
+    inside = np.all((ahead >= 0) & (ahead <= limit), axis=1) & (read_nearest(mask, ahead) > 0)
+    reached = int(np.argmin(np.append(inside, False)))
+    tip: FloatArray = ahead[max(reached - 1, 0) : reached]
+    return tip
+
+
+def _without_fragments(fitted: list[Instance], shape: tuple[int, ...]) -> list[Instance]:
+    """The instances, longest first, without short ones and without those that lie on a longer one."""
+    ordered = sorted(fitted, key=lambda i: -i.length_px)
+    typical = _typical_width(ordered)
+    taken = np.zeros(shape, dtype=np.uint8)
+    kept: list[Instance] = []
+    for instance in ordered:
+        if instance.length_px < _SHORTEST_WIDTHS * max(typical, instance.width_px):
+            continue
+        if read_nearest(taken, instance.centerline_xy).mean() < _COVERED and len(kept) < MAX_INSTANCES:
+            stroke(taken, instance.centerline_xy, 1, instance.width_px)
+            kept.append(instance)
+    return kept
+
+
+def _typical_width(instances: list[Instance]) -> float:
+    """Median width, each instance counted by its length."""
+    if not instances:
+        return 1.0
+    widths = np.array([i.width_px for i in instances])
+    order = np.argsort(widths, kind="stable")
+    reached = np.cumsum([instances[k].length_px for k in order])
+    return float(widths[order[np.searchsorted(reached, reached[-1] / 2)]])

@@ -1,0 +1,136 @@
+"""Where DLOs cross, and which strand lies on top (thesis 3.5.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.geometry.arrays import ByteArray, FloatArray, IntArray
+from models.geometry.polylines import arc_lengths, crossing_segments, point_at
+from models.instances.scene import Crossing, StrandPosition
+
+_NOISE_LEVELS = 3.0
+"""Standard deviation of a color along one strand that means nothing, in gray levels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Strand:
+    """A centerline to look for crossings on: ``(n, 2)`` points, their arc lengths and the width."""
+
+    xy: FloatArray
+    lengths: FloatArray
+    width: float
+
+    @staticmethod
+    def of(centerline_xy: FloatArray, width_px: float) -> Strand:
+        return Strand(centerline_xy, arc_lengths(centerline_xy), width_px)
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """Two strands (``a <= b``, from 0) meet at ``xy``, at these arc lengths; ``sine`` of their angle."""
+
+    a: int
+    b: int
+    at_a: float
+    at_b: float
+    xy: FloatArray
+    sine: float
+
+
+def find_meetings(strands: list[Strand]) -> list[Meeting]:
+    """Every place where two centerlines, or two parts of one, pass through each other.
+
+    Centerlines that run along each other may intersect several times nearby: an even number of
+    intersections is no crossing, an odd number is one, at the middle of them.
+    """
+    if not strands:
+        return []
+    owner = np.repeat(np.arange(len(strands)), [len(s.xy) - 1 for s in strands])
+    starts = np.concatenate([s.xy[:-1] for s in strands])
+    ends = np.concatenate([s.xy[1:] for s in strands])
+    offsets = np.concatenate([s.lengths[:-1] for s in strands])
+    steps = np.hypot(*(ends - starts).T)
+    hits = crossing_segments(starts, ends)
+    found = []
+    for i, j, t, u, xy in zip(*hits, strict=True):
+        a, b = int(owner[i]), int(owner[j])
+        at_a, at_b = float(offsets[i] + t * steps[i]), float(offsets[j] + u * steps[j])
+        first, second = (ends[i] - starts[i]) / steps[i], (ends[j] - starts[j]) / steps[j]
+        sine = abs(float(first[0] * second[1] - first[1] * second[0]))
+        found.append(Meeting(a, b, at_a, at_b, xy, sine))
+    return _without_repeats(found, strands)
+
+
+def _without_repeats(found: list[Meeting], strands: list[Strand]) -> list[Meeting]:
+    kept = []
+    waiting = [m for m in found if not _is_curl(m, strands)]
+    while waiting:
+        near = [m for m in waiting if _is_same_place(m, waiting[0], strands)]
+        waiting = [m for m in waiting if m not in near]
+        if len(near) % 2:
+            kept.append(near[len(near) // 2])
+    return kept
+
+
+def _is_curl(meeting: Meeting, strands: list[Strand]) -> bool:
+    """A loop shorter than a cable can bend: an artifact of the fit, not a self-crossing."""
+    if meeting.a != meeting.b:
+        return False
+    strand = strands[meeting.a]
+    between = abs(meeting.at_a - meeting.at_b)
+    if np.allclose(strand.xy[0], strand.xy[-1], atol=0.1):
+        between = min(between, float(strand.lengths[-1]) - between)
+    return between < 3 * strand.width
+
+
+def _is_same_place(one: Meeting, other: Meeting, strands: list[Strand]) -> bool:
+    if (one.a, one.b) != (other.a, other.b):
+        return False
+    reach = 2 * max(strands[one.a].width, strands[one.b].width)
+    return abs(one.at_a - other.at_a) < reach and abs(one.at_b - other.at_b) < reach
+
+
+def order_meeting(meeting: Meeting, strands: list[Strand], image: ByteArray | None) -> Crossing:
+    """The crossing with its order: the strand whose color varies less along the crossing lies on top.
+
+    ``image``: ``(H, W, 3)`` or None (then the order is arbitrary and the score 0.5). The score is the share
+    of the color variance that the lower strand has, a fixed noise included on both sides.
+    """
+    a, b = strands[meeting.a], strands[meeting.b]
+    position_a = StrandPosition(meeting.a + 1, _share(meeting.at_a, a))
+    position_b = StrandPosition(meeting.b + 1, _share(meeting.at_b, b))
+    xy = (float(meeting.xy[0]), float(meeting.xy[1]))
+    if image is None:
+        return Crossing(xy, position_a, position_b, 0.5)
+    var_a = _color_variance(image, a, meeting.at_a, b.width / max(meeting.sine, 0.3))
+    var_b = _color_variance(image, b, meeting.at_b, a.width / max(meeting.sine, 0.3))
+    score = max(var_a, var_b) / (var_a + var_b)
+    if var_a <= var_b:
+        return Crossing(xy, position_a, position_b, score)
+    return Crossing(xy, position_b, position_a, score)
+
+
+def _share(at: float, strand: Strand) -> float:
+    return min(1.0, max(0.0, at / float(strand.lengths[-1])))
+
+
+def _color_variance(image: ByteArray, strand: Strand, at: float, other_extent: float) -> float:
+    """Mean over R, G, B of the color's variance along the strand, across the other strand and a width beyond.
+
+    The color is averaged over the middle half of the strand's width, so that a highlight counts little.
+    """
+    reach = other_extent / 2 + strand.width
+    along = np.clip(np.arange(at - reach, at + reach + 1.0), 0.0, strand.lengths[-1])
+    points = point_at(strand.xy, strand.lengths, along)
+    tangent = points[-1] - points[0]
+    normal = np.array([-tangent[1], tangent[0]]) / max(float(np.hypot(*tangent)), 1e-9)
+    lanes = np.linspace(-0.25, 0.25, 3)[:, None, None] * strand.width * normal
+    colors = image[_pixels(points + lanes, image.shape)].mean(axis=0)
+    return float(colors.var(axis=0).mean()) + _NOISE_LEVELS**2
+
+
+def _pixels(points_xy: FloatArray, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+    whole = np.rint(points_xy).astype(np.int64)
+    return np.clip(whole[..., 1], 0, shape[0] - 1), np.clip(whole[..., 0], 0, shape[1] - 1)

@@ -1,0 +1,136 @@
+"""Algorithm 4 of the thesis (3.5.4): vertices with more than two edges are taken out, their neighbors paired.
+
+Beyond the thesis: the direction of a strand is read over several vertices before the intersection, strands
+whose tangents, widths or (with a picture) colors disagree score less, up to six strands are paired by
+comparing every way to do it, and the two forks that a shallow crossing leaves are one intersection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations
+
+from models.geometry.polylines import arc_lengths
+from models.instances.rt_dlo.arms import ARM_VERTICES, Arm, arm_of, continuation
+from models.instances.rt_dlo.graph import Vertices
+
+Graph = dict[int, set[int]]
+"""Vertex to its neighbors, both ways."""
+
+_SHARED_RADII = 14.0
+"""Longest foreground that two strands of a shallow crossing share."""
+_LONGEST_CHAIN = 64
+"""No chain of more vertices is that short."""
+_MAX_EXACT = 6
+"""Most strands for which every way to pair them is compared."""
+
+
+def graph_of(edges: Iterable[tuple[int, int]]) -> Graph:
+    """Undirected graph of the edges; vertices without an edge are not in it."""
+    graph: Graph = {}
+    for a, b in edges:
+        graph.setdefault(a, set()).add(b)
+        graph.setdefault(b, set()).add(a)
+    return graph
+
+
+def chain_from(graph: Graph, start: int, at_most: int | None = None) -> list[int]:
+    """Vertices from ``start`` on, in order, through a graph whose vertices have at most two edges."""
+    chain, seen = [start], {start}
+    while len(chain) != at_most and (onward := graph[chain[-1]] - seen):
+        chain.append(min(onward))
+        seen.add(chain[-1])
+    return chain
+
+
+def resolve_intersections(graph: Graph, vertices: Vertices) -> Graph:
+    """The graph without ambiguous vertices: every vertex has at most two edges.
+
+    Around each group of ambiguous vertices, the strands that enter it are paired by how well one continues
+    the other, until fewer than two are left or none fits. All arms are read before the first pair is joined.
+    """
+    ambiguous = {v for v, around in graph.items() if len(around) > 2}
+    solved = {v: around - ambiguous for v, around in graph.items() if v not in ambiguous}
+    groups = [{v for v in group - ambiguous if solved[v]} for group in _merged_groups(graph, ambiguous)]
+    groups = _without_inner_chains(groups, solved, vertices)
+    entries = [[v for v in sorted(group) if solved[v]] for group in groups]
+    arms = [[arm_of(chain_from(solved, v, ARM_VERTICES), vertices) for v in entry] for entry in entries]
+    for entering in arms:
+        for a, b in _paired(entering):
+            solved[a].add(b)
+            solved[b].add(a)
+    return solved
+
+
+def _merged_groups(graph: Graph, ambiguous: set[int]) -> list[set[int]]:
+    """Each ambiguous vertex with its neighbors; groups that share a vertex are one (line 6)."""
+    group_of: dict[int, set[int]] = {}
+    for center in sorted(ambiguous):
+        merged = {center} | graph[center]
+        for member in sorted(merged):
+            merged = merged | group_of.get(member, set())
+        for member in merged:
+            group_of[member] = merged
+    unique = {id(group): group for group in group_of.values()}
+    return list(unique.values())
+
+
+def _without_inner_chains(groups: list[set[int]], graph: Graph, vertices: Vertices) -> list[set[int]]:
+    """Groups without the short chains inside them; what is left of a group are the vertices that enter it.
+
+    A chain from a group to itself is noise around an intersection. One between two forks (groups that an odd
+    number of strands enters) is the foreground that both strands of a shallow crossing share: the forks
+    become one group. Both kinds of chain lose their edges in ``graph``.
+    """
+    groups = [set(group) for group in groups]
+    home = {v: index for index, group in enumerate(groups) for v in group}
+    for vertex in sorted(home):
+        mine, chain = home[vertex], chain_from(graph, vertex, _LONGEST_CHAIN)
+        other = home.get(chain[-1]) if len(chain) > 1 else None
+        if other is None or not _is_short(chain, vertices):
+            continue
+        if other != mine and (len(groups[mine]) % 2 == 0 or len(groups[other]) % 2 == 0):
+            continue
+        for member in chain:
+            graph[member] = set()
+        groups[mine] = (groups[mine] | groups[other]) - {chain[0], chain[-1]}
+        if other != mine:
+            groups[other] = set()
+            home.update(dict.fromkeys(groups[mine], mine))
+    return [group for group in groups if group]
+
+
+def _is_short(chain: list[int], vertices: Vertices) -> bool:
+    length = float(arc_lengths(vertices.xy[chain])[-1])
+    return length <= _SHARED_RADII * vertices.typical_radius
+
+
+def _paired(arms: list[Arm]) -> list[tuple[int, int]]:
+    """Disjoint pairs with the largest sum of scores; many arms are paired greedily (lines 9 to 19)."""
+    if len(arms) > _MAX_EXACT:
+        return _greedy_pairs(arms)
+    return _best_pairs(tuple(arms))[1]
+
+
+def _greedy_pairs(arms: list[Arm]) -> list[tuple[int, int]]:
+    scored = [(-continuation(a, b), a.vertex, b.vertex) for a, b in combinations(arms, 2)]
+    done: set[int] = set()
+    pairs = []
+    for score, a, b in sorted(scored):
+        if score < 0 and a not in done and b not in done:
+            done |= {a, b}
+            pairs.append((a, b))
+    return pairs
+
+
+def _best_pairs(arms: tuple[Arm, ...]) -> tuple[float, list[tuple[int, int]]]:
+    if len(arms) < 2:
+        return 0.0, []
+    first, rest = arms[0], arms[1:]
+    best = _best_pairs(rest)
+    for index, partner in enumerate(rest):
+        score = continuation(first, partner)
+        if score > 0:
+            total, pairs = _best_pairs(rest[:index] + rest[index + 1 :])
+            best = max(best, (total + score, [(first.vertex, partner.vertex), *pairs]))
+    return best

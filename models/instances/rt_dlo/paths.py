@@ -1,0 +1,144 @@
+"""From a graph without branches to one ordered vertex path a DLO (thesis 3.5.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.polylines import arc_lengths
+from models.geometry.sampling import read_nearest
+from models.instances.rt_dlo.arms import Arm, arm_of, continuation
+from models.instances.rt_dlo.graph import Vertices
+from models.instances.rt_dlo.intersections import Graph, chain_from
+
+_MAX_PATHS = 400
+_GAP_RADII = 12.0
+"""Longest part of a joint that may run off the foreground."""
+_JOINT_RADII = 24.0
+"""Longest joint, as where two strands share their foreground."""
+_LEAST_COSINE, _LEAST_COSINE_NEAR = 0.6, 0.2
+"""How straight a joint must leave both ends; the second holds for joints of at most four radii."""
+_NEAR_RADII = 4.0
+_TURN_RADII = 2.5
+_SHARP_COSINE = 0.5
+_LEAST_SCORE = 0.05
+
+
+@dataclass(frozen=True)
+class Path:
+    """Vertices in order. A closed path does not repeat its first vertex."""
+
+    vertices: tuple[int, ...]
+    closed: bool = False
+
+
+def extract_paths(graph: Graph) -> list[Path]:
+    """The chains and rings of a graph whose vertices have at most two edges, longest first."""
+    seen: set[int] = set()
+    paths = []
+    ends = sorted(v for v, around in graph.items() if len(around) == 1)
+    for start in [*ends, *sorted(graph)]:
+        if start not in seen and graph[start]:
+            chain = chain_from(graph, start)
+            seen.update(chain)
+            paths.append(Path(tuple(chain), closed=len(chain) > 2 and chain[0] in graph[chain[-1]]))
+    return sorted(paths, key=lambda path: -len(path.vertices))[:_MAX_PATHS]
+
+
+def split_at_kinks(path: Path, vertices: Vertices) -> list[Path]:
+    """Consistency check: an open path is cut where it is not smooth; joining may undo what has no better end.
+
+    Not smooth is a vertex whose two edges leave to the same side of it (thesis 3.5.5), and, beyond the
+    thesis, the sharpest vertex of a turn by more than 60 degrees within a few radii.
+    """
+    xy = vertices.xy[list(path.vertices)]
+    if path.closed or len(xy) < 3:
+        return [path]
+    cuts = np.union1d(_one_sided(xy, vertices.directions[list(path.vertices)]), _sharp_turns(xy, vertices))
+    bounds = [0, *(cuts + 1).tolist(), len(xy)]
+    pieces = [path.vertices[a:b] for a, b in pairwise(bounds)]
+    return [Path(piece) for piece in pieces if len(piece) > 1]
+
+
+def _one_sided(xy: FloatArray, directions: FloatArray) -> IntArray:
+    before = np.einsum("ij,ij->i", directions[1:-1], xy[1:-1] - xy[:-2])
+    after = np.einsum("ij,ij->i", directions[1:-1], xy[2:] - xy[1:-1])
+    return np.flatnonzero(before * after < 0) + 1
+
+
+def _sharp_turns(xy: FloatArray, vertices: Vertices) -> IntArray:
+    """The vertex of the largest turn in each stretch of vertices where the path turns sharply."""
+    reach = max(1, round(_TURN_RADII * vertices.typical_radius * (len(xy) - 1) / float(arc_lengths(xy)[-1])))
+    if len(xy) <= 2 * reach:
+        return np.zeros(0, dtype=np.int64)
+    steps = xy[reach:] - xy[:-reach]
+    steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
+    cosines = np.einsum("ij,ij->i", steps[:-reach], steps[reach:])
+    sharp = np.flatnonzero(cosines < _SHARP_COSINE)
+    stretches = np.split(sharp, np.flatnonzero(np.diff(sharp) > 1) + 1)
+    return np.array([s[np.argmin(cosines[s])] + reach for s in stretches if len(s)], dtype=np.int64)
+
+
+def join_paths(paths: list[Path], vertices: Vertices, mask: BoolArray) -> list[Path]:
+    """Paths connected end to end where one seems to go on in the other: over gaps, along shared foreground.
+
+    Strategy: every pair of ends within reach gets a score (how well one continues the other, less for length
+    and for foreground missing between them). Pairs are joined in descending order, each end once; joining
+    the two ends of one path closes it. End ``2 p`` is the first vertex of open path ``p``, end ``2 p + 1``
+    its last.
+    """
+    open_paths = [path for path in paths if not path.closed]
+    arms = [arm_of(chain, vertices) for p in open_paths for chain in (p.vertices, p.vertices[::-1])]
+    joints: dict[int, int] = {}
+    for _, a, b in sorted(_scored_joints(arms, mask)):
+        if a not in joints and b not in joints:
+            joints[a], joints[b] = b, a
+    return [path for path in paths if path.closed] + _follow(open_paths, joints)
+
+
+def _scored_joints(arms: list[Arm], mask: BoolArray) -> list[tuple[float, int, int]]:
+    """(minus score, end, end) of the joints that are possible."""
+    if len(arms) < 2:
+        return []
+    xy, outward = np.array([arm.xy for arm in arms]), np.array([arm.outward for arm in arms])
+    radii = np.array([arm.radius for arm in arms])
+    a, b = np.triu_indices(len(arms), 1)
+    link = xy[b] - xy[a]
+    length = np.maximum(np.hypot(*link.T), 1e-9)
+    leaving = np.einsum("ij,ij->i", outward[a], link) / length
+    arriving = -np.einsum("ij,ij->i", outward[b], link) / length
+    radius = np.maximum(radii[a], radii[b])
+    least = np.where(length < _NEAR_RADII * radius, _LEAST_COSINE_NEAR, _LEAST_COSINE)
+    near = np.flatnonzero((length < _JOINT_RADII * radius) & (np.minimum(leaving, arriving) > least))
+    a, b, length, radius = a[near], b[near], length[near] / radius[near], radius[near]
+    shares = np.linspace(0, 1, 24)[None, :, None]
+    on_mask = read_nearest(mask, xy[a][:, None] * (1 - shares) + xy[b][:, None] * shares).mean(axis=1)
+    gap = length * (1 - on_mask)
+    scored = []
+    for k in np.flatnonzero(gap < _GAP_RADII):
+        score = continuation(arms[a[k]], arms[b[k]]) / (1 + gap[k] / _GAP_RADII + length[k] / _JOINT_RADII)
+        if score > _LEAST_SCORE:
+            scored.append((-float(score), int(a[k]), int(b[k])))
+    return scored
+
+
+def _follow(paths: list[Path], joints: dict[int, int]) -> list[Path]:
+    """The paths strung together along the joints; open strings from their free ends first, then the rings."""
+    done: set[int] = set()
+    joined: list[Path] = []
+    free = [end for end in range(2 * len(paths)) if end not in joints]
+    for start in [*free, *sorted(joints)]:
+        if start // 2 in done:
+            continue
+        chain: list[int] = []
+        end = start
+        while end // 2 not in done:
+            done.add(end // 2)
+            piece = paths[end // 2].vertices
+            chain.extend(piece if end % 2 == 0 else piece[::-1])
+            end = joints.get(end ^ 1, end)
+        joined.append(Path(tuple(chain), closed=start in joints))
+    return joined

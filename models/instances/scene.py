@@ -1,0 +1,68 @@
+"""What every instance method returns: the DLOs of one picture and where they cross."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from models.geometry.arrays import ByteArray, FloatArray
+from models.geometry.splines import Spline
+
+EndpointKind = Literal["free", "border", "hidden"]
+
+
+@dataclass(frozen=True, eq=False)
+class Endpoint:
+    """Where a DLO ends: ``free`` in view, ``border`` at the picture's edge, ``hidden`` under another DLO."""
+
+    xy: tuple[float, float]
+    kind: EndpointKind
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One DLO. Its id is its place in :attr:`Scene.instances` plus 1, and its value in :attr:`Scene.labels`.
+
+    ``centerline_xy``: ``(n, 2)`` pixels at equal arc length, end to end; a ring repeats its first point.
+    ``score``: 0 to 1, confidence that this is one true DLO; not calibrated.
+    """
+
+    centerline_xy: FloatArray
+    width_px: float
+    length_px: float
+    closed: bool
+    spline: Spline
+    endpoints: tuple[Endpoint, ...]
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class StrandPosition:
+    """A place on an instance: its id (from 1) and ``u``, 0 to 1 by arc length along its centerline."""
+
+    instance: int
+    u: float
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """One strand over another, or over itself. ``score``: confidence in the order, 0.5 (not known) to 1."""
+
+    xy: tuple[float, float]
+    over: StrandPosition
+    under: StrandPosition
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The DLOs of one picture.
+
+    ``labels``: ``(H, W)`` uint8, 0 background, else the id of the instance seen there (at crossings the upper).
+    ``timings_ms``: wall-clock time of each step.
+    """
+
+    instances: tuple[Instance, ...]
+    crossings: tuple[Crossing, ...]
+    labels: ByteArray
+    timings_ms: dict[str, float] = field(default_factory=dict)
