@@ -9,16 +9,19 @@ WORKERS ?= 1
 DATA ?= data
 SHARED ?= ../shared
 
-.PHONY: run serve test lint bench lock clean
+.PHONY: run serve dev test lint bench lock clean
 
 ## Start everything, find the cables of IMAGE through HTTP, print them, stop.
 run: $(BIN)/.service
-	@$(BIN)/python -m services --port 0 --workers 1 --data-dir build/run/data \
+	@DLO_LOG_LEVEL=WARNING $(BIN)/python -m services --port 0 --workers 1 --data-dir build/run/data \
 		--then $(BIN)/dlo instances $(IMAGE) --out build/run
 
 ## Keep the service up: http://HOST:PORT, viewer at /, documentation at /docs.
 serve: $(BIN)/.service
 	@$(BIN)/python -m services --host $(HOST) --port $(PORT) --workers $(WORKERS) --data-dir $(DATA)
+
+## The tools for tests and training.
+dev: $(BIN)/.dev
 
 ## Everything that CI runs.
 test: lint

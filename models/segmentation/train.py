@@ -31,8 +31,11 @@ _VALIDATION_SEED = 10_000_019
 
 @dataclass(frozen=True)
 class TrainParams:
-    """``minutes`` of training in all; ``chunk`` minutes of this run; ``decay`` of the averaged weights."""
+    """``minutes`` of training in all; ``chunk`` minutes of this run; ``decay`` of the averaged weights;
+    ``height`` and ``width`` of the scenes, which a later run may enlarge."""
 
+    height: int = 192
+    width: int = 320
     minutes: float = 100.0
     chunk: float = 1e9
     batch: int = 8
@@ -237,7 +240,7 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     params = TrainParams(**{name: getattr(args, name) for name in asdict(TrainParams())})
-    train(params, SceneParams(), load_pool(args.textures), args.folder, args.pretrained)
+    train(params, SceneParams((args.height, args.width)), load_pool(args.textures), args.folder, args.pretrained)
 
 
 if __name__ == "__main__":

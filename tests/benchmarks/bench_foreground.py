@@ -1,0 +1,170 @@
+"""The foreground network on real photographs, what it sees where no cable is, and instances from RGB.
+
+    python -m tests.benchmarks.bench_foreground [SHARED] [--network NAME] [--sheets DIR]
+
+Dice and IoU per picture at the network's one threshold, then the mean, by set and category. Pictures without
+cables: the background textures (share of pixels taken for cable, and instances found). RGB to instances on
+``ewd``: the whole chain. Time: the network alone at 640 × 360, two threads. Prints tables, writes
+``build/bench/foreground.json`` and, with ``--sheets``, the ten worst pictures of each set.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import perf_counter
+
+import cv2
+import numpy as np
+
+from models.inference import Runtime, default_name, load
+from models.instances.overlay import overlay
+from models.instances.rt_dlo import RtDloParams, extract
+from models.segmentation.segment import ForegroundInput, segment
+from tests.benchmarks.bench_instances import contact_sheet, photos
+from tests.benchmarks.scoring import score_labels
+
+SETS = {"ewd": "labels", "photos100": "masks", "bwh": "masks", "sbhc": "labels"}
+Segment = Callable[[np.ndarray], np.ndarray]
+
+
+def pictures(folder: Path, truth: str) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Name, (H, W, 3) RGB and (H, W) bool truth of every picture of a set."""
+    for path in sorted((folder / "imgs").iterdir()):
+        image = np.ascontiguousarray(cv2.imread(str(path))[:, :, ::-1])
+        file = next(iter(sorted((folder / truth).glob(f"{path.stem}.*"))), None)
+        if file is None:
+            continue
+        labels = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        mask = (labels if labels.ndim == 2 else labels[:, :, :3].max(2)) > 0
+        size = image.shape[1::-1]
+        yield path.stem, image, cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+
+
+def score(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
+    both, either = np.count_nonzero(found & true), np.count_nonzero(found | true)
+    total = np.count_nonzero(found) + np.count_nonzero(true)
+    return {"dice": 2 * both / max(total, 1), "iou": both / max(either, 1)}
+
+
+def measure_set(folder: Path, truth: str, probability: Segment, threshold: float, sheet: Path | None) -> dict:
+    rows, tiles = [], []
+    for name, image, true in pictures(folder, truth):
+        found = probability(image) >= threshold
+        rows.append({"name": name, **score(found, true)})
+        tiles.append((rows[-1]["dice"], name, _compare(image, found, true)))
+    if sheet:
+        worst = [tile for _, _, tile in sorted(tiles, key=lambda t: t[:2])[:10]]
+        worst += [np.zeros_like(worst[0])] * (len(worst) % 2)
+        cv2.imwrite(str(sheet), np.vstack([np.hstack(worst[k : k + 2]) for k in range(0, len(worst), 2)]))
+    groups = {"all": rows} | _by_prefix(rows)
+    return {
+        "groups": {g: {"n": len(r)} | {k: _percent(r, k) for k in ("dice", "iou")} for g, r in groups.items()},
+        "worst": sorted((r["name"], round(100 * r["dice"], 1)) for r in sorted(rows, key=lambda r: r["dice"])[:10]),
+    }
+
+
+def _by_prefix(rows: list[dict]) -> dict[str, list[dict]]:
+    groups: dict[str, list[dict]] = {}
+    for row in rows:
+        groups.setdefault(row["name"].split("_")[0], []).append(row)
+    return groups if 1 < len(groups) < 6 else {}
+
+
+def _percent(rows: list[dict], key: str) -> float:
+    return round(100 * float(np.mean([row[key] for row in rows])), 2)
+
+
+def _compare(image: np.ndarray, found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """BGR: right in green, invented in red, missed in blue."""
+    tile = image[:, :, ::-1].astype(float) * 0.6
+    for where, color in ((found & true, (0, 255, 0)), (found & ~true, (0, 0, 255)), (~found & true, (255, 0, 0))):
+        tile[where] = 0.5 * tile[where] + 0.5 * np.array(color)
+    return cv2.resize(tile.astype(np.uint8), (640, 360))
+
+
+def measure_empty(root: Path, probability: Segment, threshold: float, instances: Callable, count: int) -> dict:
+    """Textures hold no cable: share of pixels taken for one, and instances in the first 50."""
+    files = sorted((root / "textures").glob("*/*.jpg")) + sorted((root / "textures").glob("*/*.png"))
+    chosen = [files[k] for k in np.random.default_rng(0).permutation(len(files))[:count]]
+    shares, found = [], []
+    for path in chosen:
+        image = np.ascontiguousarray(cv2.imread(str(path))[:, :, ::-1])
+        p = probability(image)
+        shares.append(float(np.mean(p >= threshold)))
+        if len(found) < 50:
+            found.append(len(instances(p, image).instances))
+    return {
+        "pictures": len(shares),
+        "false_pixels_percent": round(100 * float(np.mean(shares)), 4),
+        "pictures_with_instances_of_50": int(np.count_nonzero(found)),
+    }
+
+
+def measure_rgb(root: Path, probability: Segment, instances: Callable, sheet: Path | None) -> dict:
+    rows, drawn = [], {}
+    for photo in photos(root, "ewd"):
+        scene = instances(probability(photo.image), photo.image)
+        rows.append({"name": photo.name, **score_labels(scene.labels, photo.labels)})
+        if sheet:
+            drawn[photo.name] = overlay(photo.image, scene)
+    if sheet:
+        cv2.imwrite(str(sheet), contact_sheet(rows, drawn))
+    groups = {"all": rows} | _by_prefix(rows)
+    keys = ("iou", "iou_strict", "dice", "pq", "count", "sem_dice")
+    return {g: {"n": len(r)} | {k: _percent(r, k) for k in keys} for g, r in groups.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
+    parser.add_argument("--network", help="default: the manifest's")
+    parser.add_argument("--sheets", type=Path, help="folder for the worst pictures")
+    parser.add_argument("--empty", type=int, default=200, help="pictures without cables")
+    parser.add_argument("--out", type=Path, default=Path("build/bench"))
+    args = parser.parse_args()
+    network = load(args.network or default_name("foreground"), Runtime(threads=2))
+    orientation = load(default_name("orientation"), Runtime(threads=2))
+    settings = ForegroundInput.from_manifest(network.spec.preprocess)
+
+    def probability(image: np.ndarray) -> np.ndarray:
+        return segment(image, network, settings)
+
+    def instances(p: np.ndarray, image: np.ndarray):
+        return extract(p >= settings.threshold, image, RtDloParams(), orientation)
+
+    def sheet(name: str) -> Path | None:
+        return args.sheets / f"{name}.png" if args.sheets else None
+
+    if args.sheets:
+        args.sheets.mkdir(parents=True, exist_ok=True)
+    report: dict = {"network": network.spec.name, "sha256": network.spec.sha256[:12], "threshold": settings.threshold}
+    report["sets"] = {
+        name: measure_set(args.shared / "data" / name, truth, probability, settings.threshold, sheet(name))
+        for name, truth in SETS.items()
+    }
+    report["empty"] = measure_empty(args.shared, probability, settings.threshold, instances, args.empty)
+    report["rgb_to_instances"] = measure_rgb(args.shared, probability, instances, sheet("rgb"))
+    report["time_ms"] = measure_time(probability)
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "foreground.json").write_text(json.dumps(report, indent=1))
+    for name, part in report["sets"].items():
+        print(name, json.dumps(part["groups"]))
+    for name in ("empty", "rgb_to_instances", "time_ms"):
+        print(name, json.dumps(report[name]))
+
+
+def measure_time(probability: Segment) -> dict[str, float]:
+    image = np.random.default_rng(0).integers(0, 255, (360, 640, 3)).astype(np.uint8)
+    taken = []
+    for _ in range(30):
+        started = perf_counter()
+        probability(image)
+        taken.append(1e3 * (perf_counter() - started))
+    return {"median": round(float(np.median(taken)), 2), "best": round(min(taken), 2)}
+
+
+if __name__ == "__main__":
+    main()
