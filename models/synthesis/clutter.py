@@ -263,7 +263,9 @@ def _thread(
 ) -> None:  # fmt: skip
     w = canvas.width
     step = rng.uniform(0.015, 0.06) * w
-    params = CurveParams((0.3 * step, 1.6 * step), rng.uniform(0.1, 0.8), rng.uniform(0.2, 0.9), int(rng.integers(4, 9)))
+    params = CurveParams(
+        (0.3 * step, 1.6 * step), rng.uniform(0.1, 0.8), rng.uniform(0.2, 0.9), int(rng.integers(4, 9))
+    )
     curve = interpolate(propagate(rng, at.astype(np.float32), rng.uniform(-np.pi, np.pi), params), 0.7)
     swell = np.interp(np.linspace(0, 1, len(curve)), np.linspace(0, 1, 7), rng.uniform(0.15, 1.0, 7))
     look = Look(color, color, "plain", 10.0, 0.0, 4.0, 0.0, 1.0)

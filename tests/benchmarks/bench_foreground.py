@@ -22,7 +22,7 @@ import numpy as np
 from models.inference import Runtime, default_name, load
 from models.instances.overlay import overlay
 from models.instances.rt_dlo import RtDloParams, extract
-from models.segmentation.segment import ForegroundInput, segment
+from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from tests.benchmarks.bench_instances import contact_sheet, photos
 from tests.benchmarks.scoring import score_labels
 
@@ -62,7 +62,7 @@ def measure_set(folder: Path, truth: str, probability: Segment, threshold: float
     groups = {"all": rows} | _by_prefix(rows)
     return {
         "groups": {g: {"n": len(r)} | {k: _percent(r, k) for k in ("dice", "iou")} for g, r in groups.items()},
-        "worst": sorted((r["name"], round(100 * r["dice"], 1)) for r in sorted(rows, key=lambda r: r["dice"])[:10]),
+        "worst": [(r["name"], round(100 * r["dice"], 1)) for r in sorted(rows, key=lambda r: r["dice"])[:10]],
     }
 
 
@@ -133,7 +133,7 @@ def main() -> None:
         return segment(image, network, settings)
 
     def instances(p: np.ndarray, image: np.ndarray):
-        return extract(p >= settings.threshold, image, RtDloParams(), orientation)
+        return extract(foreground_mask(p, settings), image, RtDloParams(), orientation)
 
     def sheet(name: str) -> Path | None:
         return args.sheets / f"{name}.png" if args.sheets else None

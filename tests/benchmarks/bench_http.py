@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -38,12 +40,17 @@ def summary(took_ms: np.ndarray) -> dict[str, float]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=300)
+    parser.add_argument("--out", type=Path, default=Path("build/bench"))
     arguments = parser.parse_args()
     if address := os.environ.get("DLO_URL"):
-        print(summary(measure(address, arguments.jobs)))
+        result = summary(measure(address, arguments.jobs))
+        print(result)
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        (arguments.out / "http.json").write_text(json.dumps(result))
         return 0
     with tempfile.TemporaryDirectory() as data_dir:
         here = [sys.executable, "-m", "tests.benchmarks.bench_http", "--jobs", str(arguments.jobs)]
+        here += ["--out", str(arguments.out.resolve())]
         service = [sys.executable, "-m", "services", "--port", "0", "--data-dir", data_dir, "--then", *here]
         return subprocess.run(service, env=os.environ | {"DLO_LOG_LEVEL": "WARNING"}, check=False).returncode
 

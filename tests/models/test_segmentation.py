@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from models.segmentation.network_compact import CompactNetwork, foreground_loss
-from models.segmentation.segment import ForegroundInput, segment
+from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from models.segmentation.train import Training, TrainParams, learning_rate, validate
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import TexturePool
 
-SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5)
+SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5, 0.8)
 
 
 def red_is_cable(planes: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_a_strip_is_not_reduced_to_nothing(size, seen):
 
 
 def test_normalization_is_that_of_training():
-    settings = ForegroundInput(64, 32, (0.5, 0.25, 0.0), (0.5, 0.25, 1.0), 0.5)
+    settings = ForegroundInput(64, 32, (0.5, 0.25, 0.0), (0.5, 0.25, 1.0), 0.5, 0.8)
     seen = {}
 
     def spy(planes):
@@ -73,6 +73,21 @@ def test_normalization_is_that_of_training():
 
     segment(np.full((32, 32, 3), 255, np.uint8), spy, settings)
     assert seen["planes"][0, :, 0, 0].tolist() == pytest.approx([1.0, 3.0, 1.0])
+
+
+def test_a_patch_without_certainty_is_left_out_unless_a_threshold_is_asked_for():
+    probability = np.zeros((8, 20), np.float32)
+    probability[2, 1:9] = 0.95
+    probability[3, 1:9] = 0.6  # the faint edge of a certain cable stays with it
+    probability[1, 1:9] = 0.95
+    probability[2, 12:18] = 0.7
+    kept = foreground_mask(probability, SETTINGS)
+    assert kept[1:4, 1:9].all()
+    assert kept.sum() == 24
+    literal = foreground_mask(probability, SETTINGS, threshold=0.65)
+    assert literal[2, 12:18].all()
+    assert literal.sum() == 22
+    assert not foreground_mask(np.zeros((2, 2), np.float32), SETTINGS, threshold=0.0).any()
 
 
 def test_network_answers_at_the_size_of_its_input():

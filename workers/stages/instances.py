@@ -27,11 +27,13 @@ from models.instances import scene as found
 from models.instances.drawing import palette
 from models.instances.overlay import overlay
 from models.instances.rt_dlo import RtDloParams, extract
+from models.segmentation.segment import foreground_mask
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
 from workers.stages.pictures import indexed_png, png, read_mask, read_rgb
-from workers.stages.segment import applied_threshold, foreground, mask_png, model_used
+from workers.stages.segment import foreground, mask_png, model_used
 
 MASK_THRESHOLD = 0.5
+_ABOVE_ZERO = 1e-6
 _DECIMALS = 2
 
 
@@ -56,9 +58,10 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
     seen = perceive(image, tools, mask=mask, model=request.model, threshold=request.threshold, params=request.params)
     tools.progress(0.8)
     with watch.step("encode"):
+        masks = rle.encode_labels(seen.scene.labels, len(seen.scene.instances))
         instances = [
-            _instance(k, item, seen.scene.labels, request.points_per_instance)
-            for k, item in enumerate(seen.scene.instances, start=1)
+            _instance(k, item, MaskRLE(size=seen.probability.shape, counts=counts), request.points_per_instance)
+            for k, (item, counts) in enumerate(zip(seen.scene.instances, masks, strict=True), start=1)
         ]
         files = _files(request, image, seen)
     height, width = seen.probability.shape
@@ -88,9 +91,11 @@ def perceive(
     with watch.step("segment"):
         if mask is not None:
             probability, applied = mask, MASK_THRESHOLD if threshold is None else threshold
+            cable = probability >= max(applied, _ABOVE_ZERO)
         elif image is not None:
-            probability, spec = foreground(image, model, tools)
-            applied = applied_threshold(threshold, spec)
+            spec, settings, probability = foreground(image, model, tools)
+            applied = settings.threshold if threshold is None else threshold
+            cable = foreground_mask(probability, settings, threshold)
             models.append(model_used(spec))
         else:
             raise InvalidInput("image", "an image or a mask is needed")
@@ -98,7 +103,7 @@ def perceive(
     models.append(model_used(orientation.spec))
     with watch.step("instances"):
         chosen = RtDloParams(**params.model_dump()) if params else RtDloParams()
-        scene = extract(probability >= max(applied, 1e-6), image, chosen, orientation)
+        scene = extract(cable, image, chosen, orientation)
     timings = watch.timings_ms | {f"instances.{name}": ms for name, ms in scene.timings_ms.items()}
     return Perception(scene, probability, applied, models, timings)
 
@@ -127,7 +132,7 @@ def _gray(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.repeat(np.rint(probability * 120).astype(np.uint8)[:, :, None], 3, axis=2)
 
 
-def _instance(number: int, item: found.Instance, labels: NDArray[np.uint8], points: int | None) -> Instance:
+def _instance(number: int, item: found.Instance, mask: MaskRLE, points: int | None) -> Instance:
     centerline = item.centerline_xy if points is None else resample(item.centerline_xy, points)
     return Instance(
         id=number,
@@ -142,7 +147,7 @@ def _instance(number: int, item: found.Instance, labels: NDArray[np.uint8], poin
             control_xy=_points(item.spline.control_xy),
         ),
         endpoints=[Endpoint(xy=_point(e.xy), kind=e.kind) for e in item.endpoints],
-        mask_rle=MaskRLE(size=(labels.shape[0], labels.shape[1]), counts=rle.encode(labels == number)),
+        mask_rle=mask,
     )
 
 

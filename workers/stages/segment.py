@@ -22,8 +22,8 @@ def run(request: SegmentRequest, tools: Tools) -> Outcome:
         image = read_rgb(request.image, "image", tools)
     tools.progress(0.2)
     with watch.step("segment"):
-        probability, spec = foreground(image, request.model, tools)
-    threshold = applied_threshold(request.threshold, spec)
+        spec, settings, probability = foreground(image, request.model, tools)
+    threshold = settings.threshold if request.threshold is None else request.threshold
     with watch.step("encode"):
         files = {"mask.png": ("image/png", mask_png(probability))}
     result = SegmentResult(
@@ -36,18 +36,17 @@ def run(request: SegmentRequest, tools: Tools) -> Outcome:
     return Outcome(result, files, watch.timings_ms)
 
 
-def foreground(image: NDArray[np.uint8], model: str | None, tools: Tools) -> tuple[NDArray[np.float32], NetworkSpec]:
-    """Probability (H, W) by the network named ``model`` or the default one, and that network's entry."""
+def foreground(
+    image: NDArray[np.uint8], model: str | None, tools: Tools
+) -> tuple[NetworkSpec, ForegroundInput, NDArray[np.float32]]:
+    """The network named ``model``, or the default one, its settings, and what it sees: probability (H, W)."""
     name = model or default_name(TASK)
     spec = manifest().get(name)
     if spec is None or spec.task != TASK:
         known = ", ".join(s.name for s in manifest().values() if s.task == TASK)
         raise InvalidInput("model", f"there is no foreground network {name!r}; there are: {known}", "invalid_model")
-    return segment(image, tools.network(name), ForegroundInput.from_manifest(spec.preprocess)), spec
-
-
-def applied_threshold(asked: float | None, spec: NetworkSpec) -> float:
-    return float(spec.preprocess["threshold"]) if asked is None else asked
+    settings = ForegroundInput.from_manifest(spec.preprocess)
+    return spec, settings, segment(image, tools.network(name), settings)
 
 
 def mask_png(probability: NDArray[np.float32]) -> bytes:

@@ -16,8 +16,6 @@ DLOError
 └── WaitTimeout           the job goes on, only the waiting ended: ``.job`` is its last known state
 """
 
-
-
 from __future__ import annotations
 
 from http import HTTPStatus
