@@ -18,8 +18,9 @@ Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 @dataclass(frozen=True)
 class ForegroundInput:
     """How the network wants its picture: longest side in pixels, sides multiples of ``multiple``, values
-    ``(x / 255 - mean) / std``; ``threshold`` is the one value that turns probability into a mask, ``certainty``
-    the mean probability that a connected patch of that mask needs."""
+    ``(x / 255 - mean) / std``; ``threshold`` is the one value that turns probability into a mask. A connected
+    patch of that mask needs a mean probability of ``certainty`` and ``least_area`` pixels at the network's scale.
+    """
 
     long_side: int
     multiple: int
@@ -27,6 +28,7 @@ class ForegroundInput:
     std: tuple[float, float, float]
     threshold: float
     certainty: float
+    least_area: float
 
     @classmethod
     def from_manifest(cls, preprocess: Mapping[str, Any]) -> ForegroundInput:
@@ -44,8 +46,7 @@ def segment(image: NDArray[np.uint8], network: Network, settings: ForegroundInpu
     The way back is the exact inverse: cut, then enlarge with pixel centers at ``(k + 0.5) s - 0.5``.
     """
     height, width = image.shape[:2]
-    fit = settings.long_side / max(height, width)
-    scale = min(1.0, max(fit, min(settings.multiple / min(height, width), 32 * fit)))
+    scale = _scale(height, width, settings)
     inner = max(round(width * scale), 1), max(round(height * scale), 1)
     small: NDArray[Any] = cv2.resize(image, inner, interpolation=cv2.INTER_AREA) if scale < 1 else image
     right, bottom = (-side % settings.multiple for side in inner)
@@ -62,7 +63,7 @@ def segment(image: NDArray[np.uint8], network: Network, settings: ForegroundInpu
 def foreground_mask(
     probability: NDArray[np.float32], settings: ForegroundInput, threshold: float | None = None
 ) -> NDArray[np.bool_]:
-    """(H, W) bool. At the network's own threshold patches that it is not certain of are left out: a cable is
+    """(H, W) bool. At the network's own threshold patches that are small or not certain are left out: a cable is
     certain along most of its length, a tool's edge is not. A ``threshold`` asked for is taken to the letter."""
     if threshold is not None:
         return np.asarray(probability >= max(threshold, _ABOVE_ZERO))
@@ -70,6 +71,12 @@ def foreground_mask(
     count, patches = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     sizes = np.bincount(patches.ravel(), minlength=count)
     sums = np.bincount(patches.ravel(), probability.ravel(), minlength=count)
-    certain = sums >= settings.certainty * sizes
-    certain[0] = False
-    return np.asarray(certain[patches])
+    least = settings.least_area / _scale(mask.shape[0], mask.shape[1], settings) ** 2
+    kept = (sums >= settings.certainty * sizes) & (sizes >= least)
+    kept[0] = False
+    return np.asarray(kept[patches])
+
+
+def _scale(height: int, width: int, settings: ForegroundInput) -> float:
+    fit = settings.long_side / max(height, width)
+    return min(1.0, max(fit, min(settings.multiple / min(height, width), 32 * fit)))

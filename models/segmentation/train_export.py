@@ -19,6 +19,7 @@ def main() -> None:
     parser.add_argument("--long-side", type=int, default=640)
     parser.add_argument("--threshold", type=float, default=0.5)
     parser.add_argument("--certainty", type=float, default=0.8)
+    parser.add_argument("--least-area", type=float, default=300.0, help="6 px wide, 50 px long")
     args = parser.parse_args()
     state = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
     network = CompactNetwork()
@@ -33,6 +34,7 @@ def main() -> None:
         preprocess={
             "long_side": args.long_side, "multiple": 32, "mean": list(MEAN), "std": list(STD),
             "threshold": args.threshold, "certainty": args.certainty,
+            "least_area": args.least_area,
         },
         training={
             "command": "python -m models.segmentation.train",

@@ -1,4 +1,4 @@
-"""``python -m models.synthesis pack | render``: prepare the background pool; write labelled pictures."""
+"""``python -m models.synthesis pack | render | samples``: background pool, labelled pictures, bundled ones."""
 
 from __future__ import annotations
 
@@ -25,6 +25,24 @@ def murals(count: int, seed: int, pool: TexturePool) -> list[np.ndarray]:
         mural(canvas, rng)
         pictures.append(to_uint8(canvas.rgb))
     return pictures
+
+
+# The scene of each bundled picture: style and number under the seed.
+_SAMPLES: tuple[tuple[Style, int], ...] = (("plain", 4), ("busy", 50), ("industrial", 22))
+_SAMPLES_SEED = 2026
+
+
+def samples(args: argparse.Namespace) -> None:
+    """The three pictures that come with the project."""
+    import cv2
+
+    pool = load_pool(args.textures)
+    args.out.mkdir(parents=True, exist_ok=True)
+    for style, number in _SAMPLES:
+        params = SceneParams((360, 640), (0.014, 0.04), max_cables=5, empty_share=0.0, clutter=1.0, style=style)
+        scene = render_scene(np.random.default_rng([_SAMPLES_SEED, number]), params, pool)
+        file = args.out / f"{style}.jpg"
+        cv2.imwrite(str(file), to_uint8(scene.rgb)[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 92])
 
 
 def render(args: argparse.Namespace) -> None:
@@ -65,6 +83,10 @@ def main() -> None:
     rendering.add_argument("--style", choices=get_args(Style), default="mixed")
     rendering.add_argument("--clutter", type=float, default=0.8, help="share of pictures with clutter")
     rendering.set_defaults(run=render)
+    bundled = commands.add_parser("samples", help="write the three bundled pictures")
+    bundled.add_argument("out", type=Path)
+    bundled.add_argument("--textures", type=Path, required=True, help="folder that holds ambientcg128 alone")
+    bundled.set_defaults(run=samples)
     args = parser.parse_args()
     args.run(args)
 

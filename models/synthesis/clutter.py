@@ -33,7 +33,7 @@ def paint_clutter(canvas: Canvas, rng: Rng, style: Style) -> None:
             for painter in (rails, panel, panel, grid, label, tools):
                 painter(canvas, rng)
         case "mixed":
-            for _ in range(rng.choice([0, 1, 2, 3, 4], p=[0.22, 0.28, 0.25, 0.15, 0.1])):
+            for _ in range(rng.choice([0, 1, 2, 3, 4], p=[0.12, 0.26, 0.28, 0.2, 0.14])):
                 PAINTERS[rng.integers(len(PAINTERS))](canvas, rng)
 
 
@@ -124,9 +124,9 @@ def label(canvas: Canvas, rng: Rng) -> None:
 def tools(canvas: Canvas, rng: Rng) -> None:
     """Rods, pens, keys and bent bars shaded like cylinders, screws and nuts: the hard negatives."""
     w = canvas.width
-    for _ in range(rng.integers(1, 6)):
+    for _ in range(rng.integers(1, 9)):
         at = rng.uniform((0, 0), (w, canvas.height))
-        if rng.random() < 0.35:
+        if rng.random() < 0.25:
             radius = rng.uniform(0.008, 0.03) * w
             canvas.disc(at + 0.3 * radius, radius, (0, 0, 0), opacity=0.4)
             canvas.disc(at, radius, _gray(rng), bevel=rng.uniform(-0.7, 0.7))
@@ -193,17 +193,15 @@ def mosaic(canvas: Canvas, rng: Rng) -> None:
         _thread(canvas, rng, at, random_color(rng), flat, thickness=rng.uniform(0.01, 0.05))
 
 
+# What is taken for a cable most often comes most often: joints, rods, thrown paint.
 PAINTERS: tuple[Painter, ...] = (
-    seams,
-    panel,
-    panel,
+    *(seams, seams, seams),
+    *(panel, panel),
     grid,
-    rails,
+    *(rails, rails),
     label,
-    tools,
-    tools,
-    splatter,
-    splatter,
+    *(tools, tools, tools, tools),
+    *(splatter, splatter),
     folds,
     mosaic,
 )

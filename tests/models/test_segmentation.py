@@ -12,7 +12,7 @@ from models.segmentation.train import Training, TrainParams, learning_rate, vali
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import TexturePool
 
-SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5, 0.8)
+SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5, 0.8, 4.0)
 
 
 def red_is_cable(planes: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_a_strip_is_not_reduced_to_nothing(size, seen):
 
 
 def test_normalization_is_that_of_training():
-    settings = ForegroundInput(64, 32, (0.5, 0.25, 0.0), (0.5, 0.25, 1.0), 0.5, 0.8)
+    settings = ForegroundInput(64, 32, (0.5, 0.25, 0.0), (0.5, 0.25, 1.0), 0.5, 0.8, 4.0)
     seen = {}
 
     def spy(planes):
@@ -81,12 +81,13 @@ def test_a_patch_without_certainty_is_left_out_unless_a_threshold_is_asked_for()
     probability[3, 1:9] = 0.6  # the faint edge of a certain cable stays with it
     probability[1, 1:9] = 0.95
     probability[2, 12:18] = 0.7
+    probability[6, 2:5] = 1.0  # certain, but three pixels are no cable
     kept = foreground_mask(probability, SETTINGS)
     assert kept[1:4, 1:9].all()
     assert kept.sum() == 24
     literal = foreground_mask(probability, SETTINGS, threshold=0.65)
     assert literal[2, 12:18].all()
-    assert literal.sum() == 22
+    assert literal.sum() == 25
     assert not foreground_mask(np.zeros((2, 2), np.float32), SETTINGS, threshold=0.0).any()
 
 

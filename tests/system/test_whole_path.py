@@ -1,0 +1,103 @@
+"""The real SDK against the real service with two real workers: a photograph goes in, instances come out."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import sys
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dlo_client import AsyncClient, Client, InstancesRequest, JobFailed, NoopRequest, SegmentRequest, result_of
+from PIL import Image
+
+from tests.processes import ROOT
+
+pytestmark = pytest.mark.system
+SAMPLES = Path(__file__).parent.parent / "samples"
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("DLO_")}
+    data = str(tmp_path_factory.mktemp("data"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "services", "--port", "0", "--workers", "2", "--data-dir", data],
+        cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    line = process.stdout.readline()
+    try:
+        assert line.startswith("ready at "), line
+        yield line.split()[-1]
+    finally:
+        process.terminate()
+        process.wait(timeout=30)
+        process.stdout.close()
+
+
+@pytest.fixture
+def client(address):
+    with Client(address) as client:
+        yield client
+
+
+@pytest.mark.parametrize(("name", "cables"), [("plain", 4), ("busy", 4), ("industrial", 3)])
+def test_the_cables_of_a_bundled_picture_are_found(client, name, cables):
+    """The longest ones of each picture; the smallest pieces at the border may or may not be seen."""
+    job = client.run(InstancesRequest(files=["instances", "overlay", "mask"]), SAMPLES / f"{name}.jpg")
+    result = result_of(job)
+    assert (result.width, result.height) == (640, 360)
+    assert len([i for i in result.instances if i.length_px > 100]) >= cables
+    assert result.crossings
+    for instance in result.instances:
+        steps = np.hypot(*np.diff(instance.centerline_xy, axis=0).T)
+        assert steps.max() < 1.2 * np.median(steps), "points lie at equal arc length"
+    for file in ("instances.png", "overlay.png", "mask.png"):
+        assert Image.open(BytesIO(client.file(job, file))).size == (640, 360)
+    assert {"decode", "segment", "instances", "encode", "queue_wait", "total"} <= set(job.timings_ms)
+
+
+def test_the_same_picture_twice_gives_the_same_bytes(client):
+    jobs = [client.run(InstancesRequest(), SAMPLES / "busy.jpg") for _ in range(2)]
+    assert jobs[0].id != jobs[1].id
+    assert jobs[0].result.model_dump_json() == jobs[1].result.model_dump_json()
+    assert [f.sha256 for f in jobs[0].files] == [f.sha256 for f in jobs[1].files]
+
+
+def test_a_picture_without_a_cable_has_none(client):
+    buffer = BytesIO()
+    Image.effect_noise((640, 360), 12).convert("RGB").save(buffer, "PNG")
+    assert result_of(client.run(InstancesRequest(), buffer.getvalue())).instances == []
+
+
+def test_ten_requests_at_once_are_all_right_and_none_is_lost(address):
+    names = ["plain", "busy", "industrial", "plain", "busy"] * 2
+
+    async def ask() -> list[str]:
+        async with AsyncClient(address) as client:
+            jobs = await asyncio.gather(*(client.run(InstancesRequest(), SAMPLES / f"{n}.jpg") for n in names))
+        assert len({job.id for job in jobs}) == len(names)
+        return [job.result.model_dump_json() for job in jobs]
+
+    answers = asyncio.run(ask())
+    by_name = dict(zip(names, answers, strict=True))
+    assert len(set(by_name.values())) == 3
+    assert all(answer == by_name[name] for name, answer in zip(names, answers, strict=True))
+
+
+def test_a_picture_that_cannot_be_decoded_fails_its_job_and_no_other(client):
+    """Its header is whole, so that it is accepted; what the header promises is not there."""
+    tiff = BytesIO()
+    Image.new("RGB", (64, 64)).save(tiff, "TIFF")
+    with pytest.raises(JobFailed) as caught:
+        client.run(SegmentRequest(), tiff.getvalue()[:-6000])
+    assert caught.value.problem.errors[0].field == "image"
+    assert client.run(NoopRequest()).result.held_s == 0
+
+
+def test_models_and_readiness_are_those_of_the_workers(client):
+    assert client.ready()
+    assert {n.name for n in client.networks()} >= {"foreground_compact", "rt_dlo_orientation"}
