@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import onnxruntime
 import tomli_w
 import torch
@@ -47,12 +48,28 @@ def export(
         module, (examples[0],), str(path), dynamo=True, dynamic_shapes=(dict(dynamic),), external_data=False,
         input_names=["input"], output_names=["output"],
     )  # fmt: skip
+    _strip(path)
     difference = parity(module, path, examples)
     if difference > tolerance:
         path.unlink()
         raise ValueError(f"{name}: ONNX differs from torch by {difference:.2e}, more than {tolerance:.2e}")
     _register(name, path, card, sum(p.numel() for p in module.parameters()), difference)
     return difference
+
+
+def _strip(path: Path) -> None:
+    """Take out what the exporter notes for debugging: stack traces with the paths of this machine."""
+    model = onnx.load(path)
+    graphs = [model.graph, *model.functions]
+    for graph in graphs:
+        del graph.metadata_props[:]
+        for part in (*graph.node, *getattr(graph, "initializer", ()), *graph.value_info):
+            del part.metadata_props[:]
+            part.doc_string = ""
+    for value in (*model.graph.input, *model.graph.output):
+        del value.metadata_props[:]
+    del model.metadata_props[:]
+    onnx.save(model, path)
 
 
 def parity(module: nn.Module, path: Path, examples: Sequence[Tensor]) -> float:

@@ -28,6 +28,14 @@ def test_every_shipped_file_is_the_one_in_the_manifest():
     assert sum(spec.bytes for spec in entries) < 120e6
 
 
+def test_no_shipped_file_tells_of_the_machine_that_made_it():
+    """The exporter writes stack traces into the file."""
+    for spec in inference.manifest().values():
+        data = (inference.WEIGHTS / spec.file).read_bytes()
+        assert b"stack_trace" not in data
+        assert b".py" not in data
+
+
 @pytest.mark.parametrize("task", ["foreground", "orientation"])
 def test_each_task_has_one_default(task):
     assert [s.default for s in inference.manifest().values() if s.task == task].count(True) == 1
