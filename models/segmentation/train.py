@@ -101,13 +101,14 @@ class Training:
             self.log(event="pretrained", tensors=taken)
             self.average.load_state_dict(self.network.state_dict())
 
-    def save(self, name: str) -> None:
+    def save(self, name: str, metrics: dict[str, float] | None = None) -> None:
         state = {
             "network": self.network.state_dict(),
             "average": self.average.state_dict(),
             "optimizer": self.optimizer.state_dict(),
             "progress": asdict(self.progress),
             "params": asdict(self.params),
+            "metrics": metrics or {},
         }
         temporary = self.folder / f"{name}.tmp"
         torch.save(state, temporary)
@@ -223,10 +224,10 @@ def _checkpoint(
         rendered=stream.rendered.value,
         **metrics,
     )
-    training.save("last")
+    training.save("last", metrics)
     if metrics["dice"] > training.progress.best:
         training.progress.best = metrics["dice"]
-        training.save("best")
+        training.save("best", metrics)
 
 
 def main() -> None:

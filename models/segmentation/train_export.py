@@ -40,9 +40,10 @@ def main() -> None:
             "command": "python -m models.segmentation.train",
             "data": "models.synthesis scenes over permissively licensed textures (NOTICE), seed and step below",
             "pictures": state["progress"]["pictures"],
+            "steps": state["progress"]["step"],
             **state["params"],
         },
-        metrics={"rendered_dice": state["progress"]["best"]},
+        metrics={f"rendered_{name}": value for name, value in state["metrics"].items()},
     )  # fmt: skip
     height, width = torch.export.Dim("h", min=1, max=256), torch.export.Dim("w", min=1, max=256)
     examples = [torch.randn(1, 3, *size) for size in ((192, 320), (64, 96), (384, 640))]
