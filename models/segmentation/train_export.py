@@ -20,6 +20,7 @@ def main() -> None:
     parser.add_argument("--threshold", type=float, default=0.5)
     parser.add_argument("--certainty", type=float, default=0.8)
     parser.add_argument("--least-area", type=float, default=300.0, help="6 px wide, 50 px long")
+    parser.add_argument("--note", default="", help="what else the manifest should say of the training")
     args = parser.parse_args()
     state = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
     network = CompactNetwork()
@@ -42,6 +43,7 @@ def main() -> None:
             "pictures": state["progress"]["pictures"],
             "steps": state["progress"]["step"],
             **state["params"],
+            "note": args.note,
         },
         metrics={f"rendered_{name}": value for name, value in state["metrics"].items()},
     )  # fmt: skip
