@@ -1,4 +1,4 @@
-"""Train the compact foreground network on rendered scenes: ``python -m models.segmentation.train``.
+"""Train a foreground network on rendered scenes: ``python -m models.segmentation.train``.
 
 Resumable and bounded by time: the learning rate follows the share of ``--minutes`` that is spent, summed
 over all runs on the same checkpoint, so a run may be cut into chunks. Log and validation pictures lie
@@ -19,7 +19,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from models.segmentation.network_compact import CompactNetwork, foreground_loss
+from models.segmentation.network_compact import foreground_loss
+from models.segmentation.train_networks import NETWORKS, build, stored
 from models.segmentation.train_stream import SceneStream
 from models.synthesis.scenes import SceneParams, render_scene
 from models.synthesis.textures import TexturePool, load_pool
@@ -32,8 +33,11 @@ _VALIDATION_SEED = 10_000_019
 @dataclass(frozen=True)
 class TrainParams:
     """``minutes`` of training in all; ``chunk`` minutes of this run; ``decay`` of the averaged weights;
-    ``height`` and ``width`` of the scenes, which a later run may enlarge."""
+    ``height`` and ``width`` of the scenes, which a later run may enlarge; ``network`` by its name, its channels
+    divided by ``slim``."""
 
+    network: str = "compact"
+    slim: int = 1
     height: int = 192
     width: int = 320
     minutes: float = 100.0
@@ -75,8 +79,8 @@ class Training:
     def __init__(self, params: TrainParams, folder: Path, device: torch.device) -> None:
         self.params, self.folder, self.device = params, folder, device
         torch.manual_seed(params.seed)
-        self.network = CompactNetwork().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.average = CompactNetwork().to(device).eval()
+        self.network = build(params.network, params.slim).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = build(params.network, params.slim).to(device).eval()
         encoder = list(self.network.features.parameters())
         known = {id(p) for p in encoder}
         decoder = [p for p in self.network.parameters() if id(p) not in known]
@@ -88,10 +92,14 @@ class Training:
         self.progress = Progress()
 
     def start(self, pretrained: Path | None) -> None:
-        """Continue from the folder's checkpoint, or begin from ``pretrained`` encoder weights."""
+        """Continue from the folder's checkpoint, or begin from ``pretrained`` encoder weights.
+
+        Raises ValueError when the checkpoint is of another network than the one asked for.
+        """
         file = self.folder / "last.pt"
         if file.exists():
             state = torch.load(file, map_location=self.device, weights_only=True)
+            self._check(*stored(state["params"]))
             self.network.load_state_dict(state["network"])
             self.average.load_state_dict(state["average"])
             self.optimizer.load_state_dict(state["optimizer"])
@@ -100,6 +108,10 @@ class Training:
             taken = self.network.load_encoder(torch.load(pretrained, map_location="cpu", weights_only=True))
             self.log(event="pretrained", tensors=taken)
             self.average.load_state_dict(self.network.state_dict())
+
+    def _check(self, network: str, slim: int) -> None:
+        if (network, slim) != (self.params.network, self.params.slim):
+            raise ValueError(f"{self.folder} holds --network {network} --slim {slim}; ask for these or another folder")
 
     def save(self, name: str, metrics: dict[str, float] | None = None) -> None:
         state = {
@@ -234,10 +246,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m models.segmentation.train", description=__doc__)
     parser.add_argument("folder", type=Path, help="checkpoint folder; continues from last.pt when it is there")
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
-    parser.add_argument("--pretrained", type=Path, help="MobileNetV2 ImageNet weights to begin from")
+    parser.add_argument("--pretrained", type=Path, help="published ImageNet weights of the encoder to begin from")
     parser.add_argument("--threads", type=int, default=1)
     for name, default in asdict(TrainParams()).items():
-        parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
+        choices = list(NETWORKS) if name == "network" else None
+        parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default, choices=choices)
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     params = TrainParams(**{name: getattr(args, name) for name in asdict(TrainParams())})
