@@ -35,26 +35,43 @@ class Card:
 
 
 def export(
-    module: nn.Module, name: str, card: Card, examples: Sequence[Tensor], dynamic: Mapping[int, Any], tolerance: float
-) -> float:  # fmt: skip
-    """Write ``weights/<name>.onnx`` and its entry. ``examples``: inputs of several sizes, the first is traced;
-    ``dynamic``: axis to ``torch.export.Dim``. Returns the largest difference to torch over all examples.
+    module: nn.Module,
+    name: str,
+    card: Card,
+    examples: Sequence[Tensor | tuple[Tensor, ...]],
+    dynamic: Mapping[int, Any] | Sequence[Mapping[int, Any]],
+    tolerance: float,
+    inputs: Sequence[str] = ("input",),
+    outputs: Sequence[str] = ("output",),
+) -> float:
+    """Write ``weights/<name>.onnx`` and its entry. Returns the largest difference to torch over all examples.
 
-    Raises ValueError when it is above ``tolerance``; then nothing is registered.
+    ``examples``: inputs of several sizes, the first is traced; ``dynamic``: axis to ``torch.export.Dim``, a
+    mapping an input where there are several. ``inputs`` and ``outputs`` name them in the order of ``forward``.
+    A module traced by ``make_fx`` holds its weights as constants: they are counted with its parameters.
+
+    Raises ValueError when the difference is above ``tolerance``; then nothing is registered.
     """
     module = module.eval().cpu()
     path = WEIGHTS / f"{name}.onnx"
+    cases = [example if isinstance(example, tuple) else (example,) for example in examples]
+    shapes = [dynamic] if isinstance(dynamic, Mapping) else dynamic
     torch.onnx.export(
-        module, (examples[0],), str(path), dynamo=True, dynamic_shapes=(dict(dynamic),), external_data=False,
-        input_names=["input"], output_names=["output"],
+        module, cases[0], str(path), dynamo=True, dynamic_shapes=tuple(dict(axes) for axes in shapes),
+        external_data=False, input_names=list(inputs), output_names=list(outputs),
     )  # fmt: skip
     _strip(path)
-    difference = parity(module, path, examples)
+    difference = parity(module, path, cases)
     if difference > tolerance:
         path.unlink()
         raise ValueError(f"{name}: ONNX differs from torch by {difference:.2e}, more than {tolerance:.2e}")
-    _register(name, path, card, sum(p.numel() for p in module.parameters()), difference)
+    weights = [*module.parameters(), *(b for b in module.buffers() if b.is_floating_point() and _traced(module))]
+    _register(name, path, card, sum(p.numel() for p in weights), difference)
     return difference
+
+
+def _traced(module: nn.Module) -> bool:
+    return isinstance(module, torch.fx.GraphModule)
 
 
 def _strip(path: Path) -> None:
@@ -72,16 +89,17 @@ def _strip(path: Path) -> None:
     onnx.save(model, path)
 
 
-def parity(module: nn.Module, path: Path, examples: Sequence[Tensor]) -> float:
-    """Largest absolute difference between ``module`` and the exported file over ``examples``."""
+def parity(module: nn.Module, path: Path, cases: Sequence[tuple[Tensor, ...]]) -> float:
+    """Largest absolute difference between ``module`` and the exported file over ``cases`` and all outputs."""
     session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
-    name = session.get_inputs()[0].name
+    names = [i.name for i in session.get_inputs()]
     worst = 0.0
-    for example in examples:
+    for case in cases:
         with torch.no_grad():
-            expected = module(example).numpy()
-        got = np.asarray(session.run(None, {name: example.numpy()})[0])
-        worst = max(worst, float(np.abs(got - expected).max(initial=0.0)))
+            expected = module(*case)
+        got = session.run(None, dict(zip(names, (tensor.numpy() for tensor in case), strict=True)))
+        for ours, theirs in zip(expected if isinstance(expected, tuple) else (expected,), got, strict=True):
+            worst = max(worst, float(np.abs(np.asarray(theirs) - ours.numpy()).max(initial=0.0)))
     return worst
 
 

@@ -57,16 +57,22 @@ class Runtime:
 
 
 class Network:
-    """A loaded network with one input and one output: arrays in, arrays out."""
+    """A loaded network: arrays in, arrays out."""
 
     def __init__(self, spec: NetworkSpec, session: onnxruntime.InferenceSession) -> None:
         self.spec = spec
         self._session = session
-        self._input = session.get_inputs()[0].name
+        self._inputs = [i.name for i in session.get_inputs()]
 
     def __call__(self, inputs: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Shapes as ``spec.input`` says."""
-        return np.asarray(self._session.run(None, {self._input: inputs})[0])
+        """The output of a network with one input and one output; shapes as ``spec.input`` says."""
+        (output,) = self.run(inputs)
+        return output
+
+    def run(self, *inputs: NDArray) -> tuple[NDArray, ...]:
+        """All outputs, in the network's order, of inputs in its order."""
+        feed = dict(zip(self._inputs, inputs, strict=True))
+        return tuple(np.asarray(output) for output in self._session.run(None, feed))
 
 
 @cache

@@ -91,6 +91,26 @@ def test_export_registers_what_can_then_be_loaded(weights):
     assert network.spec.parameters == 1
 
 
+class Adder(nn.Module):
+    def forward(self, nodes: Tensor, edges: Tensor) -> tuple[Tensor, Tensor]:
+        """(n, 3) and (2, e) to (n, 3), the sums of the nodes' neighbors, and (n,) their degrees."""
+        sums = torch.zeros_like(nodes).index_add(0, edges[1], nodes[edges[0]])
+        return sums, nodes.new_zeros(nodes.shape[0]).index_add(0, edges[1], torch.ones(edges.shape[1]))
+
+
+def test_a_network_with_several_inputs_and_outputs(weights):
+    """Message passing over any number of nodes and edges, none included."""
+    cases = [(torch.rand(n, 3), torch.randint(0, n, (2, e))) for n, e in ((5, 7), (2, 3), (4, 0))]
+    axes = [{0: torch.export.Dim("nodes")}, {1: torch.export.Dim("edges")}]
+    export.export(Adder(), "adder", CARD, cases, axes, 1e-6, ("nodes", "edges"), ("sums", "degrees"))
+    edges = np.array([[0, 1], [2, 2]])
+    sums, degrees = inference.load("adder").run(np.eye(3, dtype=np.float32), edges)
+    assert sums.tolist() == [[0, 0, 0], [0, 0, 0], [1, 1, 0]]
+    assert degrees.tolist() == [0, 0, 2]
+    with pytest.raises(ValueError, match="shorter"):
+        inference.load("adder").run(edges)
+
+
 def test_a_changed_file_is_refused(weights):
     export.export(Doubler(), "doubler", CARD, [torch.rand(4, 3)], {0: torch.export.Dim("n")}, 1e-6)
     path = weights / "doubler.onnx"
