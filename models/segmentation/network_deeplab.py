@@ -1,4 +1,4 @@
-"""DeepLabV3+ (Chen et al. 2018; thesis 2.7.1): an encoder, context at several rates, a decoder with low-level features."""
+"""DeepLabV3+ (Chen et al. 2018; thesis 2.7.1): encoder, context at several rates, decoder with low-level features."""
 
 from __future__ import annotations
 

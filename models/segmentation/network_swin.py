@@ -8,6 +8,8 @@ Left out: stochastic depth, a regularizer for a fixed data set; ours is rendered
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import torch
 from torch import Tensor, nn
 
@@ -59,6 +61,7 @@ class WindowAttention(nn.Module):
         self.qkv, self.proj = nn.Linear(channels, 3 * channels), nn.Linear(channels, channels)
         self.relative_position_bias_table = nn.Parameter(torch.zeros((2 * _WINDOW - 1) ** 2, heads))
         nn.init.trunc_normal_(self.relative_position_bias_table, std=0.02)
+        self.index: Tensor
         self.register_buffer("index", relative_index(_WINDOW), persistent=False)
 
     def forward(self, x: Tensor, apart: Tensor | None) -> Tensor:
@@ -164,7 +167,9 @@ class Swin(nn.Module):
         super().__init__()
         self.channels = width, 8 * width
         self.patch_embed = PatchEmbedding(width)
-        self.layers = nn.ModuleList(Stage(width * 2**k, 3 * 2**k, depths[k], last=k == 3) for k in range(4))
+        self.layers: Iterable[Stage] = nn.ModuleList(  # type: ignore[assignment]
+            Stage(width * 2**k, 3 * 2**k, depths[k], last=k == 3) for k in range(4)
+        )
         self.norm = nn.LayerNorm(8 * width)
         self.apply(_initialize)
 

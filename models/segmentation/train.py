@@ -11,6 +11,7 @@ import argparse
 import json
 import math
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ import torch
 from torch import Tensor
 
 from models.segmentation.network_compact import foreground_loss
+from models.segmentation.train_initial import unfold
 from models.segmentation.train_networks import NETWORKS, build, stored
 from models.segmentation.train_stream import SceneStream
 from models.synthesis.scenes import SceneParams, render_scene
@@ -28,6 +30,7 @@ from models.synthesis.textures import TexturePool, load_pool
 MEAN = (0.485, 0.456, 0.406)
 STD = (0.229, 0.224, 0.225)
 _VALIDATION_SEED = 10_000_019
+_CALIBRATION_SEED = 20_000_003
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,12 @@ class Training:
         elif pretrained is not None:
             taken = self.network.load_encoder(torch.load(pretrained, map_location="cpu", weights_only=True))
             self.log(event="pretrained", tensors=taken)
+            self.average.load_state_dict(self.network.state_dict())
+
+    def take(self, exported: Path, pictures: Iterable[Tensor]) -> None:
+        """Begin from a network that was exported, unless the folder has a checkpoint."""
+        if not (self.folder / "last.pt").exists():
+            self.log(event="initial", file=exported.name, convolutions=unfold(exported, self.network, pictures))
             self.average.load_state_dict(self.network.state_dict())
 
     def _check(self, network: str, slim: int) -> None:
@@ -189,11 +198,20 @@ def _save_sheet(tiles: list[Tensor], path: Path) -> None:
     cv2.imwrite(str(path), image[:, :, ::-1])
 
 
-def train(params: TrainParams, scenes: SceneParams, pool: TexturePool, folder: Path, pretrained: Path | None) -> None:
+def train(
+    params: TrainParams,
+    scenes: SceneParams,
+    pool: TexturePool,
+    folder: Path,
+    pretrained: Path | None = None,
+    initial: Path | None = None,
+) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     training = Training(params, folder, device)
     training.start(pretrained)
+    if initial is not None:
+        training.take(initial, _calibration(scenes, pool))
     stream = SceneStream(
         scenes,
         pool,
@@ -205,6 +223,13 @@ def train(params: TrainParams, scenes: SceneParams, pool: TexturePool, folder: P
         _loop(training, stream, pool, scenes)
     finally:
         stream.close()
+
+
+def _calibration(scenes: SceneParams, pool: TexturePool, batches: int = 12) -> Iterator[Tensor]:
+    for k in range(batches):
+        numbers = range(4 * k, 4 * k + 4)
+        rgb = [render_scene(np.random.default_rng([_CALIBRATION_SEED, n]), scenes, pool).rgb for n in numbers]
+        yield normalize((torch.stack(rgb) * 255).round().byte())
 
 
 def _loop(training: Training, stream: SceneStream, pool: TexturePool, scenes: SceneParams) -> None:
@@ -247,6 +272,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="checkpoint folder; continues from last.pt when it is there")
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
     parser.add_argument("--pretrained", type=Path, help="published ImageNet weights of the encoder to begin from")
+    parser.add_argument("--initial", type=Path, help="exported network of the same kind to begin from")
     parser.add_argument("--threads", type=int, default=1)
     for name, default in asdict(TrainParams()).items():
         choices = list(NETWORKS) if name == "network" else None
@@ -254,7 +280,8 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     params = TrainParams(**{name: getattr(args, name) for name in asdict(TrainParams())})
-    train(params, SceneParams((args.height, args.width)), load_pool(args.textures), args.folder, args.pretrained)
+    scenes = SceneParams((args.height, args.width))
+    train(params, scenes, load_pool(args.textures), args.folder, args.pretrained, args.initial)
 
 
 if __name__ == "__main__":

@@ -171,7 +171,7 @@ def factorial_arms(synthetic: Pictures, real: Pictures, scale: float, runs: int)
         parts = [(synthetic, n_synthetic), (real, n_real)]
         sources = [p.taken(rng.permutation(len(p.images))[: round(scale * n)]) for p, n in parts]
         ratio = n_real / (n_real + n_synthetic)
-        return Arm(sources, (ratio, 1 - ratio), run)
+        return Arm(sources, (1 - ratio, ratio), run)
 
     return {
         f"s{s}_r{r}_run{run}": lambda s=s, r=r, run=run: arm(s, r, run)  # type: ignore[misc]

@@ -8,7 +8,7 @@ to the camera.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ def render_path_traced(
     if rng.random() >= params.empty_share:
         layout = random_layout(rng, params.size, params.width_share, params.max_cables)
         cables = random_cables(rng, layout, table.rgb)
-    paths = _in_meters(cables, camera, params.size)
+    paths, scale = _in_meters(cables, camera, params.size), _meters_a_pixel(camera)
     scene = mi.load_dict(
         {
             "type": "scene",
@@ -58,12 +58,15 @@ def render_path_traced(
             "sensor": _sensor(mi, camera, params.size),
             "table": _table(mi, rng, table, camera),
             **_lights(mi, rng, pool),
-            **{f"cable{k:03d}": _tube(mi, c, path) for k, (c, path) in enumerate(zip(cables, paths, strict=True))},
+            **{
+                f"cable{k:03d}": _tube(mi, c, path, scale)
+                for k, (c, path) in enumerate(zip(cables, paths, strict=True))
+            },
         }
     )
     linear = np.asarray(mi.render(scene, spp=samples, seed=int(rng.integers(1 << 31))))[:, :, :3]
     rgb = torch.as_tensor(_exposed(linear)).permute(2, 0, 1).contiguous()
-    ids, depth = _ids_and_depth(mi, scene, params.size, len(cables))
+    ids, depth = _ids_and_depth(mi, scene, camera, params.size)
     return _labelled(photograph(rgb, rng), ids, depth, cables, paths, camera)
 
 
@@ -127,7 +130,9 @@ def _table(mi: Any, rng: np.random.Generator, canvas: Canvas, camera: Camera) ->
     return {
         "type": "rectangle",
         "to_world": mi.ScalarTransform4f().scale([half[0], half[1], 1]),
-        "bsdf": _plastic(texture, float(rng.uniform(0.1, 0.4))) if glossy else {"type": "diffuse", "reflectance": texture},
+        "bsdf": _plastic(texture, float(rng.uniform(0.1, 0.4)))
+        if glossy
+        else {"type": "diffuse", "reflectance": texture},
     }
 
 
@@ -152,10 +157,9 @@ def _lights(mi: Any, rng: np.random.Generator, pool: TexturePool) -> dict[str, A
     }  # fmt: skip
 
 
-def _tube(mi: Any, cable: Cable, path: FloatArray) -> Any:
-    """A mesh with the cable's pattern wrapped around it."""
+def _tube(mi: Any, cable: Cable, path: FloatArray, scale: float) -> Any:
+    """A mesh with the cable's pattern wrapped around it; ``scale`` m a pixel."""
     picked = np.unique(np.r_[0 : len(path) : _THINNED, len(path) - 1])
-    scale = float(np.median(path[:, 2] / cable.half_width))  # most of a cable lies on the table: z = radius there
     tube = sweep(path[picked], cable.half_width[picked] * scale)
     properties = mi.Properties()
     properties["mesh_bsdf"] = mi.load_dict(_insulation(mi, cable.look, 0.7 * len(path)))
@@ -191,19 +195,69 @@ def _exposed(linear: NDArray[np.floating]) -> FloatArray:
     return np.clip(linear * min(gain, 4.0), 0, 1).astype(np.float32) ** np.float32(1 / _GAMMA)
 
 
-def _ids_and_depth(mi: Any, scene: Any, size: tuple[int, int], cables: int) -> tuple[NDArray, FloatArray]:
-    """(H, W) int16 ids, and (H, W) distance m from the camera along the ray through each pixel's center."""
+def _ids_and_depth(mi: Any, scene: Any, camera: Camera, size: tuple[int, int]) -> tuple[NDArray[np.int16], FloatArray]:
+    """(H, W) ids, and (H, W) distance m from the camera along the ray through each pixel's center."""
     integrator = mi.load_dict({"type": "aov", "aovs": "depth:depth,shape:shape_index"})
-    planes = np.asarray(mi.render(scene, sensor=scene.sensors()[1], integrator=integrator, spp=1))
-    numbers = {k: f"cable{k:03d}" for k in range(cables)}
-    shapes = [s.id() for s in scene.shapes()]
-    table = np.zeros(len(shapes) + 1, np.int16)
-    for k, name in numbers.items():
-        table[shapes.index(name)] = k + 1
-    return table[np.rint(planes[:, :, -1]).astype(int)], planes[:, :, -2]
+    sensor = mi.load_dict(_sensor(mi, camera, size, labels=True))
+    planes = np.asarray(mi.render(scene, sensor=sensor, integrator=integrator, spp=1))
+    numbers = [int(s.id()[5:]) + 1 if s.id().startswith("cable") else 0 for s in scene.shapes()]
+    owner = np.array([0, *numbers], np.int16)  # shapes are counted from 1; 0 where a ray meets nothing
+    return owner[np.rint(planes[:, :, -1]).astype(int)], planes[:, :, -2]
 
 
 def _labelled(
-    rgb: torch.Tensor, ids: NDArray, depth: FloatArray, cables: Sequence[Cable], paths: list[FloatArray], camera: Camera
-) -> Labelled:  # fmt: skip
-    raise NotImplementedError
+    rgb: torch.Tensor,
+    ids: NDArray[np.int16],
+    depth: FloatArray,
+    cables: Sequence[Cable],
+    paths: Sequence[FloatArray],
+    camera: Camera,
+) -> Labelled:
+    """Everything seen from the camera: heights grow towards it, in table pixels."""
+    scale = _meters_a_pixel(camera)
+    eye = np.linalg.inv(camera.T_camera_world.astype(np.float64))[:3, 3]
+    away = [np.linalg.norm(path - eye, axis=1) for path in paths]
+    farthest = max((float(a.max()) for a in away), default=0.0)
+    curves = [
+        np.column_stack([camera.project(path), (farthest - a) / scale]).astype(np.float32)
+        for path, a in zip(paths, away, strict=True)
+    ]
+    halves = [scale * float(np.median(c.half_width)) for c in cables]
+    seen = [_seen(k + 1, c, a, h, ids, depth) for k, (c, a, h) in enumerate(zip(curves, away, halves, strict=True))]
+    widths = [
+        2 * float(np.median(c.half_width)) * float(np.median(camera.T_camera_world[2, 3] / a))
+        for c, a in zip(cables, away, strict=True)
+    ]
+    return Labelled(
+        rgb=rgb,
+        ids=torch.as_tensor(ids),
+        centerlines=tuple(curves),
+        widths_px=tuple(widths),
+        visible=tuple(seen),
+        crossings=tuple(_crossings(curves, ids)),
+        camera=camera,
+    )
+
+
+def _seen(
+    number: int, curve: FloatArray, away: NDArray, half: float, ids: NDArray[np.int16], depth: FloatArray
+) -> NDArray[np.bool_]:
+    """(m,) samples in the picture where the ray meets this strand, not another or itself elsewhere."""
+    height, width = ids.shape
+    xy = np.rint(curve[:, :2]).astype(int)
+    inside = np.logical_and(xy >= 0, xy < (width, height)).all(axis=1)
+    row, column = np.clip(xy[:, 1], 0, height - 1), np.clip(xy[:, 0], 0, width - 1)
+    return np.asarray(inside & (ids[row, column] == number) & (np.abs(depth[row, column] - away) < 2.5 * half))
+
+
+def _crossings(curves: Sequence[FloatArray], ids: NDArray[np.int16]) -> Iterator[Crossing]:
+    """In the picture; the strand nearer to the camera is on top."""
+    height, width = ids.shape
+    for m in intersections(curves):
+        x, y = round(m.xy[0]), round(m.xy[1])
+        if not (0 <= x < width and 0 <= y < height):
+            continue
+        passes = (m.first, m.first_sample), (m.second, m.second_sample)
+        under, over = sorted(passes, key=lambda at: float(curves[at[0]][at[1], 2]))
+        seen = bool(ids[y, x] == over[0] + 1)
+        yield Crossing(m.xy, over[0] + 1, under[0] + 1, over[1], under[1], seen)

@@ -56,10 +56,8 @@ def sweep(curve: FloatArray, radius: FloatArray, sides: int = 16) -> Tube:
     closing = np.concatenate([[0.0], np.ones(len(curve) - 2), [0.0]]) * radius
     vertices = curve[:, None] + normal * closing[:, None, None]
     u, v = np.meshgrid(np.linspace(0, 1, sides + 1), np.linspace(0, 1, len(curve)))
-    return Tube(
-        *(np.ascontiguousarray(a.reshape(-1, a.shape[-1]), np.float32) for a in (vertices, normal, np.dstack([u, v]))),
-        _ring_faces(len(curve), sides),
-    )
+    flat = [np.ascontiguousarray(a.reshape(-1, a.shape[-1]), np.float32) for a in (vertices, normal, np.dstack([u, v]))]
+    return Tube(flat[0], flat[1], flat[2], _ring_faces(len(curve), sides))
 
 
 def _ring_faces(rings: int, sides: int) -> NDArray[np.uint32]:

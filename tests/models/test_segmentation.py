@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from models.inference import WEIGHTS, load
 from models.segmentation.network_compact import CompactNetwork, foreground_loss
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from models.segmentation.train import Training, TrainParams, learning_rate, validate
+from models.segmentation.train_initial import unfold
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import TexturePool
 
@@ -148,3 +150,18 @@ def test_validation_reports_and_draws(tmp_path):
     assert set(metrics) == {"dice", "false"}
     assert 0 <= metrics["dice"] <= 1
     assert (tmp_path / "validation.png").exists()
+
+
+def test_an_exported_network_can_be_trained_further():
+    """Batch normalizations are folded away in the file: unfolded, the function is the same, in training mode
+    with the statistics of the same pictures too."""
+    network = CompactNetwork()
+    file = WEIGHTS / "foreground_compact.onnx"
+    pictures = torch.randn(1, 3, 64, 96, generator=torch.Generator().manual_seed(0))
+    assert unfold(file, network, [pictures]) == 66
+    exported = load("foreground_compact")(pictures.numpy())
+    with torch.no_grad():
+        assert np.abs(network.eval()(pictures).numpy() - exported).max() < 2e-3
+        assert np.abs(network.train()(pictures).numpy() - exported).max() < 0.1
+    with pytest.raises(ValueError, match="lateral"):
+        unfold(file, CompactNetwork(24), [pictures])
