@@ -1,12 +1,14 @@
-"""Which data trains the foreground network best? Many short trainings of the compact network, equally long.
+"""Which data, and which network, finds the foreground best? Many short trainings, equally long.
 
     python -m models.segmentation.train_mixture factorial --real FOLDER --minutes-per-run 2
     python -m models.segmentation.train_mixture compare chroma=FOLDER rendered=FOLDER --minutes-per-run 7
+    python -m models.segmentation.train_mixture networks compact deeplab_resnet50/4 --minutes-per-run 7
 
 ``factorial`` is Table 2.2 of the thesis (2.7.2): 4000, 8000 and 16000 synthetic pictures × 0, 1000 and 2000 real
 ones, all counts times --scale, --runs runs each, mixed by w_r (eq. 2.5). ``compare`` trains on each folder alone, as
-Table 2.1 does. Both report Dice on --test (without it: on rendered pictures held out) and keep every finished run in
-a JSON file: the same command continues where it stopped. Folders as in ``models.synthesis.datasets``.
+Table 2.1 does. ``networks`` trains several networks on the same rendered pictures. All report Dice on --test
+(without it: on rendered pictures held out) and keep every finished run in a JSON file: the same command continues
+where it stopped. Folders as in ``models.synthesis.datasets``.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from models.segmentation.train import Training, TrainParams, normalize
+from models.segmentation.train_networks import NETWORKS
 from models.synthesis.datasets import DatasetError, Mixture, load, samples_in, write_whole
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
@@ -53,11 +56,13 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Arm:
-    """One training: its sources and their ratios (eq. 2.5)."""
+    """One training: its sources and their ratios (eq. 2.5), and the network by name, its channels by ``slim``."""
 
     sources: Sequence[Pictures]
     weights: Sequence[float]
     seed: int
+    network: str = "compact"
+    slim: int = 1
 
 
 def stack(pictures: Iterable[Labelled], size: tuple[int, int]) -> Pictures:
@@ -86,7 +91,8 @@ def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | No
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     # On a shared processor only its own time makes two trainings equally long.
     clock = time.monotonic if device.type == "cuda" else time.process_time
-    training = Training(TrainParams(minutes=minutes, batch=batch, seed=arm.seed), Path(), device)
+    params = TrainParams(arm.network, arm.slim, minutes=minutes, batch=batch, seed=arm.seed)
+    training = Training(params, Path(), device)
     if encoder is not None:
         training.network.load_encoder(encoder)
         training.average.load_state_dict(training.network.state_dict())
@@ -219,6 +225,22 @@ def compare(args: argparse.Namespace) -> None:
         print(name, {group: round(float(np.mean([run[group] for run in runs])), 2) for group in runs[0]})
 
 
+def networks(args: argparse.Namespace) -> None:
+    pool = load_pool(args.textures)
+    source = stack(rendered(args.count, SceneParams(_size(args)), pool, _TRAINING_SEED), _size(args))
+    named = {name: name.partition("/")[::2] for name in args.networks}
+    arms = {
+        f"{name}_run{run}": lambda n=network, s=slim, run=run: Arm([source], [1.0], run, n, int(s or 1))
+        for run in range(args.runs) for name, (network, slim) in named.items()
+    }  # fmt: skip
+    print(f"{len(arms)} runs: {len(arms) * args.minutes_per_run:g} minutes of one core")
+    ledger = Ledger(args.out, _settings(args, "count"))
+    run_all(arms, ledger, _trainer(args))
+    print(f"{'network':28} {'million weights':>15} {'pictures seen':>14}  Dice")
+    for key, run in ledger.runs.items():
+        print(f"{key:28} {run['parameters'] / 1e6:15.2f} {run['pictures']:14d}  {run['dice']}")
+
+
 def _trainer(args: argparse.Namespace) -> Callable[[Arm], dict[str, Any]]:
     """Trains one arm and scores it."""
     encoder = torch.load(args.pretrained, map_location="cpu", weights_only=True) if args.pretrained else None
@@ -230,7 +252,11 @@ def _trainer(args: argparse.Namespace) -> Callable[[Arm], dict[str, Any]]:
 
     def train(arm: Arm) -> dict[str, Any]:
         training = fit(arm, args.minutes_per_run, args.batch, encoder)
-        return {"dice": dice(training, test, _size(args)), "pictures": training.progress.pictures}
+        return {
+            "dice": dice(training, test, _size(args)),
+            "pictures": training.progress.pictures,
+            "parameters": sum(p.numel() for p in training.network.parameters()),
+        }
 
     return train
 
@@ -280,6 +306,11 @@ def _parser() -> argparse.ArgumentParser:
     pair.add_argument("sources", nargs="+", metavar="NAME=FOLDER")
     pair.add_argument("--out", type=Path, default=Path("build/bench/compare.json"))
     pair.set_defaults(run=compare)
+    several = commands.add_parser("networks", parents=[shared], help="one training for each network, equally long")
+    several.add_argument("networks", nargs="+", metavar="NAME[/SLIM]", help=", ".join(NETWORKS))
+    several.add_argument("--count", type=int, default=2000, help="rendered pictures that all of them learn from")
+    several.add_argument("--out", type=Path, default=Path("build/bench/networks.json"))
+    several.set_defaults(run=networks)
     return parser
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import torch
 
 from models.segmentation import train_mixture
 from models.segmentation.train_mixture import Ledger, Pictures, factorial_arms, factorial_table, run_all, stack
+from models.segmentation.train_networks import build
 from models.synthesis import __main__ as synthesis_command
 from models.synthesis.datasets import Mixture, exact_counts, load, samples_in, write_sample
 
@@ -118,3 +120,23 @@ def test_the_commands_train_measure_and_continue(tmp_path, capsys):
     capsys.readouterr()
     assert train_mixture.main(["factorial", "--real", folder, "--scale", "0.01", *common]) == 1
     assert "4 pictures, --scale 0.01 needs 20" in capsys.readouterr().out
+
+
+def test_networks_are_compared_on_the_same_pictures(tmp_path, capsys):
+    out = str(tmp_path / "runs.json")
+    common = ["--minutes-per-run", "0.001", "--width", "64", "--height", "32", "--batch", "2", "--out", out]
+    names = ["compact", "deeplab_resnet50/8"]
+    assert train_mixture.main(["networks", *names, "--count", "3", "--test", str(one_picture(tmp_path)), *common]) == 0
+    runs = json.loads((tmp_path / "runs.json").read_text())["runs"]
+    assert set(runs) == {"compact_run0", "deeplab_resnet50/8_run0"}
+    assert runs["compact_run0"]["parameters"] == sum(p.numel() for p in build("compact").parameters())
+    assert "deeplab_resnet50/8_run0" in capsys.readouterr().out
+    assert train_mixture.main(["networks", "nobody", "--count", "3", *common, "--out", out + "2"]) == 1
+    assert "unknown network 'nobody'" in capsys.readouterr().out
+
+
+def one_picture(folder: Path) -> Path:
+    ids = np.zeros((32, 64), np.uint8)
+    ids[10:20] = 1
+    write_sample(folder / "one", "a_0", np.zeros((32, 64, 3), np.uint8), ids)
+    return folder / "one"
