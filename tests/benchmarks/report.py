@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.benchmarks import report_training
+
 HEAD = """# Measured
 
 Written by `make bench` from the JSON that each benchmark leaves in `build/bench`. The real photographs are for
@@ -50,6 +52,7 @@ def _foreground(data: dict) -> str:
         "`python -m tests.benchmarks.bench_foreground`: Dice and IoU per picture, then the mean. The thesis's best "
         "network has Dice 87.1 on all of `ewd`, the published ResNet-101 masks 90.6.\n\n"
         + _table(["set", "group", "n", "Dice", "IoU"], rows)
+        + _strokes(data["strokes"])
         + "\nPictures without cables (floor: no instance in 50). Textures were training backgrounds; the mixed ones "
         "hold railings, poles and cords.\n\n"
         + _table(
@@ -63,6 +66,16 @@ def _foreground(data: dict) -> str:
         "The ten worst of each set, by Dice:\n\n" + _table(["set", "worst"], worst)
         + "\n### RGB to instances on `ewd`\n\nThe whole chain. Floor: IoU ≥ 60.\n\n"
         + _quality(data["rgb_to_instances"])
+    )  # fmt: skip
+
+
+def _strokes(data: dict) -> str:
+    return (
+        "\n`m4nh` has strokes of one width as truth, some a few pixels off: "
+        f"{data['found']} % of the true middle lines lie within {data['tolerance_px']} px of the foreground, "
+        f"{data['right']} % of the foreground's middle lines within {data['tolerance_px']} px of a true one "
+        f"({data['n']} pictures; worst by the lower of the two: "
+        + ", ".join(f"{name} {value}" for name, value in data["worst"]) + ").\n"
     )  # fmt: skip
 
 
@@ -104,4 +117,5 @@ SECTIONS = {
         "its released code 78.4.",
     ),
     "instances_sbhc": _instances("RT-DLO on `sbhc`", "The foreground of the true labels as mask, color picture."),
+    **report_training.SECTIONS,
 }
