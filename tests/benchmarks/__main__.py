@@ -37,7 +37,7 @@ def trainings(shared: Path) -> dict[str, list[str]]:
     size = ["--width", "256", "--height", "160"]
     folders = [f"{name}={data / name}" for name in ("chroma", "rendered")]
     nets = ["compact", "deeplab_resnet50/4", "deeplab_swin_t/4"]
-    short = ["--minutes-per-run", "1", "--scale", "0.02", *pretrained]
+    short = ["--minutes-per-run", "0.5", "--scale", "0.02", *pretrained]
     return {
         "compare": [
             mixture,
@@ -51,7 +51,7 @@ def trainings(shared: Path) -> dict[str, list[str]]:
             *common[2:],
             *pretrained,
         ],
-        "networks": [mixture, "networks", *nets, "--minutes-per-run", "7", *size, *common],
+        "networks": [mixture, "networks", *nets, "--minutes-per-run", "4", *size, *common],
         "mixture": [mixture, "factorial", "--real", str(data / "traced"), *short, *common],
     }
 
