@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from skimage.morphology import skeletonize
 
-from models.inference import Runtime, default_name, load
+from models.inference import Network, Runtime, default_name, load, manifest
 from models.instances.overlay import overlay
 from models.instances.rt_dlo import RtDloParams, extract
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
@@ -193,12 +193,28 @@ def main() -> None:
     report["empty"] = measure_empty(args.shared, probability, settings.threshold, instances, args.empty)
     report["rgb_to_instances"] = measure_rgb(args.shared, probability, instances, sheet("rgb"))
     report["time_ms"] = measure_time(probability)
+    report["others"] = measure_others(args.shared / "data" / "ewd", network.spec.name)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "foreground.json").write_text(json.dumps(report, indent=1))
     for name, part in report["sets"].items():
         print(name, json.dumps(part["groups"]))
-    for name in ("strokes", "empty", "rgb_to_instances", "time_ms"):
+    for name in ("strokes", "empty", "rgb_to_instances", "time_ms", "others"):
         print(name, json.dumps(report[name]))
+
+
+def measure_others(folder: Path, but: str) -> dict[str, dict[str, float]]:
+    """Dice on ``ewd`` and time of the manifest's other foreground networks, in the same run."""
+    found = {}
+    for name in (n for n, spec in manifest().items() if spec.task == "foreground" and n != but):
+        network = load(name, Runtime(threads=2))
+        settings = ForegroundInput.from_manifest(network.spec.preprocess)
+
+        def probability(image: np.ndarray, net: Network = network, s: ForegroundInput = settings) -> np.ndarray:
+            return segment(image, net, s)
+
+        groups = measure_set(folder, "labels", probability, settings.threshold, None)["groups"]
+        found[name] = {g: scores["dice"] for g, scores in groups.items()} | measure_time(probability)
+    return found
 
 
 def measure_time(probability: Segment) -> dict[str, float]:
