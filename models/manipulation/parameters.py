@@ -35,14 +35,25 @@ class History:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """``bending`` k_b and ``damping`` k_d; ``sigma`` (2,) standard deviations of their logarithms; ``error_m`` mean
-    node distance (M,) of every sample that is left with them, and ``error_before_m`` with the mid-range."""
+    """``bending`` k_b and ``damping`` k_d; ``covariance`` (2, 2) of their logarithms; ``error_m`` mean node distance
+    (M,) of every sample that is left with them, and ``error_before_m`` with the mid-range."""
 
     bending: float
     damping: float
-    sigma: FloatArray
+    covariance: FloatArray
     error_m: FloatArray
     error_before_m: FloatArray
+
+    @property
+    def sigma(self) -> FloatArray:
+        """(2,) standard deviations of the logarithms."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def ratio_sigma(self) -> float:
+        """Standard deviation of log(k_b / k_d)."""
+        (a, b), (_, c) = self.covariance
+        return float(np.sqrt(max(a - 2 * b + c, 0.0)))
 
     def rope(self, mass: float) -> FloatArray:
         return np.array([mass, self.bending, self.damping])
@@ -50,9 +61,8 @@ class Estimate:
 
 def estimate(dynamics: Dynamics, history: History, mass: float) -> Estimate:
     """The parameters that explain ``history`` best; deterministic. An empty history gives the mid-range."""
-    prior_sigma = np.full(2, _PRIOR)
     if not len(history.edge):
-        return Estimate(*MID_RANGE, prior_sigma, np.zeros(0), np.zeros(0))
+        return Estimate(*MID_RANGE, _PRIOR**2 * np.eye(2), np.zeros(0), np.zeros(0))
     middle = np.log(MID_RANGE)
     samples, nodes = history.before.shape[:2]
     prior = np.sqrt(2.0) * nodes * _TRUST_M / _PRIOR
@@ -77,7 +87,7 @@ def estimate(dynamics: Dynamics, history: History, mass: float) -> Estimate:
     unexplained = max(float(error.mean()), _TRUST_M)
     information = np.einsum("nik,nil->kl", found.jacobian[best, :-1], found.jacobian[best, :-1]) / unexplained**2
     # Neighboring nodes err together: about four of them count as one observation.
-    sigma = np.sqrt(np.diag(np.linalg.inv(information / 4 + np.eye(2) / _PRIOR**2)))
+    covariance = np.linalg.inv(information / 4 + np.eye(2) / _PRIOR**2)
     ropes = np.broadcast_to([mass, *MID_RANGE], (samples, 3))
     guessed = dynamics.predict(history.before, history.edge, history.move, ropes)
-    return Estimate(float(bending), float(damping), sigma, error, shape_distance(guessed, history.after))
+    return Estimate(float(bending), float(damping), covariance, error, shape_distance(guessed, history.after))

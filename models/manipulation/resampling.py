@@ -30,6 +30,13 @@ def edge_of_points(points: FloatArray, node_edge: int) -> int:
     return int(np.clip(np.searchsorted(shares, middle, "right") - 1, 0, len(points) - 2))
 
 
+def node_edge_of(points: FloatArray, edge: int) -> int:
+    """The edge between nodes in which the middle of this edge between given points lies."""
+    lengths = arc_lengths(points)
+    middle = (lengths[edge] + lengths[edge + 1]) / 2 / lengths[-1]
+    return int(np.clip(middle * (NODES - 1), 0, NODES - 2))
+
+
 def node_edges_within(points: FloatArray, edges: list[int]) -> list[int]:
     """The node edges whose middles lie on one of these edges between given points."""
     return [k for k in range(NODES - 1) if edge_of_points(points, k) in edges]
