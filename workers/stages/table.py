@@ -45,9 +45,7 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
     chosen = int(np.argmin(np.abs(np.log(np.maximum(lengths, 1e-9) / wanted))))
     warnings = []
     if len(lines) > 1:
-        text = (
-            f"{len(lines)} DLOs are in the picture; planned for the one {lengths[chosen]:.3f} m long"
-        )
+        text = f"{len(lines)} DLOs are in the picture; planned for the one {lengths[chosen]:.3f} m long"
         warnings.append(PlanWarning(code="other_dlo", field="image", message=text))
     points = lines[chosen]
     nodes, goal = to_nodes(points), to_nodes(target)
