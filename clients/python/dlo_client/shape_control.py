@@ -8,6 +8,7 @@ After every action the service is told what it did, and knows the DLO better for
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -121,5 +122,5 @@ def mean_distance(points: Points, others: Points) -> float:
     """Between corresponding points; NaN when there are not equally many."""
     if len(points) != len(others):
         return float("nan")
-    apart = (((ax - bx) ** 2 + (ay - by) ** 2) ** 0.5 for (ax, ay), (bx, by) in zip(points, others, strict=True))
-    return sum(apart) / len(points)
+    pairs = zip(points, others, strict=True)
+    return sum(math.hypot(ax - bx, ay - by) for (ax, ay), (bx, by) in pairs) / len(points)
