@@ -18,7 +18,8 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
     rope = rope_of(request.object, length_of(np.array(request.history[0].before)))
     history = history_of(request.history, rope.scale)
     with watch.step("estimate"):
-        found = estimate(dynamics, history, rope.mass)
+        length = request.object.length_m
+        found = estimate(dynamics, history, rope.mass, None if length is None else length * rope.scale)
     errors = found.error_m / rope.scale
     moved = shape_distance(history.before, history.after) / rope.scale
     result = EstimateParametersResult(

@@ -125,12 +125,16 @@ def _parameters(
     if not request.history:
         return UsedParameters(k_b=MID_RANGE[0], k_d=MID_RANGE[1], source="mid_range")
     history = history_of(request.history, scale)
-    found = estimate(dynamics, history, mass)
+    found = estimate(dynamics, history, mass, _rest(request.object.length_m, scale))
     warnings += contradictions(found.error_m / scale, shape_distance(history.before, history.after) / scale)
     sigma = (round(float(found.sigma[0]), 4), round(float(found.sigma[1]), 4))
     return UsedParameters(
         k_b=round(found.bending, _DECIMALS), k_d=round(found.damping, _DECIMALS), sigma=sigma, source="history"
     )
+
+
+def _rest(length_m: float | None, scale: float) -> float | None:
+    return None if length_m is None else length_m * scale
 
 
 def _answer(request: PlanShapeRequest, dynamics: Dynamics, problem: _Problem, rope: FloatArray) -> dict[str, object]:

@@ -25,7 +25,7 @@ def shape(
     mass: Annotated[float, typer.Option(min=0.001, max=10, help="Kilograms.")] = 0.05,
     threshold: Annotated[float, typer.Option(min=1e-4, max=1, help="Mean distance to reach, meters.")] = 0.01,
     max_actions: Annotated[int, typer.Option(min=1, max=100)] = 10,
-    horizon: Annotated[int, typer.Option(min=1, max=4, help="Actions looked ahead.")] = 1,
+    horizon: Annotated[int, typer.Option(min=1, max=4, help="Actions looked ahead.")] = 2,
 ) -> None:
     """Bring a simulated rope into a shape, learning what it is made of."""
     client: Client = context.obj

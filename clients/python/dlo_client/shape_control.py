@@ -72,7 +72,7 @@ class ShapeController:
     target_m: Points
     threshold_m: float = 0.01
     max_actions: int = 10
-    horizon: int = 1
+    horizon: int = 2
     limits: PlanLimits = field(default_factory=PlanLimits)
     remembered: int = 20
     learn: bool = True
