@@ -17,6 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import argparse
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import thread_time
 
@@ -217,13 +218,13 @@ def main() -> None:
     }
     tables: dict[str, Callable[..., Table]] = {"own": OwnTable}
     if not args.skip_mujoco:
-        tables["mujoco"] = MujocoTable
+        tables |= {"mujoco": MujocoTable, "mujoco_stiff": partial(MujocoTable, stiffer=8.0)}
     for simulator, make in tables.items():
         report[simulator] = {}
         for name, choose in choices.items():
             rows = tasks(make, choose)
             part = summary(rows)
-            if name == "horizon 1":
+            if name == "horizon 2":
                 part["prediction_mm"] = parameters_in_tasks(model, rows)
             part["rows"] = [{k: v for k, v in r.items() if k not in ("history", "mass")} for r in rows]
             report[simulator][name] = part

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.benchmarks import report_planner
+
 HEAD = """# Measured
 
 Written by `make bench` from the JSON that each benchmark leaves in `build/bench`. The real photographs are for
@@ -104,4 +106,5 @@ SECTIONS = {
         "its released code 78.4.",
     ),
     "instances_sbhc": _instances("RT-DLO on `sbhc`", "The foreground of the true labels as mask, color picture."),
+    **report_planner.SECTIONS,
 }

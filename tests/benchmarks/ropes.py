@@ -61,11 +61,11 @@ class OwnTable:
 class MujocoTable:
     """A chain of capsules with bending springs on a plane with friction, moved at 0.1 m/s and then left alone."""
 
-    def __init__(self, kind: RopeKind, surface: str) -> None:
+    def __init__(self, kind: RopeKind, surface: str, stiffer: float = 1.0) -> None:
         import mujoco
 
         self._mj = mujoco
-        self._model = mujoco.MjModel.from_xml_string(_xml(kind, SURFACES[surface][1]))
+        self._model = mujoco.MjModel.from_xml_string(_xml(kind, SURFACES[surface][1], stiffer))
         self._data = mujoco.MjData(self._model)
         self._edge_length = kind.length / (NODES - 1)
         mujoco.mj_forward(self._model, self._data)
@@ -107,9 +107,9 @@ class MujocoTable:
             self._mj.mj_step(self._model, self._data)
 
 
-def _xml(kind: RopeKind, friction: float) -> str:
+def _xml(kind: RopeKind, friction: float, stiffer: float) -> str:
     edge, radius = kind.length / (NODES - 1), kind.diameter / 2
-    spring, mass = kind.stiffness / edge, kind.mass / (NODES - 1)
+    spring, mass = stiffer * kind.stiffness / edge, kind.mass / (NODES - 1)
     inner = ""
     for k in reversed(range(NODES - 1)):
         joint = (
