@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import report_training
+from tests.benchmarks import report_planner, report_training
 
 HEAD = """# Measured
 
@@ -126,4 +126,5 @@ SECTIONS = {
     ),
     "instances_sbhc": _instances("RT-DLO on `sbhc`", "The foreground of the true labels as mask, color picture."),
     **report_training.SECTIONS,
+    **report_planner.SECTIONS,
 }

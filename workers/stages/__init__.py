@@ -7,13 +7,21 @@ from typing import assert_never
 
 import cv2
 import numpy as np
-from dlo_client.contracts import AnyRequest, InstancesRequest, NetworkInfo, NoopRequest, SegmentRequest
+from dlo_client.contracts import (
+    AnyRequest,
+    EstimateParametersRequest,
+    InstancesRequest,
+    NetworkInfo,
+    NoopRequest,
+    PlanShapeRequest,
+    SegmentRequest,
+)
 
 from models import inference
 from models.inference import NetworkSpec, Runtime
 from workers.blobs import FolderBlobs
 from workers.settings import Settings
-from workers.stages import instances, noop, segment
+from workers.stages import estimate_parameters, instances, noop, plan_shape, segment
 from workers.stages.outcome import Outcome, Tools
 
 
@@ -26,6 +34,10 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return segment.run(request, tools)
         case InstancesRequest():
             return instances.run(request, tools)
+        case PlanShapeRequest():
+            return plan_shape.run(request, tools)
+        case EstimateParametersRequest():
+            return estimate_parameters.run(request, tools)
         case _:
             assert_never(request)
 

@@ -84,6 +84,11 @@ def print_networks(networks: Iterable[NetworkInfo]) -> None:
     _console().print(table)
 
 
+def print_lines(lines: Iterable[str]) -> None:
+    for line in lines:
+        _line(_console(), line)
+
+
 def print_error(text: str) -> None:
     _line(_console(stderr=True), f"error: {text}")
 

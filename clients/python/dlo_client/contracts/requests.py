@@ -11,6 +11,12 @@ from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Probability, Reply
 from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.manipulation import (
+    EstimateParametersRequest,
+    EstimateParametersResult,
+    PlanShapeRequest,
+    PlanShapeResult,
+)
 from dlo_client.contracts.objects import Crossing, Instance
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 
@@ -94,6 +100,12 @@ class InstancesRequest(JobRequest[InstancesResult]):
         return self
 
 
-AnyRequest = Annotated[NoopRequest | SegmentRequest | InstancesRequest, Field(discriminator="kind")]
-AnyResult = Annotated[NoopResult | SegmentResult | InstancesResult, Field(discriminator="kind")]
-JobKind = Literal["noop", "segment", "instances"]
+AnyRequest = Annotated[
+    NoopRequest | SegmentRequest | InstancesRequest | PlanShapeRequest | EstimateParametersRequest,
+    Field(discriminator="kind"),
+]
+AnyResult = Annotated[
+    NoopResult | SegmentResult | InstancesResult | PlanShapeResult | EstimateParametersResult,
+    Field(discriminator="kind"),
+]
+JobKind = Literal["noop", "segment", "instances", "plan_shape", "estimate_parameters"]
