@@ -54,8 +54,8 @@ def _foreground(data: dict) -> str:
         "category 85.0, `bwh` 80.\n\n"
         + _table(["set", "group", "n", "Dice", "IoU"], rows)
         + _strokes(data["strokes"])
-        + "\nPictures without cables (floor: 0.2 % of pixels of the mixed ones). Textures were training backgrounds; the "
-        "mixed ones hold railings, poles and cords.\n\n"
+        + "\nPictures without cables (floor: 0.2 % of pixels of the mixed ones). Textures were training backgrounds; "
+        "the mixed ones hold railings, poles and cords.\n\n"
         + _table(
             ["textures", "pictures", "false pixels %", "pictures with an instance"],
             [[k, e["pictures"], e["false_pixels_percent"], ", ".join(e["pictures_with_instances"]) or "none"]
