@@ -125,7 +125,7 @@ class Camera:
             straight = cv2.fisheye.undistortPoints(points, matrix, coefficients, P=matrix)
         else:
             enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
-            straight = cv2.undistortPointsIter(points, matrix, coefficients, None, matrix, enough)
+            straight = cv2.undistortPoints(points, matrix, coefficients, None, None, matrix, enough)
         return np.asarray(straight, np.float64).reshape(-1, 2)
 
     def rays(self, ideal_xy: FloatArray) -> FloatArray:

@@ -50,9 +50,7 @@ def belonging(points_m: FloatArray, view: View, reach_px: float = _VOTE_PX) -> I
 def supports(refined: Refined, views: list[View], strands: list[IntArray]) -> list[Support]:
     """One for each view, from the residuals of the refinement."""
     points = refined.spline.at(refined.parameters)
-    return [
-        _support(view, points, refined.residual_px[k], refined.used[k], strands[k]) for k, view in enumerate(views)
-    ]
+    return [_support(view, points, refined.residual_px[k], refined.used[k], strands[k]) for k, view in enumerate(views)]
 
 
 def _support(view: View, points: FloatArray, residual: FloatArray, used: BoolArray, strands: IntArray) -> Support:

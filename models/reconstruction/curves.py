@@ -99,7 +99,7 @@ def fit(points_m: FloatArray, spans: int, smooth: float = 1e-4, parameters: Floa
     rough = np.diff(np.eye(matrix.shape[1]), n=min(3, matrix.shape[1] - 1), axis=0)
     normal = matrix.T @ matrix + smooth * len(points_m) / spans * rough.T @ rough
     normal += 1e-9 * np.eye(len(normal))
-    return Spline3D(knots, np.linalg.solve(normal, matrix.T @ points_m))
+    return Spline3D(knots, np.asarray(np.linalg.solve(normal, matrix.T @ points_m), np.float64))
 
 
 def at_equal_lengths(spline: Spline3D, count: int, begin: float = 0.0, end: float = 1.0) -> FloatArray:

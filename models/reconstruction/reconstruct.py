@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.arrays import FloatArray, IntArray
 from models.reconstruction import curves
 from models.reconstruction.association import Support, belonging, claimed, supports
 from models.reconstruction.curves import Curve, Spline3D
@@ -145,7 +145,13 @@ def _attempt(
 
 
 def _refined(
-    views: list[View], reference: int, strand: int, index: IntArray, matched: Match, reach: float, params: ReconstructParams
+    views: list[View],
+    reference: int,
+    strand: int,
+    index: IntArray,
+    matched: Match,
+    reach: float,
+    params: ReconstructParams,
 ) -> _Attempt | None:
     """The match as a spline over its first to its last matched sample, refined on every view."""
     if matched.found.sum() < 4:

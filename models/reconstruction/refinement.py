@@ -65,7 +65,7 @@ def across(covariance: FloatArray, tangents: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What one view says about n samples: signed residual, (n, 3) its derivative by the point, and whether it counts."""
+    """What a view says about n samples: signed residual, (n, 3) its derivative by the point, whether it counts."""
 
     residual: FloatArray
     gradient: FloatArray
@@ -75,6 +75,7 @@ class _Measured:
 def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params: RefineParams) -> Refined:
     """``strands``: for each view the numbers of its strands that belong to this DLO, perhaps none."""
     seen = [Samples.of(view.strands, which) for view, which in zip(views, strands, strict=True)]
+    cameras = [view.camera for view in views]
     spans = len(spline.control_m) - 3
     parameters = np.linspace(0, 1, spans * params.samples_per_span + 1)
     weights = basis(spline.knots, parameters)
@@ -83,11 +84,11 @@ def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params:
     for step in range(params.iterations):
         share = min(step / max(params.iterations // 2, 1), 1.0)
         gate = params.gate_px[0] * (1 - share) + params.gate_px[1] * share
-        measured = [_measure(view.camera, s, state.spline, parameters, gate, params) for view, s in zip(views, seen, strict=True)]
+        measured = _measure_all(cameras, seen, state.spline, parameters, gate, params)
         state, covariance, moved = _step(state, parameters, weights, rough, measured, params)
         if share == 1.0 and moved < 0.02 * state.noise:
             break
-    measured = [_measure(view.camera, s, state.spline, parameters, gate, params) for view, s in zip(views, seen, strict=True)]
+    measured = _measure_all(cameras, seen, state.spline, parameters, gate, params)
     return Refined(
         state.spline,
         parameters,
@@ -107,10 +108,21 @@ class _State:
     smooth: float
 
 
-def _measure(
-    camera: Camera, seen: Samples, spline: Spline3D, parameters: FloatArray, gate: float, params: RefineParams
-) -> _Measured:
+def _measure_all(
+    cameras: list[Camera],
+    seen: list[Samples],
+    spline: Spline3D,
+    parameters: FloatArray,
+    gate: float,
+    params: RefineParams,
+) -> list[_Measured]:
     points, tangents = spline.at(parameters), spline.tangents(parameters)
+    return [_measure(c, s, points, tangents, gate, params) for c, s in zip(cameras, seen, strict=True)]
+
+
+def _measure(
+    camera: Camera, seen: Samples, points: FloatArray, tangents: FloatArray, gate: float, params: RefineParams
+) -> _Measured:
     local = camera.in_camera(points)
     front = local[:, 2] > 1e-6
     depth = np.where(front, local[:, 2], 1.0)

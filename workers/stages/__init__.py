@@ -7,13 +7,22 @@ from typing import assert_never
 
 import cv2
 import numpy as np
-from dlo_client.contracts import AnyRequest, InstancesRequest, NetworkInfo, NoopRequest, SegmentRequest
+from dlo_client.contracts import (
+    AnyRequest,
+    InstancesRequest,
+    MergeCurvesRequest,
+    NetworkInfo,
+    NextViewRequest,
+    NoopRequest,
+    ReconstructRequest,
+    SegmentRequest,
+)
 
 from models import inference
 from models.inference import NetworkSpec, Runtime
 from workers.blobs import FolderBlobs
 from workers.settings import Settings
-from workers.stages import instances, noop, segment
+from workers.stages import instances, merge_curves, next_view, noop, reconstruct, segment
 from workers.stages.outcome import Outcome, Tools
 
 
@@ -26,6 +35,12 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return segment.run(request, tools)
         case InstancesRequest():
             return instances.run(request, tools)
+        case ReconstructRequest():
+            return reconstruct.run(request, tools)
+        case NextViewRequest():
+            return next_view.run(request)
+        case MergeCurvesRequest():
+            return merge_curves.run(request)
         case _:
             assert_never(request)
 

@@ -1,6 +1,7 @@
 """What travels: the one definition that the service, the workers and the SDK share."""
 
 from dlo_client.contracts.base import Contract, Point, Probability
+from dlo_client.contracts.cameras import CameraInfo, CameraPose, CameraView, PinholeIntrinsics, Pose
 from dlo_client.contracts.images import BlobId, ImageInfo, ImagePart, ImageRef, ImageSource
 from dlo_client.contracts.jobs import (
     AnyJob,
@@ -14,29 +15,45 @@ from dlo_client.contracts.jobs import (
     Problem,
 )
 from dlo_client.contracts.objects import Crossing, Endpoint, Instance, MaskRLE, Spline, StrandPosition
+from dlo_client.contracts.reconstruction import (
+    Curve3D,
+    MergeCurvesRequest,
+    MergeCurvesResult,
+    NextView,
+    NextViewRequest,
+    NextViewResult,
+    OtherCurve,
+    ReconstructRequest,
+    ReconstructResult,
+    Spline3,
+    Target,
+    ViewOutcome,
+)
 from dlo_client.contracts.requests import (
     AnyRequest,
     AnyResult,
     InstancesRequest,
     InstancesResult,
     JobKind,
-    JobRequest,
-    ModelUsed,
     NoopRequest,
     NoopResult,
-    Priority,
     RtDloParams,
     SegmentRequest,
     SegmentResult,
 )
+from dlo_client.contracts.submission import JobRequest, ModelUsed, Priority
 
 __all__ = [
     "AnyJob",
     "AnyRequest",
     "AnyResult",
     "BlobId",
+    "CameraInfo",
+    "CameraPose",
+    "CameraView",
     "Contract",
     "Crossing",
+    "Curve3D",
     "Endpoint",
     "FieldProblem",
     "FileRef",
@@ -54,17 +71,30 @@ __all__ = [
     "JobRequest",
     "JobState",
     "MaskRLE",
+    "MergeCurvesRequest",
+    "MergeCurvesResult",
     "ModelUsed",
     "NetworkInfo",
+    "NextView",
+    "NextViewRequest",
+    "NextViewResult",
     "NoopRequest",
     "NoopResult",
+    "OtherCurve",
+    "PinholeIntrinsics",
     "Point",
+    "Pose",
     "Priority",
     "Probability",
     "Problem",
+    "ReconstructRequest",
+    "ReconstructResult",
     "RtDloParams",
     "SegmentRequest",
     "SegmentResult",
     "Spline",
+    "Spline3",
     "StrandPosition",
+    "Target",
+    "ViewOutcome",
 ]
