@@ -17,6 +17,7 @@ from dlo_client.contracts.jobs import (
 from dlo_client.contracts.objects import Crossing, Endpoint, Instance, MaskRLE, Spline, StrandPosition
 from dlo_client.contracts.reconstruction import (
     Curve3D,
+    CurveEnd,
     MergeCurvesRequest,
     MergeCurvesResult,
     NextView,
@@ -54,6 +55,7 @@ __all__ = [
     "Contract",
     "Crossing",
     "Curve3D",
+    "CurveEnd",
     "Endpoint",
     "FieldProblem",
     "FileRef",
