@@ -25,7 +25,7 @@ _PROFILE_PX = 0.25
 @dataclass(frozen=True)
 class CenterParams:
     """``level``: of the edge, as a share of the profile's height at its center. ``wider``: edges farther apart than so
-    many typical widths belong to two DLOs. ``smooth_px`` along the DLO. ``rounds``: the normals improve with the line."""
+    many typical widths belong to two DLOs. ``smooth_px`` along the DLO. ``rounds``: normals improve with the line."""
 
     level: float = 0.5
     wider: float = 1.5
@@ -65,14 +65,10 @@ def _edges(
     half = int(np.ceil(reach / _PROFILE_PX))
     across = np.arange(-half, half + 1) * _PROFILE_PX
     at = line[:, None] + across[:, None] * normal[:, None]
-    profile = cv2.remap(
-        probability,
-        at[..., 0].astype(np.float32),
-        at[..., 1].astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=-1.0,
-    )
+    x, y = (at[..., axis].astype(np.float32) for axis in (0, 1))
+    outside = -1.0
+    read = cv2.remap(probability, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=outside)
+    profile = np.asarray(read, np.float32)
     # the center may lie beside a thin DLO at first: start from the highest place nearby
     near = np.abs(across) <= max(width_px / 2, 1.5)
     top = np.flatnonzero(near)[0] + np.argmax(profile[:, near] - 1e-3 * np.abs(across[near]), axis=1)

@@ -15,7 +15,7 @@ ROW = [above(-0.025), above(0.0), above(0.025)]
 
 def test_samples_are_matched_along_image_rows():
     slanted = np.array([[100.0, 0.0], [150.0, 100.0]])
-    shifted = slanted + [40.0, 0.0]
+    shifted = slanted + np.array([40.0, 0.0])
     first, second = match_rows([slanted, shifted], 11)
     assert first[:, 1] == pytest.approx(second[:, 1])
     assert second[:, 0] - first[:, 0] == pytest.approx(np.full(11, 40.0))
@@ -25,7 +25,7 @@ def test_of_several_crossings_the_one_that_continues_is_taken():
     """An S of which a row is crossed three times."""
     y = np.concatenate([np.linspace(0, 60, 61), np.linspace(59, 30, 30), np.linspace(31, 100, 70)])
     s = np.stack([np.linspace(0, 160, len(y)), y], axis=1)
-    first, second = match_rows([s, s + [25.0, 0.0]], 40)
+    first, second = match_rows([s, s + np.array([25.0, 0.0])], 40)
     assert np.nanmax(np.abs(second[:, 0] - first[:, 0] - 25)) < 1.5
 
 
@@ -37,7 +37,7 @@ def test_a_known_curve_comes_back():
 
 
 def test_the_target_is_followed_by_its_slope():
-    truths = [arc() + [-0.04, 0, 0], (arc() @ about(2, 0.5).T) + [0.04, 0, 0]]
+    truths = [arc() + np.array([-0.04, 0, 0]), (arc() @ about(2, 0.5).T) + np.array([0.04, 0, 0])]
     views = views_of(truths, ROW)
     assert select(views, 0, 1) == [1, 1, 1]
     assert select(views, 0, 0) == [0, 0, 0]

@@ -101,7 +101,7 @@ def test_a_dlo_along_the_baseline_works_and_says_that_it_is_less_certain():
 
 
 def test_identical_crossing_dlos_are_told_apart():
-    truths = [arc(0.16) @ about(2, angle).T + [0, 0, 0.004 * k] for k, angle in enumerate((0.0, 0.9, 1.9))]
+    truths = [arc(0.16) @ about(2, angle).T + np.array([0, 0, 0.004 * k]) for k, angle in enumerate((0.0, 0.9, 1.9))]
     views = views_of(truths, ROW, 5, 0.3)
     views[0] = replace(views[0], strands=views[0].strands[::-1])
     found = reconstruct_all(views, PARAMS)
@@ -194,7 +194,7 @@ def test_the_radius_is_that_of_the_dlo():
 
 
 def test_the_section_before_says_which_dlo_to_go_on_with():
-    truths = [arc(0.3), arc(0.3) + [0.04, 0.0, 0.0]]
+    truths = [arc(0.3), arc(0.3) + np.array([0.04, 0.0, 0.0])]
     before = reconstruct_strand(views_of(truths, ROW, 0, 0.2), 1, 1, PARAMS).curve
     ahead = views_of(truths[::-1], [above(x, 0.06) for x in (-0.025, 0.0, 0.025)], 1, 0.2)
     view, strand = continuing_strand(before, ahead)

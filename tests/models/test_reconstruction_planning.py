@@ -127,5 +127,5 @@ def test_an_outlier_is_passed_over():
 
 def test_sections_of_another_dlo_are_named():
     with pytest.raises(NotOneDlo) as caught:
-        merge([curve_through(arc()), curve_through(arc() + [1.0, 0, 0])], MergeParams())
+        merge([curve_through(arc()), curve_through(arc() + np.array([1.0, 0, 0]))], MergeParams())
     assert caught.value.section == 1

@@ -255,8 +255,11 @@ def _ends(found: Reconstruction, views: list[View]) -> tuple[CurveEnd, CurveEnd]
     used = [views[k].camera for k in found.used]
     ends = found.curve.points_m[[0, -1]]
     inside = np.all([camera.sees(camera.project(ends), _BORDER_PX) for camera in used], axis=0)
-    first, last = ("free" if inner else "border" for inner in inside)
-    return first, last
+    return _end(inside[0]), _end(inside[1])
+
+
+def _end(inside: bool) -> CurveEnd:
+    return "free" if inside else "border"
 
 
 def _warnings(found: Reconstruction, views: list[View]) -> list[str]:

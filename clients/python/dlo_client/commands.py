@@ -49,7 +49,7 @@ def connect(
 ) -> None:
     """Find cables, wires, hoses and ropes in pictures, with a running DLO service."""
     # The context's object is the client's transport: tests hand one in, otherwise it is None.
-    with _readable():
+    with readable():
         context.obj = context.with_resource(Client(url, key, transport=context.obj))
 
 
@@ -97,7 +97,7 @@ def jobs(
 ) -> None:
     """List recent jobs, newest first."""
     client: Client = context.obj
-    with _readable():
+    with readable():
         print_jobs(list(islice(client.jobs(state=state, kind=kind, page_size=min(limit, 100)), limit)))
 
 
@@ -105,7 +105,7 @@ def jobs(
 def models(context: typer.Context) -> None:
     """List the networks the service has loaded."""
     client: Client = context.obj
-    with _readable():
+    with readable():
         print_networks(client.networks())
 
 
@@ -113,12 +113,12 @@ def models(context: typer.Context) -> None:
 def cancel(context: typer.Context, job_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the job.")]) -> None:
     """Cancel a queued or running job."""
     client: Client = context.obj
-    with _readable():
+    with readable():
         print_jobs([client.cancel(job_id)])
 
 
 @contextmanager
-def _readable() -> Iterator[None]:
+def readable() -> Iterator[None]:
     """Errors of the client as one line and exit code 1."""
     try:
         yield

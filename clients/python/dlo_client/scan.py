@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import dist
 from typing import Any, Protocol
 
 from pydantic import TypeAdapter
 
-from dlo_client.calls import Picture
+from dlo_client.calls import Pictures
 from dlo_client.contracts import (
     CameraPose,
     CameraView,
@@ -64,9 +65,7 @@ class CameraOnArm(Protocol):
 class Reconstructor(Protocol):
     """The part of Client that a scan uses."""
 
-    def run(
-        self, request: JobRequest[ResultT], image: Picture | Sequence[Picture] | None = None, /
-    ) -> Job[ResultT]: ...
+    def run(self, request: JobRequest[ResultT], image: Pictures | None = None, /) -> Job[ResultT]: ...
 
 
 @dataclass(frozen=True)
@@ -232,4 +231,4 @@ def _slid(pose: Pose, along_x: float) -> Pose:
 def _added_m(curve: Curve3D, previous: Curve3D) -> float:
     """How far the end of ``curve`` lies from all of ``previous``."""
     end = curve.points_m[-1]
-    return min(sum((a - b) ** 2 for a, b in zip(end, p, strict=True)) for p in previous.points_m) ** 0.5
+    return min(dist(end, point) for point in previous.points_m)
