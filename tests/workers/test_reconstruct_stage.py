@@ -228,7 +228,7 @@ def test_a_section_elsewhere_cannot_be_continued(tools, views, outcome):
 
 def test_next_view_alone(tools, outcome):
     cameras = [CameraPose(intrinsics=intrinsics(c), T_world_camera=c.T_world_camera.tolist()) for c in ROW[:3]]
-    request = NextViewRequest(curve=outcome.result.curve, cameras=cameras, views=4, nearest_m=0.2)
+    request = NextViewRequest(curve=outcome.result.curve, cameras=cameras, pictures=4, nearest_m=0.2)
     plan = stages.run(request, tools).result.next_view
     assert len(plan.T_world_camera) == 4
     assert plan.delta_z_m < 0

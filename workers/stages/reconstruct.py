@@ -93,7 +93,7 @@ def _perceive(request: ReconstructRequest, tools: Tools) -> _Seen:
             message = f"are of a picture of {size[0]} × {size[1]} pixels, but this one has {found}"
             raise InvalidInput(f"{field}.intrinsics", message, "invalid_camera")
         scene = perceive(image, tools, model=request.model, threshold=request.threshold)
-        strands, ids = _strands(scene.scene, scene.probability)
+        strands, ids = strands_of(scene.scene, scene.probability)
         straight = tuple(Strand.through(camera.undistort(xy), width) for xy, width in strands)
         seen.images.append(image)
         seen.views.append(View(camera, straight, given.name or f"views[{index}]"))
@@ -103,7 +103,7 @@ def _perceive(request: ReconstructRequest, tools: Tools) -> _Seen:
     return seen
 
 
-def _strands(
+def strands_of(
     scene: Scene, probability: NDArray[np.float32]
 ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], list[int]]:
     """Centerlines and widths of the instances that are long enough to say anything, and their ids."""
