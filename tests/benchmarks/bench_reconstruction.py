@@ -10,12 +10,14 @@ import argparse
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from dlo_client.scan import Scan, ScanOptions
+from scipy.spatial import cKDTree
 
 from models.geometry.polylines import resample
 from models.reconstruction import dlo3ds
@@ -108,39 +110,38 @@ def _by_matching(views: list[View], count: int) -> np.ndarray:
 def sections(held: Tools, cables: int) -> Rows:
     """One section at the middle of each cable, RGB to curve: diameters, numbers of views, optimisation, methods."""
     rows: Rows = {}
+    truths = [cell.cable_scene(seed).cables[0].points_m for seed in range(cables)]
     for diameter in (2.0, 3.5, 5.0):
-        found, truths, reprojections = _sections(held, cables, diameter / 1000, 3)
-        rows[f"diameter {diameter} mm"] = score([f.curve for f in found], truths) | _radii(found, diameter)
-        rows[f"diameter {diameter} mm"]["reprojection_px"] = round(float(np.mean(reprojections)), 3)
-    for views in (2, 3, 4, 5):
-        found, truths, _ = _sections(held, cables, 0.0035, views)
-        rows[f"{views} views"] = score([f.curve for f in found], truths)
-    for mode in ("fixed", "b", "z", "bz"):
-        found, truths, _ = _sections(held, cables, 0.0035, 3, mode)
-        rows[f"optimised {mode}"] = score([f.curve for f in found], truths)
-    found, truths, reprojections = _sections(held, cables, 0.0035, 3, method="dlo3ds")
-    rows["dlo3ds, 3 views"] = score([f.curve for f in found], truths)
-    rows["dlo3ds, 3 views"]["reprojection_px"] = round(float(np.mean(reprojections)), 3)
+        scenes = [cell.cable_scene(seed, diameter / 1000) for seed in range(cables)]
+        views = [cell.seen(s, cell.row(s), held, k) for k, s in enumerate(scenes)]
+        found = [_longest(v) for v in views]
+        rows[f"diameter {diameter} mm"] = _section_row(found, truths) | _radii(found, diameter)
+        if diameter == 3.5:
+            rows["dlo3ds"] = _section_row([_longest(v, "dlo3ds") for v in views], truths)
+            rows["2 views"] = _section_row([_longest(v[:2]) for v in views], truths)
+            first = found
+    scenes = [cell.cable_scene(seed) for seed in range(cables)]
+    for count in (4, 5):
+        views = [cell.seen(s, cell.row(s, count), held, k) for k, s in enumerate(scenes)]
+        rows[f"{count} views"] = _section_row([_longest(v) for v in views], truths)
+    modes: tuple[Optimise, ...] = ("b", "z", "bz")
+    for mode in modes:
+        better = [_better(s, f.curve, held, mode, k) for k, (s, f) in enumerate(zip(scenes, first, strict=True))]
+        rows[f"optimised {mode}"] = _section_row(better, truths)
     return rows
 
 
-def _sections(
-    held: Tools, cables: int, diameter_m: float, views: int, mode: Optimise = "fixed", method: str = "spline_bundle"
-) -> tuple[list[Reconstruction], list[np.ndarray], list[float]]:
-    found, truths = [], []
-    for seed in range(cables):
-        scene = cell.cable_scene(seed, diameter_m)
-        cameras = cell.row(scene, views)
-        one = _longest(cell.seen(scene, cameras, held, seed), method)
-        if mode != "fixed":
-            limits = PlanParams(**{**vars(LIMITS), "optimise": mode, "views": views, "baseline_m": 2 * cell.BASELINE_M})
-            plan = plan_views(one.curve, cameras, limits)
-            better = [camera_above(p[:2, 3], p[2, 3]) for p in plan.poses]
-            better = [type(c)(c.intrinsics, p) for c, p in zip(better, plan.poses, strict=True)]
-            one = _longest(cell.seen(scene, better, held, seed + 500), method)
-        found.append(one)
-        truths.append(scene.cables[0].points_m)
-    return found, truths, [f.reprojection_px for f in found]
+def _section_row(found: list[Reconstruction], truths: list[np.ndarray]) -> Rows:
+    reprojection = round(float(np.mean([f.reprojection_px for f in found])), 3)
+    return score([f.curve for f in found], truths) | {"reprojection_px": reprojection}
+
+
+def _better(scene: Scene3D, curve: Curve, held: Tools, mode: Optimise, seed: int) -> Reconstruction:
+    """The same section from the poses that the planning asks for; the fixed baseline where it is not optimised."""
+    cameras = cell.row(scene)
+    plan = plan_views(curve, cameras, replace(LIMITS, optimise=mode, baseline_m=2 * cell.BASELINE_M))
+    moved = [replace(cameras[0], T_world_camera=pose) for pose in plan.poses]
+    return _longest(cell.seen(scene, moved, held, seed + 500))
 
 
 def _longest(views: list[View], method: str = "spline_bundle") -> Reconstruction:
@@ -264,7 +265,7 @@ def _turned(cameras: list, rotations: list[tuple[float, float, float]]) -> list:
     for camera, rotation in zip(cameras, rotations, strict=True):
         pose = camera.T_world_camera.copy()
         pose[:3, :3] = pose[:3, :3] @ cv2.Rodrigues(np.array(rotation))[0]
-        out.append(type(camera)(camera.intrinsics, pose))
+        out.append(replace(camera, T_world_camera=pose))
     return out
 
 
@@ -275,7 +276,7 @@ def _along(cameras: list) -> list:
     for step in (-cell.BASELINE_M, 0.0, cell.BASELINE_M):
         pose = middle.copy()
         pose[1, 3] += step
-        out.append(type(cameras[0])(cameras[0].intrinsics, pose))
+        out.append(replace(cameras[1], T_world_camera=pose))
     return out
 
 
@@ -324,8 +325,6 @@ def _tube_depth(curve: Curve, camera: Any, on: np.ndarray) -> np.ndarray:
     xy, depth = camera.project(points), camera.in_camera(points)[:, 2]
     rows, columns = np.nonzero(on)
     pixels = np.stack([columns, rows], axis=1).astype(float)
-    from scipy.spatial import cKDTree
-
     off, nearest = cKDTree(xy).query(pixels)
     half = curve.mean_radius_m * camera.focal_px / depth[nearest]
     return depth[nearest] - curve.mean_radius_m * np.sqrt(np.clip(1 - (off / half) ** 2, 0, 1))
