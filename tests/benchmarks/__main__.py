@@ -25,6 +25,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
+        "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
     }
 
 

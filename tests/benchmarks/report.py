@@ -6,6 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.benchmarks import report_reconstruction
+from tests.benchmarks.markdown import table as _table
+
 HEAD = """# Measured
 
 Written by `make bench` from the JSON that each benchmark leaves in `build/bench`. The real photographs are for
@@ -22,12 +25,6 @@ def write_report(folder: Path, target: Path) -> None:
         file = folder / f"{name}.json"
         parts.append(section(json.loads(file.read_text())) if file.exists() else f"## {name}\n\nNot run.\n")
     target.write_text("\n".join(parts))
-
-
-def _table(header: list[str], rows: list[list[Any]]) -> str:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"
 
 
 def _http(data: dict) -> str:
@@ -104,4 +101,5 @@ SECTIONS = {
         "its released code 78.4.",
     ),
     "instances_sbhc": _instances("RT-DLO on `sbhc`", "The foreground of the true labels as mask, color picture."),
+    "reconstruction": report_reconstruction.section,
 }
