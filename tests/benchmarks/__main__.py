@@ -27,6 +27,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "synthesis": ["tests.benchmarks.bench_synthesis"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
+        "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
     }
 
 

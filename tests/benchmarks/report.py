@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import report_planner, report_training
+from tests.benchmarks import report_planner, report_reconstruction, report_training
+from tests.benchmarks.markdown import table as _table
 
 HEAD = """# Measured
 
@@ -24,12 +25,6 @@ def write_report(folder: Path, target: Path) -> None:
         file = folder / f"{name}.json"
         parts.append(section(json.loads(file.read_text())) if file.exists() else f"## {name}\n\nNot run.\n")
     target.write_text("\n".join(parts))
-
-
-def _table(header: list[str], rows: list[list[Any]]) -> str:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"
 
 
 def _http(data: dict) -> str:
@@ -127,4 +122,5 @@ SECTIONS = {
     "instances_sbhc": _instances("RT-DLO on `sbhc`", "The foreground of the true labels as mask, color picture."),
     **report_training.SECTIONS,
     **report_planner.SECTIONS,
+    "reconstruction": report_reconstruction.section,
 }

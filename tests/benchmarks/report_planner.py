@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from tests.benchmarks.markdown import table
 
 _TASKS = ("reached", "reached_in_6", "median_final_mm", "median_actions")
-
-
-def _table(header: list[str], rows: list[list[Any]]) -> str:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join([*lines, *("| " + " | ".join(str(cell) for cell in row) + " |" for row in rows)]) + "\n"
 
 
 def planner(data: dict) -> str:
@@ -33,15 +28,15 @@ def planner(data: dict) -> str:
         f"finely as the estimator does: k_b within 25 % for {par['k_b_within_25_percent']} % (floor 80, aim 95), "
         f"k_b / k_d for {par['ratio_within_25_percent']} %; stated 90 % intervals cover "
         f"{par['stated_90_percent_covers']} %.\n\n"
-        + _table(["processor ms, one thread", "median"], [[k.replace("_", " "), v] for k, v in ms.items()])
+        + table(["processor ms, one thread", "median"], [[k.replace("_", " "), v] for k, v in ms.items()])
         + "\nFloors: 150 ms an action (aim 40; released code 1100 to 1400), 500 ms a fit (aim 100; 5900 to 7500).\n\n"
         "Tasks U, A, S, I × three ropes × two surfaces, hidden parameters, at most ten actions, reached below 10 mm. "
         "Floors: 90 % in the own simulator, 50 % and a median of at most 10 mm in the independent one; aims 98 % in 6 "
         "actions, 95 % with a median of 7 actions. The bending stiffness of MuJoCo's ropes was chosen once so that "
         "the estimates lie where the thesis found them for real ropes; the stiffer ones are beside them.\n\n"
-        + _table(["simulator", "choice", "tasks", "reached", "in 6 actions", "median final mm", "median actions"], rows)
+        + table(["simulator", "choice", "tasks", "reached", "in 6 actions", "median final mm", "median actions"], rows)
         + "\nPrediction error of the next state in mm during the tasks (Fig. 5.8; floor 30 % below mid-range):\n\n"
-        + _table(["simulator", "mid-range", "online", "best"], errors)
+        + table(["simulator", "mid-range", "online", "best"], errors)
     )
 
 
@@ -61,9 +56,9 @@ def dynamics_networks(data: dict) -> str:
         f"{data['minutes']:g} processor minutes of training each; mean prediction error in mm on {data['ropes']} ropes "
         "that none has seen. (*) the same samples for fitting k_b and k_d and for measuring, (**) other ones. Floor: "
         "conditioning 30 % below no parameters.\n\n"
-        + _table([*header, "true params", "forward ms", "with gradient ms"], rows)
+        + table([*header, "true params", "forward ms", "with gradient ms"], rows)
         + "\nFitting the two parameters against fitting all weights:\n\n"
-        + _table(["network", "parameters (*)", "parameters (**)", "weights (*)", "weights (**)"], weights)
+        + table(["network", "parameters (*)", "parameters (**)", "weights (*)", "weights (**)"], weights)
     )
 
 

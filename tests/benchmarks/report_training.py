@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from models.segmentation.train_mixture import factorial_table
-
-
-def _table(header: list[str], rows: list[list[Any]]) -> str:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join([*lines, *("| " + " | ".join(str(cell) for cell in row) + " |" for row in rows)]) + "\n"
+from tests.benchmarks.markdown import table
 
 
 def _setting(data: dict) -> str:
@@ -31,7 +25,7 @@ def synthesis(data: dict) -> str:
     return (
         "## Rendering labelled pictures\n\n`python -m tests.benchmarks.bench_synthesis`: one core, processor time; "
         "the time of the same pictures through a JPEG encoder and decoder is the unit of the third column.\n\n"
-        + _table(["size", "pictures a second", "JPEG round trips a picture", "same seed, same bytes"], rows)
+        + table(["size", "pictures a second", "JPEG round trips a picture", "same seed, same bytes"], rows)
     )
 
 
@@ -47,7 +41,7 @@ def compare(data: dict) -> str:
     return (
         "## Chroma key against rendered data (as Table 2.1)\n\n`python -m models.segmentation.train_mixture compare`: "
         f"the compact network on 810 pictures of either kind, {_setting(data)}. Both kinds are made here: `chroma` is "
-        "keyed from 90 recorded pictures before a rendered screen.\n\n" + _table(["data", "runs", *kinds], rows)
+        "keyed from 90 recorded pictures before a rendered screen.\n\n" + table(["data", "runs", *kinds], rows)
     )
 
 
@@ -61,7 +55,7 @@ def networks(data: dict) -> str:
         "## Networks on equal terms, at reduced size\n\n`python -m models.segmentation.train_mixture networks`: all on "
         f"the same {data['settings']['count']} rendered pictures, {_setting(data)}. `/4`: channels divided by four. "
         "No GPU was there: a comparison of what short training on a processor reaches, not of the full networks.\n\n"
-        + _table(["network", "million weights", "pictures seen", *kinds], rows)
+        + table(["network", "million weights", "pictures seen", *kinds], rows)
     )
 
 

@@ -26,6 +26,7 @@ class FakeService:
 
     def __init__(self) -> None:
         self.finished: AnyJob = samples.instances_job()
+        self.file = samples.OVERLAY
         self.refusal: Problem | None = None
         self.slow = False
         self.requests: list[str] = []
@@ -40,7 +41,7 @@ class FakeService:
                 Route("/v1/jobs", self._submit, methods=["POST"]),
                 Route("/v1/jobs/{id}", self._job),
                 Route("/v1/jobs/{id}", self._cancel, methods=["DELETE"]),
-                Route("/v1/jobs/{id}/files/{name}", lambda _: Response(samples.OVERLAY)),
+                Route("/v1/jobs/{id}/files/{name}", lambda _: Response(self.file)),
                 Mount("/viewer", StaticFiles(directory=VIEWER)),
             ]
         )

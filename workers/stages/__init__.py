@@ -11,9 +11,12 @@ from dlo_client.contracts import (
     AnyRequest,
     EstimateParametersRequest,
     InstancesRequest,
+    MergeCurvesRequest,
     NetworkInfo,
+    NextViewRequest,
     NoopRequest,
     PlanShapeRequest,
+    ReconstructRequest,
     SegmentRequest,
 )
 
@@ -21,7 +24,16 @@ from models import inference
 from models.inference import NetworkSpec, Runtime
 from workers.blobs import FolderBlobs
 from workers.settings import Settings
-from workers.stages import estimate_parameters, instances, noop, plan_shape, segment
+from workers.stages import (
+    estimate_parameters,
+    instances,
+    merge_curves,
+    next_view,
+    noop,
+    plan_shape,
+    reconstruct,
+    segment,
+)
 from workers.stages.outcome import Outcome, Tools
 
 
@@ -38,6 +50,12 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return plan_shape.run(request, tools)
         case EstimateParametersRequest():
             return estimate_parameters.run(request, tools)
+        case ReconstructRequest():
+            return reconstruct.run(request, tools)
+        case NextViewRequest():
+            return next_view.run(request)
+        case MergeCurvesRequest():
+            return merge_curves.run(request)
         case _:
             assert_never(request)
 

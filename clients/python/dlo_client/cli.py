@@ -10,11 +10,10 @@ _MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
 
 def main() -> None:
     try:
-        from dlo_client import shape_commands
+        from dlo_client import reconstruction_commands, shape_commands  # noqa: F401  register their commands
         from dlo_client.commands import app
     except ModuleNotFoundError as error:
         if error.name not in ("typer", "rich", "PIL"):
             raise
         sys.exit(_MISSING.format(name=error.name))
-    assert shape_commands  # its import registers the command
     app()

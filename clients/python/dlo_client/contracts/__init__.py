@@ -1,6 +1,7 @@
 """What travels: the one definition that the service, the workers and the SDK share."""
 
 from dlo_client.contracts.base import Contract, Point, Probability
+from dlo_client.contracts.cameras import CameraInfo, CameraPose, CameraView, PinholeIntrinsics, Pose
 from dlo_client.contracts.images import BlobId, ImageInfo, ImagePart, ImageRef, ImageSource
 from dlo_client.contracts.jobs import (
     AnyJob,
@@ -26,6 +27,21 @@ from dlo_client.contracts.manipulation import (
     RopeParameters,
 )
 from dlo_client.contracts.objects import Crossing, Endpoint, Instance, MaskRLE, Spline, StrandPosition
+from dlo_client.contracts.reconstruction import (
+    Curve3D,
+    CurveEnd,
+    MergeCurvesRequest,
+    MergeCurvesResult,
+    NextView,
+    NextViewRequest,
+    NextViewResult,
+    OtherCurve,
+    ReconstructRequest,
+    ReconstructResult,
+    Spline3,
+    Target,
+    ViewOutcome,
+)
 from dlo_client.contracts.requests import (
     AnyRequest,
     AnyResult,
@@ -45,8 +61,13 @@ __all__ = [
     "AnyRequest",
     "AnyResult",
     "BlobId",
+    "CameraInfo",
+    "CameraPose",
+    "CameraView",
     "Contract",
     "Crossing",
+    "Curve3D",
+    "CurveEnd",
     "DloObject",
     "Endpoint",
     "EstimateParametersRequest",
@@ -68,23 +89,36 @@ __all__ = [
     "JobRequest",
     "JobState",
     "MaskRLE",
+    "MergeCurvesRequest",
+    "MergeCurvesResult",
     "ModelUsed",
     "MoveAction",
     "NetworkInfo",
+    "NextView",
+    "NextViewRequest",
+    "NextViewResult",
     "NoopRequest",
     "NoopResult",
+    "OtherCurve",
+    "PinholeIntrinsics",
     "PlanLimits",
     "PlanShapeRequest",
     "PlanShapeResult",
     "PlannedAction",
     "Point",
+    "Pose",
     "Priority",
     "Probability",
     "Problem",
+    "ReconstructRequest",
+    "ReconstructResult",
     "RopeParameters",
     "RtDloParams",
     "SegmentRequest",
     "SegmentResult",
     "Spline",
+    "Spline3",
     "StrandPosition",
+    "Target",
+    "ViewOutcome",
 ]

@@ -18,6 +18,14 @@ from dlo_client.contracts.manipulation import (
     PlanShapeResult,
 )
 from dlo_client.contracts.objects import Crossing, Instance
+from dlo_client.contracts.reconstruction import (
+    MergeCurvesRequest,
+    MergeCurvesResult,
+    NextViewRequest,
+    NextViewResult,
+    ReconstructRequest,
+    ReconstructResult,
+)
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 
 
@@ -101,11 +109,34 @@ class InstancesRequest(JobRequest[InstancesResult]):
 
 
 AnyRequest = Annotated[
-    NoopRequest | SegmentRequest | InstancesRequest | PlanShapeRequest | EstimateParametersRequest,
+    NoopRequest
+    | SegmentRequest
+    | InstancesRequest
+    | PlanShapeRequest
+    | EstimateParametersRequest
+    | ReconstructRequest
+    | NextViewRequest
+    | MergeCurvesRequest,
     Field(discriminator="kind"),
 ]
 AnyResult = Annotated[
-    NoopResult | SegmentResult | InstancesResult | PlanShapeResult | EstimateParametersResult,
+    NoopResult
+    | SegmentResult
+    | InstancesResult
+    | PlanShapeResult
+    | EstimateParametersResult
+    | ReconstructResult
+    | NextViewResult
+    | MergeCurvesResult,
     Field(discriminator="kind"),
 ]
-JobKind = Literal["noop", "segment", "instances", "plan_shape", "estimate_parameters"]
+JobKind = Literal[
+    "noop",
+    "segment",
+    "instances",
+    "plan_shape",
+    "estimate_parameters",
+    "reconstruct",
+    "next_view",
+    "merge_curves",
+]

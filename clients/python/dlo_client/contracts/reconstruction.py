@@ -1,0 +1,202 @@
+"""Kinds of thesis chapter 4: the 3D shape of DLOs from a camera that moves."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from dlo_client.contracts.base import Contract, Point, Probability, Reply
+from dlo_client.contracts.cameras import AnyIntrinsics, CameraPose, CameraView, Pose
+from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+
+Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
+Point3 = tuple[Coordinate, Coordinate, Coordinate]
+"""``(x, y, z)`` in meters in the world."""
+
+Covariance = tuple[float, float, float, float, float, float]
+"""``xx, xy, xz, yy, yz, zz`` in square meters."""
+
+ReconstructMethod = Literal["spline_bundle", "dlo3ds"]
+ReconstructFile = Literal["curve", "overlay"]
+Optimise = Literal["fixed", "b", "z", "bz"]
+CurveEnd = Literal["free", "border"]
+"""``border``: at the edge of a picture, the DLO may go on; ``free``: it ends in view, or is hidden from there on."""
+_SAME_PLACE_M = 1e-4
+
+
+class Spline3(Reply):
+    """Clamped B-spline of the centerline, parameter 0 to 1: ``len(knots) == len(control_m) + degree + 1``."""
+
+    degree: int = Field(ge=1, le=5)
+    knots: list[Annotated[float, Field(ge=-0.01, le=1.01)]] = Field(max_length=600)
+    control_m: list[Point3] = Field(min_length=2, max_length=500)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Spline3:
+        if len(self.knots) != len(self.control_m) + self.degree + 1:
+            raise ValueError("there are len(control_m) + degree + 1 knots")
+        if any(b < a for a, b in zip(self.knots, self.knots[1:], strict=False)):
+            raise ValueError("knots do not decrease")
+        return self
+
+
+class Curve3D(Reply):
+    """One DLO as a curve in the world, with what is known about its errors.
+
+    The covariance is that of the position across the curve; how far along it a point lies is a matter of convention.
+    """
+
+    points_m: list[Point3] = Field(min_length=2, max_length=5000, description="ordered, at equal arc length")
+    covariance_m2: list[Covariance] = Field(max_length=5000, description="one a point, across the curve")
+    sigma_m: list[Annotated[float, Field(ge=0)]] = Field(
+        max_length=5000, description="one a point: standard deviation in its worst direction"
+    )
+    spline: Spline3
+    radius_m: float | None = Field(default=None, ge=0, description="median along the DLO; None if not known")
+    radius_sigma_m: float | None = Field(default=None, ge=0)
+    length_m: float = Field(ge=0)
+
+    @model_validator(mode="after")
+    def _one_each(self) -> Curve3D:
+        if not len(self.points_m) == len(self.covariance_m2) == len(self.sigma_m):
+            raise ValueError("points_m, covariance_m2 and sigma_m have one entry a point each")
+        if len(set(self.points_m)) < 2:
+            raise ValueError("points_m holds one place only")
+        return self
+
+
+class Target(Contract):
+    """Which DLO: the one nearest to a pixel of a view, or an instance of the view by its id."""
+
+    view: int = Field(ge=0, lt=64, description="index into `views`")
+    xy: Point | None = None
+    instance: int | None = Field(default=None, ge=1)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Target:
+        if (self.xy is None) == (self.instance is None):
+            raise ValueError("give either xy or instance")
+        return self
+
+
+class ViewOutcome(Reply):
+    """What became of a view. ``used``: it took part. ``dropped``: nothing was found in it, or nothing that fits."""
+
+    name: str
+    status: Literal["used", "dropped"]
+    reason: str | None = Field(default=None, description="why it was dropped")
+    instances_found: int = Field(ge=0)
+    instance: int | None = Field(default=None, description="id, in this view, of the DLO that `curve` describes")
+    reprojection_px: float | None = Field(default=None, description="mean distance of `curve` to its centerline here")
+    share: Probability = Field(description="of the curve's samples in this picture that lie on the centerline")
+    intrinsics: AnyIntrinsics
+    T_world_camera: Pose
+
+
+class OtherCurve(Reply):
+    """A further DLO of the scene; ``instances``: its id in each view, None where it takes no part."""
+
+    curve: Curve3D
+    reprojection_px: float
+    instances: list[int | None]
+
+
+class NextView(Reply):
+    """Where to take the next pictures from (thesis section 4.5.4). ``gain``: by how much the mean standard deviation
+    is expected to fall, as a share, once these pictures are used; 0.3 is 30 % less."""
+
+    baseline_m: float = Field(ge=0, description="from the first to the last of the poses")
+    delta_z_m: float = Field(description="added to the distance from the DLO")
+    T_world_camera: list[Pose] = Field(description="one for each picture, in the order of the slide")
+    sigma_m: float = Field(ge=0, description="mean over the points, now")
+    expected_sigma_m: float = Field(ge=0)
+    gain: float
+    visible: Probability = Field(description="share of the points that all new pictures will show")
+
+
+class ReconstructResult(Reply):
+    kind: Literal["reconstruct"] = "reconstruct"
+    method: ReconstructMethod
+    curve: Curve3D = Field(description="the target; without one, the longest DLO")
+    others: list[OtherCurve] = Field(description="every other DLO, if no target was named")
+    views: list[ViewOutcome]
+    reprojection_px: float = Field(description="mean over the views that took part")
+    noise_px: float = Field(description="standard deviation of the centerlines, as the residuals show it")
+    overlap: Probability | None = Field(default=None, description="share of the curve that `previous` covers")
+    ends: tuple[CurveEnd, CurveEnd] = Field(description="of `curve`, at its first and its last point")
+    next_view: NextView | None = Field(description="None if no pose within the limits sees the DLO")
+    warnings: list[str]
+    models: list[ModelUsed]
+
+
+class ReconstructRequest(JobRequest[ReconstructResult]):
+    """Pictures from known poses to the 3D curves of the DLOs they show.
+
+    ``spline_bundle`` takes any poses; ``dlo3ds`` is the published method, for a camera that slides along its x axis.
+    """
+
+    kind: Literal["reconstruct"] = "reconstruct"
+    views: list[CameraView] = Field(min_length=2, max_length=16)
+    target: Target | None = Field(default=None, description="default: with `previous` its continuation, else all DLOs")
+    previous: Curve3D | None = Field(default=None, description="the section before, to continue a scan")
+    method: ReconstructMethod = "spline_bundle"
+    model: ModelName | None = Field(default=None, description="foreground network; default the best one")
+    threshold: Probability | None = Field(default=None, description="default: the network's own")
+    points: int = Field(default=60, ge=4, le=1000, description="of a curve")
+    files: list[ReconstructFile] = Field(default=["curve", "overlay"], max_length=2)
+
+    @model_validator(mode="after")
+    def _usable_views(self) -> ReconstructRequest:
+        places = [[row[3] for row in view.T_world_camera[:3]] for view in self.views]
+        if max(sum((a - b) ** 2 for a, b in zip(place, places[0], strict=True)) for place in places) < _SAME_PLACE_M**2:
+            raise ValueError("`views` were all taken from the same place: depth needs a camera that has moved")
+        if self.target is not None and self.target.view >= len(self.views):
+            raise ValueError(f"`target` names view {self.target.view}, but there are {len(self.views)} views")
+        return self
+
+
+class NextViewResult(Reply):
+    kind: Literal["next_view"] = "next_view"
+    next_view: NextView
+
+
+class NextViewRequest(JobRequest[NextViewResult]):
+    """From where to look at a DLO that is roughly known: the best baseline and distance (thesis eq. 4.2 to 4.4)."""
+
+    kind: Literal["next_view"] = "next_view"
+    curve: Curve3D
+    cameras: list[CameraPose] = Field(
+        min_length=1, max_length=16, description="those that `curve` was seen with; the last is where the camera stands"
+    )
+    pictures: int = Field(default=3, ge=2, le=16, description="how many will be taken")
+    optimise: Optimise = Field(default="bz", description="baseline, distance, both, or neither")
+    baseline_m: float = Field(default=0.05, gt=0, le=10, description="where it is not optimised, first to last pose")
+    baseline_at_most_m: float = Field(default=1.0, gt=0, le=10)
+    nearest_m: float = Field(default=0.1, gt=0, le=100, description="z_min: the camera comes no nearer to the DLO")
+    delta_z_m: tuple[float, float] = Field(default=(-0.5, 0.5), description="least and largest change of distance")
+    margin_px: float = Field(default=20, ge=0, le=10_000, description="sigma: kept free at the picture's border")
+    advance: bool = Field(default=False, description="move on to the end of the curve, to continue a scan")
+    overlap: float = Field(default=0.5, ge=0.05, lt=1, description="n_o: share of the view that shows known points")
+
+    @model_validator(mode="after")
+    def _range(self) -> NextViewRequest:
+        if not -100 <= self.delta_z_m[0] <= 0 <= self.delta_z_m[1] <= 100:
+            raise ValueError("`delta_z_m` is a range around 0 of at most 100 m")
+        return self
+
+
+class MergeCurvesResult(Reply):
+    kind: Literal["merge_curves"] = "merge_curves"
+    curve: Curve3D
+    disagreement_m: float = Field(ge=0, description="mean distance of the sections from the merged curve")
+    outliers: int = Field(ge=0, description="points that the filter passed over")
+
+
+class MergeCurvesRequest(JobRequest[MergeCurvesResult]):
+    """Sections of one DLO, in the order of the scan, to one filtered curve (LOWESS, thesis section 4.5.5)."""
+
+    kind: Literal["merge_curves"] = "merge_curves"
+    curves: list[Curve3D] = Field(min_length=1, max_length=64)
+    window_m: float = Field(default=0.03, gt=0, le=10, description="length of DLO that a local line is fitted to")
+    spacing_m: float = Field(default=0.005, gt=0, le=1, description="between the points of the result")

@@ -1,0 +1,56 @@
+"""The reprojection on a picture, for people."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from models.geometry.arrays import ByteArray, FloatArray
+from models.geometry.cameras import Camera
+from models.reconstruction.curves import Curve
+
+_DARK = (20, 20, 20)
+_TARGET = (255, 214, 10)
+_OTHERS = ((64, 196, 255), (255, 110, 180), (120, 230, 120), (255, 150, 60), (190, 150, 255))
+_FRACTION_BITS = 4
+
+Color = tuple[int, int, int]
+
+
+def reprojection(image: ByteArray, camera: Camera, curves: list[Curve], dropped: str | None = None) -> ByteArray:
+    """Copy of (H, W, 3) RGB ``image`` with the curves' centerlines and outlines as the camera should see them; the
+    first one is the target. ``dropped``: why the view took no part, written into it."""
+    picture = image.copy()
+    unit = max(1.0, min(image.shape[:2]) / 480)
+    for number, curve in enumerate(curves):
+        color = _TARGET if number == 0 else _OTHERS[(number - 1) % len(_OTHERS)]
+        points = curve.spline.at(np.linspace(0, 1, 400))
+        xy = camera.project_to_picture(points)
+        _line(picture, xy, _DARK, round(3 * unit))
+        _line(picture, xy, color, max(1, round(1.4 * unit)))
+        if np.isfinite(curve.mean_radius_m):
+            for side in _outline(points, camera, curve.mean_radius_m):
+                _line(picture, side, color, 1)
+    if dropped:
+        cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, picture.shape[0] - 1), (220, 40, 30), round(4 * unit))
+        cv2.putText(picture, dropped, (10, round(24 * unit)), cv2.FONT_HERSHEY_SIMPLEX, 0.5 * unit, (220, 40, 30), 1)
+    return picture
+
+
+def _outline(points: FloatArray, camera: Camera, radius: float) -> list[FloatArray]:
+    ideal = camera.project(points)
+    tangent = np.gradient(ideal, axis=0)
+    tangent /= np.maximum(np.hypot(*tangent.T)[:, None], 1e-9)
+    half = radius * camera.focal_px / camera.in_camera(points)[:, 2]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) * half[:, None]
+    return [camera.distort(ideal + normal), camera.distort(ideal - normal)]
+
+
+def _line(picture: ByteArray, xy: FloatArray, color: Color, thickness: int) -> None:
+    """Pieces between points that are not in front of the camera, or far outside the picture, are left out."""
+    limit = 4 * max(picture.shape[:2])
+    good = np.isfinite(xy).all(axis=1) & (np.abs(np.nan_to_num(xy)) < limit).all(axis=1)
+    for piece in np.split(np.arange(len(xy)), np.flatnonzero(np.diff(good)) + 1):
+        if len(piece) > 1 and good[piece[0]]:
+            fixed = np.rint(xy[piece] * (1 << _FRACTION_BITS)).astype(np.int32)
+            cv2.polylines(picture, [fixed], False, color, thickness, cv2.LINE_AA, _FRACTION_BITS)

@@ -1,0 +1,206 @@
+"""Bundle adjustment of the spline over all views, and the covariance that comes with it.
+
+Strategy: the unknowns are the B-spline's control points. A residual is how far, in pixels and across the strand,
+a sample of the curve projects from the nearest strand of its DLO; along the strand nothing is measured, so no
+correspondence has to be right and a DLO along the baseline does no harm. Third differences of the control points
+carry a smoothness prior whose weight is found together with the noise by evidence maximization: effective numbers
+of parameters against what is left over. Residuals of neighboring samples are alike (a centerline strays for a
+while), so the information of the data is divided by (1 + r) / (1 - r) of their correlation r before anything is
+stated about uncertainty. Each iteration is one dense Gauss-Newton step of 3 m unknowns (m about 10 to 45).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.cameras import Camera
+from models.reconstruction.curves import Spline3D, basis
+from models.reconstruction.views import Samples, View
+
+
+@dataclass(frozen=True)
+class RefineParams:
+    """``gate_px``: farther strands say nothing; it closes from the first to the second value. ``turn``: largest sine
+    between curve and strand. ``slide``: how far samples may slide along the curve in a step, in sample spacings.
+    ``least_noise_px``: centerlines are never believed to be better than this."""
+
+    samples_per_span: int = 6
+    iterations: int = 10
+    gate_px: tuple[float, float] = (8.0, 3.0)
+    turn: float = 0.7
+    slide: float = 0.3
+    least_noise_px: float = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """``residual_px`` (k, n) signed, across the strand; ``used`` (k, n); ``parameters`` (n,) of the samples;
+    ``covariance`` (m, 3, m, 3) of the control points; ``noise_px`` of one residual; ``correlation`` of neighbors."""
+
+    spline: Spline3D
+    parameters: FloatArray
+    residual_px: FloatArray
+    used: BoolArray
+    covariance: FloatArray
+    noise_px: float
+    correlation: float
+
+    def covariance_at(self, parameters: FloatArray) -> FloatArray:
+        """(n, 3, 3) of the position across the curve."""
+        weights = basis(self.spline.knots, parameters)
+        half = np.einsum("na,aibj->nibj", weights, self.covariance)
+        full = np.einsum("nibj,nb->nij", half, weights)
+        return across(full, self.spline.tangents(parameters))
+
+
+def across(covariance: FloatArray, tangents: FloatArray) -> FloatArray:
+    """(n, 3, 3) without the part along (n, 3) unit tangents."""
+    keep = np.eye(3) - tangents[:, :, None] * tangents[:, None, :]
+    projected: FloatArray = keep @ covariance @ keep
+    return projected
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """What a view says about n samples: signed residual, (n, 3) its derivative by the point, whether it counts."""
+
+    residual: FloatArray
+    gradient: FloatArray
+    used: BoolArray
+
+
+def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params: RefineParams) -> Refined:
+    """``strands``: for each view the numbers of its strands that belong to this DLO, perhaps none."""
+    seen = [Samples.of(view.strands, which) for view, which in zip(views, strands, strict=True)]
+    cameras = [view.camera for view in views]
+    spans = len(spline.control_m) - 3
+    parameters = np.linspace(0, 1, spans * params.samples_per_span + 1)
+    weights = basis(spline.knots, parameters)
+    rough = _roughness(len(spline.control_m))
+    state = _State(spline, noise=1.0, correlation=0.0, smooth=1e-2 / _scale(spline) ** 2)
+    for step in range(params.iterations):
+        share = min(step / max(params.iterations // 2, 1), 1.0)
+        gate = params.gate_px[0] * (1 - share) + params.gate_px[1] * share
+        measured = _measure_all(cameras, seen, state.spline, parameters, gate, params)
+        state, covariance, moved = _step(state, parameters, weights, rough, measured, params)
+        if share == 1.0 and moved < 0.02 * state.noise:
+            break
+    measured = _measure_all(cameras, seen, state.spline, parameters, gate, params)
+    return Refined(
+        state.spline,
+        parameters,
+        np.stack([m.residual for m in measured]),
+        np.stack([m.used for m in measured]),
+        covariance.reshape(len(spline.control_m), 3, len(spline.control_m), 3),
+        state.noise,
+        state.correlation,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    spline: Spline3D
+    noise: float
+    correlation: float
+    smooth: float
+
+
+def _measure_all(
+    cameras: list[Camera],
+    seen: list[Samples],
+    spline: Spline3D,
+    parameters: FloatArray,
+    gate: float,
+    params: RefineParams,
+) -> list[_Measured]:
+    points, tangents = spline.at(parameters), spline.tangents(parameters)
+    return [_measure(c, s, points, tangents, gate, params) for c, s in zip(cameras, seen, strict=True)]
+
+
+def _measure(
+    camera: Camera, seen: Samples, points: FloatArray, tangents: FloatArray, gate: float, params: RefineParams
+) -> _Measured:
+    local = camera.in_camera(points)
+    front = local[:, 2] > 1e-6
+    depth = np.where(front, local[:, 2], 1.0)
+    focal = np.array([camera.intrinsics.fx, camera.intrinsics.fy])
+    middle = np.array([camera.intrinsics.cx, camera.intrinsics.cy])
+    plane = local[:, :2] / depth[:, None]
+    xy = plane * focal + middle
+    if not len(seen.xy):
+        return _Measured(np.full(len(xy), np.nan), np.zeros((len(xy), 3)), np.zeros(len(xy), bool))
+    _, nearest = seen.tree.query(np.where(front[:, None], xy, -1e6))
+    normal, off = seen.normals[nearest], xy - seen.xy[nearest]
+    residual = np.einsum("ni,ni->n", normal, off)
+    along = np.abs(normal[:, 0] * off[:, 1] - normal[:, 1] * off[:, 0])
+    # d xy / d local = focal / depth (I, -plane); across the strand only its normal counts
+    scaled = normal * focal / depth[:, None]
+    by_local = np.concatenate([scaled, -np.einsum("ni,ni->n", scaled, plane)[:, None]], axis=1)
+    gradient = by_local @ camera.rotation.T
+    heading = tangents @ camera.rotation
+    flow = (heading[:, :2] - plane * heading[:, 2:]) * focal
+    turn = np.abs(np.einsum("ni,ni->n", flow, normal)) / np.maximum(np.hypot(*flow.T), 1e-9)
+    used = front & (np.abs(residual) < gate) & ((along < 1.5) | ~seen.at_end[nearest])
+    used &= turn < params.turn
+    return _Measured(residual, gradient, used)
+
+
+def _step(
+    state: _State,
+    parameters: FloatArray,
+    weights: FloatArray,
+    rough: FloatArray,
+    measured: list[_Measured],
+    params: RefineParams,
+) -> tuple[_State, FloatArray, float]:
+    """One Gauss-Newton step; new noise, correlation and smoothness; the covariance; the mean move in pixels."""
+    control = state.spline.control_m
+    unknowns = control.size
+    residual = np.concatenate([np.where(m.used, m.residual, 0.0) for m in measured])
+    used = np.concatenate([m.used for m in measured])
+    robust = used / (1 + (residual / (2.5 * state.noise)) ** 2)
+    rows = np.concatenate([(weights[:, :, None] * m.gradient[:, None]).reshape(len(weights), -1) for m in measured])
+    spread = (1 + state.correlation) / (1 - state.correlation)
+    scale = 1 / (state.noise**2 * spread)
+    data = rows.T @ (rows * (robust * scale)[:, None])
+    prior = np.kron(rough.T @ rough, np.eye(3))
+    tangents = state.spline.tangents(parameters)
+    spacing = np.linalg.norm(np.diff(state.spline.at(parameters), axis=0), axis=1).mean() * params.slide
+    slide = (weights[:, :, None] * tangents[:, None]).reshape(len(weights), -1)
+    normal = data + state.smooth * prior + slide.T @ slide / spacing**2 + 1e-9 * scale * np.eye(unknowns)
+    right = -rows.T @ (robust * scale * residual) - state.smooth * prior @ control.reshape(-1)
+    covariance = np.linalg.inv(normal)
+    move = covariance @ right
+    moved = Spline3D(state.spline.knots, control + move.reshape(-1, 3))
+    left = residual + rows @ move
+    effective = float(np.einsum("ij,ji->", covariance, data))
+    count = max(float(robust.sum()) - effective * min(spread, 2.0), 0.2 * float(robust.sum()), 1.0)
+    noise = max(float(np.sqrt(np.sum(robust * left**2) / count)), params.least_noise_px)
+    free = 3 * len(rough) - state.smooth * float(np.einsum("ij,ji->", covariance, prior))
+    bend = moved.control_m.reshape(-1) @ prior @ moved.control_m.reshape(-1)
+    smooth = max(free, 1.0) / max(float(bend), 1e-12)
+    mean_move = float(np.abs(rows @ move)[used].mean()) if used.any() else 0.0
+    correlation = _correlation(left.reshape(len(measured), -1), used.reshape(len(measured), -1))
+    return _State(moved, noise, correlation, smooth), covariance, mean_move
+
+
+def _correlation(residual: FloatArray, used: BoolArray) -> float:
+    """Of neighboring samples, 0 to 0.9."""
+    both = used[:, 1:] & used[:, :-1]
+    if both.sum() < 8:
+        return 0.0
+    product = float(np.mean((residual[:, 1:] * residual[:, :-1])[both]))
+    square = float(np.mean((residual[:, 1:] ** 2 + residual[:, :-1] ** 2)[both])) / 2
+    return min(max(product / max(square, 1e-12), 0.0), 0.9)
+
+
+def _roughness(count: int) -> FloatArray:
+    return np.diff(np.eye(count), n=min(3, count - 1), axis=0)
+
+
+def _scale(spline: Spline3D) -> float:
+    """Distance between control points: what a third difference is compared with at the start."""
+    return float(np.linalg.norm(np.diff(spline.control_m, axis=0), axis=1).mean()) + 1e-9

@@ -1,0 +1,30 @@
+"""``next_view``: a known curve and a camera to the poses of the next pictures."""
+
+from __future__ import annotations
+
+from dlo_client.contracts import NextViewRequest, NextViewResult
+
+from models.reconstruction.view_planning import NoView, PlanParams, plan_views
+from workers.stages import curves3d
+from workers.stages.outcome import InvalidInput, Outcome
+from workers.stages.reconstruct import next_view
+
+
+def run(request: NextViewRequest) -> Outcome:
+    curve = curves3d.decode(request.curve, "curve")
+    cameras = [curves3d.camera(c, f"cameras.{k}") for k, c in enumerate(request.cameras)]
+    params = PlanParams(
+        views=request.pictures,
+        optimise=request.optimise,
+        baseline_m=request.baseline_m,
+        baseline_at_most_m=request.baseline_at_most_m,
+        nearest_m=request.nearest_m,
+        delta_z_m=request.delta_z_m,
+        margin_px=request.margin_px,
+        overlap=request.overlap,
+    )
+    try:
+        plan = plan_views(curve, cameras, params, request.advance)
+    except NoView as error:
+        raise InvalidInput("cameras", str(error), "invalid_views") from error
+    return Outcome(NextViewResult(next_view=next_view(plan)))
