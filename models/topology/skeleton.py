@@ -80,9 +80,9 @@ def _trace(pixels: BoolArray, corner: IntArray, distances: Float32Array) -> Web:
     crowded = np.count_nonzero(around >= 0, axis=1) > 2
     groups = np.zeros(pixels.shape, np.uint8)
     groups[rows[crowded], columns[crowded]] = 1
-    count, labels = cv2.connectedComponents(groups, connectivity=8)
-    joint_of = labels[rows, columns] - 1  # -1: no joint
-    knots = [points[joint_of == k].mean(axis=0) for k in range(count - 1)] if count < 64 else _means(points, joint_of)
+    _, labels = cv2.connectedComponents(groups, connectivity=8)
+    joint_of = labels[rows, columns].astype(np.int64) - 1  # -1: no joint
+    knots = _means(points, joint_of)
     joints_around = np.where(around >= 0, joint_of[around], -1)
     chained = np.where((around >= 0) & ~crowded[around] & ~crowded[:, None], around, -1)
     chains = _walk(np.sort(chained, axis=1)[:, ::-1][:, :2].tolist(), crowded)
@@ -95,6 +95,7 @@ def _trace(pixels: BoolArray, corner: IntArray, distances: Float32Array) -> Web:
 
 
 def _means(points: IntArray, joint_of: IntArray) -> list[FloatArray]:
+    """The middle of every joint's pixels."""
     inside = joint_of >= 0
     sizes = np.bincount(joint_of[inside])
     sums = [np.bincount(joint_of[inside], points[inside, axis]) for axis in (0, 1)]

@@ -23,7 +23,7 @@ class MaskParams:
     connectors: float = 0.35
     clips: float = 0.35
     tape: float = 0.3
-    gaps: float = 0.3
+    gaps: float = 0.45
     specks: float = 0.2
     coarse: float = 0.3
     rough: float = 0.8
@@ -80,15 +80,19 @@ def _box(canvas: ByteArray, center: FloatArray, angle: float, size: tuple[float,
 
 
 def _draw_connectors(canvas: ByteArray, harness: Harness, rng: np.random.Generator) -> None:
-    """Housings at free ends."""
-    for section in harness.sections:
+    """Housings at free ends, where there is room: one that lies on another section would look like a joint."""
+    for k, section in enumerate(harness.sections):
+        others = np.concatenate([np.zeros((0, 2)), *(s.xy for i, s in enumerate(harness.sections) if i != k)])
         for end, inner, kind in ((0, 3, section.ends[0]), (-1, -4, section.ends[1])):
-            if kind == FREE and rng.random() < 0.6:
-                step = section.xy[end] - section.xy[inner]
-                size = section.width * rng.uniform(1.5, 4.0), section.width * rng.uniform(1.4, 2.8)
-                angle = float(np.arctan2(step[1], step[0]))
-                ahead = np.array([np.cos(angle), np.sin(angle)])
-                _box(canvas, section.xy[end] + 0.4 * size[0] * ahead, angle + rng.normal(0, 0.1), size)
+            if kind != FREE or rng.random() > 0.6:
+                continue
+            step = section.xy[end] - section.xy[inner]
+            size = section.width * rng.uniform(1.5, 4.0), section.width * rng.uniform(1.4, 2.8)
+            angle = float(np.arctan2(step[1], step[0]))
+            center = section.xy[end] + 0.4 * size[0] * np.array([np.cos(angle), np.sin(angle)])
+            away = np.hypot(*(others - center).T).min(initial=np.inf)
+            if away > max(size) + section.width:
+                _box(canvas, center, angle + rng.normal(0, 0.1), size)
 
 
 def _place(harness: Harness, rng: np.random.Generator) -> tuple[TrueSection, FloatArray, float]:
@@ -115,19 +119,19 @@ def _draw_clip(canvas: ByteArray, harness: Harness, rng: np.random.Generator) ->
 
 def _cut_gap(canvas: ByteArray, harness: Harness, rng: np.random.Generator) -> None:
     """A piece of a section is missing: anywhere, or right beside a crossing, where the upper one casts shadow."""
-    if harness.crossings and rng.random() < 0.4:
+    if harness.crossings and rng.random() < 0.55:
         which = int(rng.integers(len(harness.crossings)))
         m = harness.crossings[which]
         low, high, at_low = (m.b, m.a, m.at_b) if harness.a_over[which] else (m.a, m.b, m.at_a)
         lower, upper = harness.sections[low], harness.sections[high]
         lengths = arc_lengths(lower.xy)
-        away = upper.width / 2 / m.sine + lower.width * rng.uniform(0.15, 0.4)
+        missing = lower.width * rng.uniform(0.2, 1.1) + 1
+        away = upper.width / 2 / m.sine + missing / 2 + lower.width * rng.uniform(-0.1, 0.3)
         at = np.array([at_low + rng.choice([-1, 1]) * away])
         xy, ahead = point_at(lower.xy, lengths, np.concatenate((at, at + 3)))
         if np.allclose(xy, ahead):
             return
-        _box(canvas, xy, float(np.arctan2(*(ahead - xy)[::-1])),
-             (lower.width * rng.uniform(0.2, 0.5) + 1, 1.3 * lower.width), 0)  # fmt: skip
+        _box(canvas, xy, float(np.arctan2(*(ahead - xy)[::-1])), (missing, 1.3 * lower.width), 0)
         return
     section, xy, angle = _place(harness, rng)
     _box(canvas, xy, angle, (section.width * rng.uniform(0.2, 1.2) + 1, 1.4 * section.width), 0)
