@@ -237,3 +237,35 @@ class TestIdempotencyKey:
     def test_key_out_of_range(self, client, problem):
         response = client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k" * 256})
         problem(response, 422, field="Idempotency-Key")
+
+
+class TestWebhook:
+    URL = "https://cell.example:8443/ended?cell=3"
+
+    @pytest.fixture
+    def service_settings(self, service_settings):
+        allowed = {"webhook_hosts": ("plc", "cell.example:8443"), "webhook_secret": "a secret of some length"}
+        return service_settings.model_copy(update=allowed)
+
+    @pytest.mark.parametrize("url", [URL, "http://plc:81", "http://plc"])
+    def test_an_allowed_host_is_taken(self, client, queued, url):
+        assert queued(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url})).webhook_url == url
+
+    @pytest.mark.parametrize(
+        "url",
+        [
+            "https://cell.example/ended",
+            "http://169.254.0.1/",
+            "http://plc.evil.example/",
+            "http://plc@evil.example/",
+            "http://evil.example/@plc",
+            "http://[::1]/",
+            "http://[plc/",
+            "http://[1.2]/",
+            "ftp://plc/",
+            "plc",
+            "",
+        ],
+    )
+    def test_another_is_refused(self, client, problem, url):
+        problem(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url}), 422, field="webhook_url")

@@ -20,15 +20,13 @@ from dlo_client.contracts.requests import (
     InstancesRequest,
     InstancesResult,
     JobKind,
-    JobRequest,
-    ModelUsed,
     NoopRequest,
     NoopResult,
-    Priority,
     RtDloParams,
     SegmentRequest,
     SegmentResult,
 )
+from dlo_client.contracts.submission import JobRequest, ModelUsed, Priority
 
 __all__ = [
     "AnyJob",

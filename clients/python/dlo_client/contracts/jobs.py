@@ -10,7 +10,8 @@ from pydantic import Field
 
 from dlo_client.contracts.base import Probability, Reply, ResultT
 from dlo_client.contracts.images import BlobId
-from dlo_client.contracts.requests import AnyResult, JobKind, Priority
+from dlo_client.contracts.requests import AnyResult, JobKind
+from dlo_client.contracts.submission import Priority
 
 
 class JobState(StrEnum):

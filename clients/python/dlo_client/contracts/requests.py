@@ -5,32 +5,14 @@ To add a kind: a pair here, a file in ``workers/stages``, a ``case`` there.
 
 from __future__ import annotations
 
-from typing import Annotated, Generic, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from dlo_client.contracts.base import Contract, Probability, Reply, ResultT
+from dlo_client.contracts.base import Contract, Probability, Reply
 from dlo_client.contracts.images import ImageSource
 from dlo_client.contracts.objects import Crossing, Instance
-
-Priority = Literal["interactive", "batch"]
-ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
-
-
-class JobRequest(Contract, Generic[ResultT]):
-    """What every request may carry; ``ResultT`` is what its job comes back with."""
-
-    priority: Priority = "interactive"
-    timeout_s: float = Field(default=60.0, gt=0, le=3600, description="from acceptance to the end of the job")
-    label: str | None = Field(default=None, max_length=200, description="echoed in the job")
-
-
-class ModelUsed(Reply):
-    """Which network took part, and the first 12 digits of its file's SHA-256."""
-
-    name: str
-    version: str
-    sha256: str
+from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 
 
 class NoopResult(Reply):

@@ -1,0 +1,34 @@
+"""What the requests and results of every kind share."""
+
+from __future__ import annotations
+
+from typing import Annotated, Generic, Literal
+
+from pydantic import Field
+
+from dlo_client.contracts.base import Contract, Reply, ResultT
+
+Priority = Literal["interactive", "batch"]
+ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
+
+
+class JobRequest(Contract, Generic[ResultT]):
+    """What every request may carry; ``ResultT`` is what its job comes back with."""
+
+    priority: Priority = "interactive"
+    timeout_s: float = Field(default=60.0, gt=0, le=3600, description="from acceptance to the end of the job")
+    label: str | None = Field(default=None, max_length=200, description="echoed in the job")
+    webhook_url: str | None = Field(
+        default=None,
+        max_length=2000,
+        pattern=r"^https?://([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:\d{1,5})?(/\S*)?$",
+        description="the ended job is POSTed there, signed; its host must be one that the service allows",
+    )
+
+
+class ModelUsed(Reply):
+    """Which network took part, and the first 12 digits of its file's SHA-256."""
+
+    name: str
+    version: str
+    sha256: str
