@@ -139,7 +139,7 @@ class _Pictures:
         if self._unused:
             raise field_error("image", f"part {min(self._unused)} is not used by the request")
         image, mask = self._found.get("image"), self._found.get("mask")
-        if "image" in type(request).model_fields and not (image or mask):
+        if "image" in type(request).model_fields and request.needs_picture and not (image or mask):
             raise field_error("image", "is missing: send an `image` part, or name an uploaded picture")
         if image and mask and (image.width, image.height) != (mask.width, mask.height):
             sizes = f"{mask.width} x {mask.height} pixels, the image {image.width} x {image.height}"

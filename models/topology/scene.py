@@ -14,7 +14,8 @@ Status = Literal["branched", "plain", "closed", "empty", "too_complex"]
 @dataclass(frozen=True, eq=False)
 class Section:
     """What lies between two branch-points or free ends. ``xy``: ``(n, 2)``; ``width`` px; ``ends``: kinds at the first
-    and the last point; ``branches``: indices of the branch-points there or -1; ``closed``: a ring."""
+    and the last point; ``branches``: indices of the branch-points there or -1; ``closed``: a ring; ``score``: share
+    of it on foreground; ``end_widths``: the largest near either end, px: a connector shows there."""
 
     xy: FloatArray
     width: float
@@ -23,6 +24,7 @@ class Section:
     branches: tuple[int, int]
     closed: bool = False
     score: float = 1.0
+    end_widths: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.geometry.arrays import Float32Array, FloatArray
 from models.topology.graph import Graph
@@ -19,7 +20,7 @@ from models.topology.scene import Predictions
 from models.topology.sites import Site, bend, crossing_sites, ends_at, evidence, measure_arm
 from models.topology.skeleton import Web
 
-Judge = Callable[[Float32Array], FloatArray]
+Judge = Callable[[Float32Array], NDArray[np.floating]]
 """``(n, 17)`` evidence of sites to ``(n,)`` probabilities of a crossing."""
 End = tuple[int, int]
 """A strand and which of its ends: 0 or 1."""

@@ -73,6 +73,8 @@ class _Growth:
     params: HarnessParams
     sections: list[TrueSection] = field(default_factory=list)
     branches: list[FloatArray] = field(default_factory=list)
+    crossed: list[FloatArray] = field(default_factory=list)
+    """Where accepted sections cross."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,14 +229,17 @@ def _well_inside(growth: _Growth, xy: FloatArray, bud: _Bud) -> bool:
 
 
 def _fits(growth: _Growth, section: TrueSection) -> bool:
-    """Whether the section is clear of all others but at its branch-points and at clear crossings."""
+    """Whether the section is clear of all others but at its branch-points and at clear crossings; those are noted."""
     curves = [s.xy for s in growth.sections] + [section.xy]
     new = len(curves) - 1
     met = [m for m in meetings(curves) if m.b == new and not _at_shared(growth, section, m)]
     if any(m.sine < _LEAST_SINE or not _room(growth, section, m, met) for m in met):
         return False
     gap = max(2.5, section.width * growth.rng.uniform(0.15, 0.8))
-    return all(_clear(growth, section, k, met, gap) for k in range(len(growth.sections) + 1))
+    if not all(_clear(growth, section, k, met, gap) for k in range(len(growth.sections) + 1)):
+        return False
+    growth.crossed += [m.xy for m in met]
+    return True
 
 
 def _at_shared(growth: _Growth, section: TrueSection, met: Meeting) -> bool:
@@ -249,8 +254,7 @@ def _room(growth: _Growth, section: TrueSection, met: Meeting, others: list[Meet
     other = growth.sections[met.a].width if met.a < len(growth.sections) else section.width
     reach = 0.75 * (section.width + other) / met.sine + 0.6 * max(section.width, other) + 6
     ends = [s.xy[k] for s in (*growth.sections, section) for k in (0, -1)]
-    near = [*growth.branches, *ends, *(m.xy for m in others if m is not met)]
-    near += [m.xy for m in _finished(growth).crossings]
+    near = [*growth.branches, *ends, *growth.crossed, *(m.xy for m in others if m is not met)]
     return all(np.hypot(*(met.xy - p)) > reach for p in near)
 
 
@@ -301,7 +305,7 @@ def _close_cycle(growth: _Growth) -> None:
 
 
 def _with_cycle(growth: _Growth, start: tuple[int, float], end: tuple[int, float], width: float) -> _Growth | None:
-    trial = _Growth(growth.rng, growth.params, list(growth.sections), list(growth.branches))
+    trial = _Growth(growth.rng, growth.params, list(growth.sections), list(growth.branches), list(growth.crossed))
     tangents = []
     for (k, at), sign in ((start, 1.0), (end, -1.0)):
         points = growth.sections[k].xy

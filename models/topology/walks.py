@@ -106,8 +106,14 @@ def sections_of(walks: list[Walk], solution: Solution, graph: Graph) -> list[Sec
         xy = resample(line, count)
         ends = (_kind(xy[0], branches[0], width, graph), _kind(xy[-1], branches[1], width, graph))
         covered = float((read_nearest(graph.distances, xy) > 0).mean())
-        sections.append(Section(xy, width, float(arc_lengths(xy)[-1]), ends, branches, walk.closed, covered))
+        length = float(arc_lengths(xy)[-1])
+        sections.append(Section(xy, width, length, ends, branches, walk.closed, covered, _end_widths(walk, width)))
     return sections
+
+
+def _end_widths(walk: Walk, width: float) -> tuple[float, float]:
+    reach = max(3, min(round(3 * width), len(walk.radii) // 2))
+    return 2 * float(walk.radii[:reach].max()), 2 * float(walk.radii[-reach:].max())
 
 
 def _with_tips(line: FloatArray, branches: tuple[int, int], walk: Walk, graph: Graph) -> FloatArray:

@@ -7,13 +7,21 @@ from typing import assert_never
 
 import cv2
 import numpy as np
-from dlo_client.contracts import AnyRequest, InstancesRequest, NetworkInfo, NoopRequest, SegmentRequest
+from dlo_client.contracts import (
+    AnyRequest,
+    DisentangleRequest,
+    InstancesRequest,
+    NetworkInfo,
+    NoopRequest,
+    SegmentRequest,
+    TopologyRequest,
+)
 
 from models import inference
 from models.inference import NetworkSpec, Runtime
 from workers.blobs import FolderBlobs
 from workers.settings import Settings
-from workers.stages import instances, noop, segment
+from workers.stages import instances, noop, plan_disentangle, segment, topology
 from workers.stages.outcome import Outcome, Tools
 
 
@@ -26,6 +34,10 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return segment.run(request, tools)
         case InstancesRequest():
             return instances.run(request, tools)
+        case TopologyRequest():
+            return topology.run(request, tools)
+        case DisentangleRequest():
+            return plan_disentangle.run(request, tools)
         case _:
             assert_never(request)
 

@@ -10,7 +10,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dlo_client.contracts import (
+    ArmBase,
     Crossing,
+    DisentangleAction,
+    DisentangleRequest,
+    DisentangleResult,
+    DrawnBranch,
+    HarnessDrawing,
     ImageInfo,
     ImageRef,
     Instance,
@@ -25,6 +31,8 @@ from dlo_client.contracts import (
     RtDloParams,
     SegmentRequest,
     SegmentResult,
+    TopologyRequest,
+    TopologyResult,
 )
 
 if TYPE_CHECKING:
@@ -36,11 +44,17 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APIError",
+    "ArmBase",
     "AsyncClient",
     "Client",
     "ConnectionFailed",
     "Crossing",
     "DLOError",
+    "DisentangleAction",
+    "DisentangleRequest",
+    "DisentangleResult",
+    "DrawnBranch",
+    "HarnessDrawing",
     "ImageInfo",
     "ImageRef",
     "Instance",
@@ -58,6 +72,8 @@ __all__ = [
     "RtDloParams",
     "SegmentRequest",
     "SegmentResult",
+    "TopologyRequest",
+    "TopologyResult",
     "WaitTimeout",
     "result_of",
 ]

@@ -10,9 +10,11 @@ _MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
 
 def main() -> None:
     try:
+        from dlo_client import harness_commands
         from dlo_client.commands import app
     except ModuleNotFoundError as error:
         if error.name not in ("typer", "rich"):
             raise
         sys.exit(_MISSING.format(name=error.name))
+    assert harness_commands  # its import registers its commands
     app()

@@ -13,6 +13,7 @@ from dlo_client.contracts.base import Contract, Probability, Reply
 from dlo_client.contracts.images import ImageSource
 from dlo_client.contracts.objects import Crossing, Instance
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult, TopologyRequest, TopologyResult
 
 
 class NoopResult(Reply):
@@ -94,6 +95,12 @@ class InstancesRequest(JobRequest[InstancesResult]):
         return self
 
 
-AnyRequest = Annotated[NoopRequest | SegmentRequest | InstancesRequest, Field(discriminator="kind")]
-AnyResult = Annotated[NoopResult | SegmentResult | InstancesResult, Field(discriminator="kind")]
-JobKind = Literal["noop", "segment", "instances"]
+AnyRequest = Annotated[
+    NoopRequest | SegmentRequest | InstancesRequest | TopologyRequest | DisentangleRequest,
+    Field(discriminator="kind"),
+]
+AnyResult = Annotated[
+    NoopResult | SegmentResult | InstancesResult | TopologyResult | DisentangleResult,
+    Field(discriminator="kind"),
+]
+JobKind = Literal["noop", "segment", "instances", "topology", "plan_disentangle"]
