@@ -34,10 +34,14 @@ NAME = "topology_junctions"
 
 @dataclass(frozen=True)
 class JunctionConfig:
+    """``jitter``: noise on the evidence, in its standard deviations: there are few sites to learn from."""
+
     seed: int = 5
-    epochs: int = 150
-    batch: int = 128
+    epochs: int = 120
+    batch: int = 64
     learning_rate: float = 3e-3
+    weight_decay: float = 0.05
+    jitter: float = 0.15
 
 
 class JunctionProbabilities(nn.Module):
@@ -78,14 +82,16 @@ def train(config: JunctionConfig, rows: Float32Array, truths: BoolArray) -> Junc
     network = JunctionNetwork(EVIDENCE)
     network.mean = torch.from_numpy(rows.mean(axis=0))
     network.scale = torch.from_numpy(rows.std(axis=0) + 1e-3)
-    optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=1e-2)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.epochs)
     inputs, targets = torch.from_numpy(rows), torch.from_numpy(truths.astype(np.float32))
+    spread = config.jitter * network.scale
     for epoch in range(config.epochs):
         order = np.random.default_rng([config.seed, epoch]).permutation(len(rows))
         for start in range(0, len(order), config.batch):
             chosen = order[start : start + config.batch]
-            loss = nn.functional.binary_cross_entropy_with_logits(network(inputs[chosen]), targets[chosen])
+            noisy = inputs[chosen] + spread * torch.randn(len(chosen), EVIDENCE)
+            loss = nn.functional.binary_cross_entropy_with_logits(network(noisy), targets[chosen])
             optimizer.zero_grad()
             torch.autograd.backward(loss)
             optimizer.step()

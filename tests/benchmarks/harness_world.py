@@ -1,7 +1,7 @@
 """A table with a harness on it: what a camera sees of it, and what an action does to it. For benchmarks only.
 
-Sections are rigid pieces that turn about the place that is held, as the thesis assumes (6.7), but the arms hold, turn and
-lift with errors. A piece that lies under another one cannot be taken away: the move fails.
+Sections are rigid pieces that turn about the place that is held, as the thesis assumes (6.7), but the arms hold and
+turn with errors. A piece that lies under another one cannot be taken away: the move fails.
 """
 
 from __future__ import annotations
