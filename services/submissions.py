@@ -146,7 +146,7 @@ class _Pictures:
         if self._unused:
             raise field_error("image", f"part {min(self._unused)} is not used by the request")
         image, mask = self._found.get("image"), self._found.get("mask")
-        if "image" in type(request).model_fields and not (image or mask):
+        if "image" in type(request).model_fields and request.needs_picture and not (image or mask):
             raise field_error("image", _MISSING)
         for index, view in enumerate(getattr(request, "views", None) or []):
             self._check_view(view, f"views.{index}")

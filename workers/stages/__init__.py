@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from dlo_client.contracts import (
     AnyRequest,
+    DisentangleRequest,
     EstimateParametersRequest,
     InstancesRequest,
     MergeCurvesRequest,
@@ -18,6 +19,7 @@ from dlo_client.contracts import (
     PlanShapeRequest,
     ReconstructRequest,
     SegmentRequest,
+    TopologyRequest,
 )
 
 from models import inference
@@ -30,9 +32,11 @@ from workers.stages import (
     merge_curves,
     next_view,
     noop,
+    plan_disentangle,
     plan_shape,
     reconstruct,
     segment,
+    topology,
 )
 from workers.stages.outcome import Outcome, Tools
 
@@ -56,6 +60,10 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return next_view.run(request)
         case MergeCurvesRequest():
             return merge_curves.run(request)
+        case TopologyRequest():
+            return topology.run(request, tools)
+        case DisentangleRequest():
+            return plan_disentangle.run(request, tools)
         case _:
             assert_never(request)
 

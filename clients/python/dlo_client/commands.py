@@ -72,7 +72,7 @@ def instances(
         points_per_instance=points,
         files=[] if out is None else ["instances", "overlay"],
     )
-    _process(context.obj, request, images, out, print_job_as_json if as_json else print_instances)
+    process(context.obj, request, images, out, print_job_as_json if as_json else print_instances)
 
 
 @app.command()
@@ -85,7 +85,7 @@ def segment(
 ) -> None:
     """Tell cable from background: the share of cable pixels, and mask.png in the folder."""
     request = SegmentRequest(threshold=threshold)
-    _process(context.obj, request, images, out, print_job_as_json if as_json else print_segment)
+    process(context.obj, request, images, out, print_job_as_json if as_json else print_segment)
 
 
 @app.command()
@@ -127,18 +127,19 @@ def readable() -> Iterator[None]:
         raise typer.Exit(1) from error
 
 
-def _process(
+def process(
     client: Client,
     request: JobRequest[ResultT],
     images: Sequence[Path],
     out: Path | None,
     show: Show[ResultT],
+    masks: bool = False,
 ) -> None:
-    """One job a picture; the exit code says at the end whether all went well."""
+    """One job a picture, or a mask where ``masks`` says so; the exit code tells at the end whether all went well."""
     failed = False
     for image, stem in zip(images, stems(images), strict=True):
         try:
-            job = client.run(request, image)
+            job = client.run(request, mask=image) if masks else client.run(request, image)
             show(image, job, save(client, job, out, stem) if out else [])
         except OSError as error:
             failed = True

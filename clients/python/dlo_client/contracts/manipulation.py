@@ -192,6 +192,10 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
     alternatives: int = Field(default=3, ge=0, le=14)
     valid_for_s: float = Field(default=10.0, gt=0, le=3600)
 
+    @property
+    def needs_picture(self) -> bool:
+        return self.state_m is None
+
     @model_validator(mode="after")
     def _one_state(self) -> PlanShapeRequest:
         if self.state_m is not None and (self.image is not None or self.homography is not None):

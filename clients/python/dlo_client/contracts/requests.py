@@ -27,6 +27,7 @@ from dlo_client.contracts.reconstruction import (
     ReconstructResult,
 )
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult, TopologyRequest, TopologyResult
 
 
 class NoopResult(Reply):
@@ -112,31 +113,37 @@ AnyRequest = Annotated[
     NoopRequest
     | SegmentRequest
     | InstancesRequest
-    | PlanShapeRequest
-    | EstimateParametersRequest
     | ReconstructRequest
     | NextViewRequest
-    | MergeCurvesRequest,
+    | MergeCurvesRequest
+    | TopologyRequest
+    | DisentangleRequest
+    | PlanShapeRequest
+    | EstimateParametersRequest,
     Field(discriminator="kind"),
 ]
 AnyResult = Annotated[
     NoopResult
     | SegmentResult
     | InstancesResult
-    | PlanShapeResult
-    | EstimateParametersResult
     | ReconstructResult
     | NextViewResult
-    | MergeCurvesResult,
+    | MergeCurvesResult
+    | TopologyResult
+    | DisentangleResult
+    | PlanShapeResult
+    | EstimateParametersResult,
     Field(discriminator="kind"),
 ]
 JobKind = Literal[
     "noop",
     "segment",
     "instances",
-    "plan_shape",
-    "estimate_parameters",
     "reconstruct",
     "next_view",
     "merge_curves",
+    "topology",
+    "plan_disentangle",
+    "plan_shape",
+    "estimate_parameters",
 ]

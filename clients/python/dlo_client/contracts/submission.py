@@ -25,6 +25,11 @@ class JobRequest(Contract, Generic[ResultT]):
         description="the ended job is POSTed there, signed; its host must be one that the service allows",
     )
 
+    @property
+    def needs_picture(self) -> bool:
+        """Whether an ``image`` (or ``mask``) field of this kind has to name a picture."""
+        return True
+
 
 class ModelUsed(Reply):
     """Which network took part, and the first 12 digits of its file's SHA-256."""
