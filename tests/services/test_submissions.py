@@ -328,3 +328,22 @@ class TestWebhook:
     )
     def test_another_is_refused(self, client, problem, url):
         problem(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url}), 422, field="webhook_url")
+
+
+class TestPlanShape:
+    STATE = {"kind": "plan_shape", "target_m": [[0, 0], [0.3, 0.1]], "object": {"mass_kg": 0.05}}
+
+    def test_points_need_no_picture(self, client, queued):
+        """It was refused: every request with an image field had to name a picture."""
+        request = queued(client.post("/v1/jobs", json=self.STATE | {"state_m": [[0, 0], [0.3, 0]]}))
+        assert request.image is None
+
+    def test_a_homography_needs_one(self, client, problem, send, queued):
+        given = self.STATE | {"homography": [[0.001, 0, 0], [0, 0.001, 0], [0, 0, 1]]}
+        problem(client.post("/v1/jobs", json=given), 422, field="image")
+        assert queued(send(given, samples.encoded())).image is not None
+
+    @pytest.mark.parametrize("state", [[[0, 0]], [[0, 0], [0, 0]], [[0, 0], ["x", 0]], "line"])
+    def test_a_state_that_is_no_line_is_named(self, client, problem, state):
+        found = problem(client.post("/v1/jobs", json=self.STATE | {"state_m": state}), 422)
+        assert found["errors"][0]["field"].startswith("state_m")
