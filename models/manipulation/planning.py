@@ -3,7 +3,8 @@
 Strategy for a horizon of h: every branch keeps its best few actions (a beam), each branch's next actions are
 optimized from where the network says the DLO will be, and the first actions of the best sequences are ranked by where
 the whole sequence ends. Then all moves of each of the best sequences are polished together, by finite differences of
-the rolled-out network in one batch, so that the first action is no longer greedy. Nothing is random.
+the rolled-out network in one batch, so that the first action is no longer greedy. A longer look leans on predictions of
+predictions: it is taken only where one action alone brings little. Nothing is random.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from models.manipulation.scaling import MOVE_SCALE
 _BEAM = 4
 _BRANCHES = 4
 _POLISHED = 3
+_ENOUGH_SHARE, _ENOUGH_M = 0.6, 0.008
+"""An action that leaves no more than this share of the distance, or this distance, needs no longer look."""
 _DIFFERENCE = np.array([1e-3, 1e-3, 1e-2])
 
 
@@ -41,11 +44,12 @@ def plan(
 ) -> tuple[Candidates, FloatArray]:
     """Ranked first actions, and the mean distance (C,) to the target at the end of each one's sequence.
 
-    For a horizon of 1 that is the distance after the action itself. Candidates that break a limit are left out; there
-    may be none.
+    Where only one action is looked at, that is the distance after the action itself. Candidates that break a limit are
+    left out; there may be none.
     """
     first = _kept(dynamics, state, target, rope, limits)
-    if horizon == 1 or not len(first.edge):
+    enough = max(_ENOUGH_SHARE * float(shape_distance(state, target)), _ENOUGH_M)
+    if horizon == 1 or not len(first.edge) or first.error[0] <= enough:
         return first, first.error
     beam = [_begun(first, k) for k in range(min(_BEAM, len(first.edge)))]
     finished = list(beam)
