@@ -22,7 +22,7 @@ from workers import stages
 from workers.settings import Settings
 from workers.stages.instances import perceive
 from workers.stages.outcome import InvalidInput, Tools
-from workers.stages.reconstruct import strands_of
+from workers.stages.seen_views import strands_of
 
 COLORS = ((0.1, 0.2, 0.7), (0.8, 0.1, 0.1), (0.1, 0.5, 0.2), (0.9, 0.7, 0.1), (0.05, 0.05, 0.05))
 DISTANCE_M = 0.25

@@ -76,8 +76,8 @@ def _exact(part: dict[str, Any]) -> str:
 
 def _sections(part: dict[str, Any]) -> str:
     return (
-        "### One section, pictures to curve\n\nTen cables; `optimised` is a second look from the poses that "
-        "`next_view` gives (not nearer than 0.15 m, baseline up to 0.15 m).\n\n" + _rows(part, (*_ERRORS, "radius_off"))
+        "### One section, pictures to curve\n\nTen cables; `optimised` is a second look from the poses of `next_view` "
+        "(not nearer than 0.15 m, baseline up to 0.15 m).\n\n" + _rows(part, (*_ERRORS, "radius_off"))
     )
 
 
