@@ -20,6 +20,7 @@ from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, Job
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.requests import InstanceMethod
 from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized
+from dlo_client.labelling_commands import CONNECTION, Connection, register
 from dlo_client.printing import (
     print_error,
     print_instances,
@@ -31,6 +32,8 @@ from dlo_client.printing import (
 from dlo_client.saving import save, stems
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+
+register(app)
 
 Images = Annotated[list[Path], typer.Argument(metavar="IMAGE", help="Pictures to look at.")]
 Out = Annotated[Path | None, typer.Option(file_okay=False, help="Folder for the results, named after each picture.")]
@@ -49,6 +52,7 @@ def connect(
 ) -> None:
     """Find cables, wires, hoses and ropes in pictures, with a running DLO service."""
     # The context's object is the client's transport: tests hand one in, otherwise it is None.
+    context.meta[CONNECTION] = Connection(url, key, context.obj)
     with _readable():
         context.obj = context.with_resource(Client(url, key, transport=context.obj))
 
