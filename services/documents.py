@@ -31,7 +31,7 @@ SUBMISSION: dict[str, Any] = {
                     "image": {
                         "type": "array",
                         "items": _PICTURE,
-                        "description": "In order: what `{part: n}` counts, and what fills an image left out",
+                        "description": "In order: what `{part: n}` counts, and what fills the images left out",
                     },
                     "mask": _PICTURE | {"description": "Fills the field `mask`"},
                 },

@@ -11,7 +11,7 @@ from contextlib import aclosing
 from dataclasses import dataclass, field
 from typing import Any
 
-from dlo_client.contracts import AnyRequest, Contract, ImageInfo, ImagePart, ImageRef
+from dlo_client.contracts import AnyRequest, CameraView, Contract, ImageInfo, ImagePart, ImageRef
 from fastapi import Request
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json
@@ -25,6 +25,7 @@ from services.uploads import Uploads
 REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 JSON = "application/json"
 MULTIPART = "multipart/form-data"
+_MISSING = "is missing: send an `image` part, or name an uploaded picture"
 
 
 @dataclass
@@ -97,11 +98,17 @@ def _parse(form: _Form) -> dict[str, Any]:
 
 
 def _fill(given: dict[str, Any], form: _Form) -> None:
-    """Let the parts fill the image fields that ``given`` leaves out; a kind without them refuses these."""
-    named = [value.get("part") for value in given.values() if isinstance(value, dict)]
+    """Let the parts fill the image fields that ``given`` leaves out; a kind without them refuses these.
+
+    The fields are the ``image`` of every view in order where there are ``views``, else the one at the top.
+    """
+    views = given.get("views")
+    holders = [view for view in views if isinstance(view, dict)] if isinstance(views, list) else [given]
+    named = [field.get("part") for holder in (given, *holders) for field in holder.values() if isinstance(field, dict)]
     free = [part for part in range(len(form.images)) if part not in named]
-    if free and given.get("image") is None:
-        given["image"] = {"part": free[0]}
+    empty = [holder for holder in holders if holder.get("image") is None]
+    for holder, part in zip(empty, free, strict=False):
+        holder["image"] = {"part": part}
     if form.mask and given.get("mask") is not None:
         raise field_error("mask", "is both in the request and a part of its own")
     if form.mask:
@@ -126,7 +133,9 @@ class _Pictures:
             raise field_error("image", f"part {min(self._unused)} is not used by the request")
         image, mask = self._found.get("image"), self._found.get("mask")
         if "image" in type(request).model_fields and not (image or mask):
-            raise field_error("image", "is missing: send an `image` part, or name an uploaded picture")
+            raise field_error("image", _MISSING)
+        for index, view in enumerate(getattr(request, "views", None) or []):
+            self._check_view(view, f"views.{index}")
         if image and mask and (image.width, image.height) != (mask.width, mask.height):
             sizes = f"{mask.width} x {mask.height} pixels, the image {image.width} x {image.height}"
             raise field_error("mask", f"has another size than the image: {sizes}", code="size_mismatch")
@@ -154,6 +163,18 @@ class _Pictures:
             info = await self._uploads.find(source.id, field=field_name)
         self._found[field_name] = info
         return ImageRef(id=info.id)
+
+    def _check_view(self, view: Any, field_name: str) -> None:
+        """A view has a picture, and its intrinsics are of a picture of that size; a planned pose has none."""
+        if not isinstance(view, CameraView):
+            return
+        image = self._found.get(f"{field_name}.image")
+        if image is None:
+            raise field_error(f"{field_name}.image", _MISSING)
+        camera = view.intrinsics
+        if (image.width, image.height) != (camera.width, camera.height):
+            sizes = f"{camera.width} x {camera.height} pixels, but this one has {image.width} x {image.height}"
+            raise field_error(f"{field_name}.intrinsics", f"are of a picture of {sizes}", code="size_mismatch")
 
     def _part(self, part: int, field_name: str) -> ImageInfo:
         if part >= len(self._parts):

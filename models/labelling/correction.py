@@ -212,7 +212,9 @@ def _basis(samples: int, per_control: int) -> FloatArray:
 
 def _jacobian(camera: Camera, points_m: FloatArray, step_m: float = 1e-4) -> FloatArray:
     """(n, 2, 3) change of the pixels with the points, without the lens's bending."""
-    columns = [camera.project(points_m + step_m * axis) - camera.project(points_m - step_m * axis) for axis in np.eye(3)]
+    columns = [
+        camera.project(points_m + step_m * axis) - camera.project(points_m - step_m * axis) for axis in np.eye(3)
+    ]
     return np.stack(columns, axis=2) / (2 * step_m)
 
 

@@ -142,7 +142,8 @@ def write(folder: Path, params: CropParams, pool: TexturePool) -> None:
             parts.append(crops_of(render_scene(rng, params.scene(), pool), rng, params))
         partial = file.with_suffix(".part")
         with partial.open("wb") as out:
-            np.savez(out, **{name: np.concatenate([getattr(p, name) for p in parts]) for name in Crops._fields})
+            whole = {name: np.concatenate([getattr(p, name) for p in parts]) for name in Crops._fields}
+            np.savez(out, **whole)  # type: ignore[arg-type]
         partial.replace(file)
         print(f"{file.name}: {sum(len(p.images) for p in parts)} crops", flush=True)
 

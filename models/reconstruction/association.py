@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.reconstruction.refinement import Refined
@@ -18,8 +19,8 @@ _LEAST_SHARE = 0.08
 """Of the samples near any strand: a strand with fewer does not belong to the curve."""
 _FITS = 0.4
 """Share of the samples in a picture that must lie on strands for its view to count."""
-_OFF_PX = 60.0
-"""Strands this near to where the DLO should be, along most of it, are taken for the DLO seen from another pose."""
+_SAME_SHAPE_PX = 4.0
+"""A strand that, shifted as a whole, lies this near to where the DLO should be is the DLO seen from another pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class Support:
     share: float
     reprojection_px: float
     off_px: float = 0.0
-    """For a view that does not fit: the median distance to its nearest strand."""
+    """For a view that does not fit: how far its strand lies from where the DLO should be."""
 
 
 def belonging(points_m: FloatArray, view: View, reach_px: float = _VOTE_PX) -> IntArray:
@@ -64,10 +65,27 @@ def _support(view: View, points: FloatArray, residual: FloatArray, used: BoolArr
         return Support("used", numbers, share, float(np.abs(residual[used]).mean()))
     if not len(view.samples.xy):
         return Support("not_found", (), share, float("nan"))
-    distance, _ = view.samples.tree.query(xy[inside])
-    off = float(np.median(distance))
-    verdict: Verdict = "does_not_fit" if off < _OFF_PX else "not_found"
-    return Support(verdict, (), share, float("nan"), off)
+    off = _shifted(xy[inside], view)
+    if off is None:
+        return Support("not_found", (), share, float("nan"))
+    return Support("does_not_fit", (), share, float("nan"), off)
+
+
+def _shifted(expected_xy: FloatArray, view: View) -> float | None:
+    """By how many pixels a strand of the same shape is off, or None: (n, 2) points are laid onto each strand by
+    a shift alone, found by going to the nearest points a few times."""
+    for strand in view.strands:
+        if strand.length_px < 0.5 * float(np.hypot(*np.diff(expected_xy, axis=0).T).sum()):
+            continue
+        tree = cKDTree(strand.xy)
+        shift = strand.xy.mean(axis=0) - expected_xy.mean(axis=0)
+        for _ in range(15):
+            _, nearest = tree.query(expected_xy + shift)
+            shift = np.median(strand.xy[nearest] - expected_xy, axis=0)
+        distance, _ = tree.query(expected_xy + shift)
+        if np.median(distance) < _SAME_SHAPE_PX:
+            return float(np.hypot(*shift))
+    return None
 
 
 def claimed(points_m: FloatArray, view: View, reach_px: float = 4.0) -> dict[int, float]:

@@ -72,29 +72,23 @@ def merge(sections: list[Curve], params: MergeParams) -> Merged:
 
 
 def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], FloatArray]:
-    """The sections, all in one direction, and the arc length (n,) of all their points."""
-    placed = [sections[0] if len(sections) < 2 else _towards(sections[0], sections[1])]
-    backbone = placed[0].points_m
-    places = [curves.lengths(backbone)]
+    """The sections, all in the direction of the first, and the arc length (n,) of all their points; it counts from
+    where the first section begins, and is negative for what lies before."""
+    placed, places = [sections[0]], [curves.lengths(sections[0].points_m)]
+    backbone, origin = sections[0].points_m, 0.0
     for number, section in enumerate(sections[1:], start=1):
         turned = in_direction_of(section, placed[-1])
         gap = float(curves.distances(turned.points_m, backbone).min())
         if gap > params.far_m:
             raise NotOneDlo(number, gap)
-        place = _project(turned.points_m, backbone)
-        ahead = place > curves.lengths(backbone)[-1] + 1e-9
-        if ahead.any():
-            backbone = np.concatenate([backbone, turned.points_m[ahead]])
+        place = _project(turned.points_m, backbone) + origin
+        before = place < origin
+        after = place > origin + curves.lengths(backbone)[-1]
+        backbone = np.concatenate([turned.points_m[before], backbone, turned.points_m[after]])
+        origin = min(origin, float(place.min()))
         placed.append(turned)
         places.append(place)
     return placed, np.concatenate(places)
-
-
-def _towards(first: Curve, second: Curve) -> Curve:
-    """The first section so that it ends where the second one is."""
-    tree = cKDTree(second.points_m)
-    begin, end = tree.query(first.points_m[[0, -1]])[0]
-    return first if end <= begin else first.reversed()
 
 
 def _project(points: FloatArray, backbone: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from models.reconstruction import curves
 from models.reconstruction.association import Support, belonging, claimed, supports
 from models.reconstruction.curves import Curve, Spline3D
 from models.reconstruction.matching import Match, MatchParams, match
-from models.reconstruction.refinement import Refined, RefineParams, refine
+from models.reconstruction.refinement import Refined, RefineParams, across, refine
 from models.reconstruction.tracking import expected_depth
 from models.reconstruction.views import View
 from models.reconstruction.widths import radius_along
@@ -33,7 +33,8 @@ class NotReconstructable(ValueError):
 class ReconstructParams:
     """``sample_px`` between matched samples of the reference strand; ``span_px`` of it to a span of the spline;
     ``points`` of the resulting curve. ``wide_reach_px``: the second try's reach of the matching, for poses that are
-    a little off."""
+    a little off. ``shared_px``: standard deviation of what all centerlines have in common (light and shadow move the
+    edges of a DLO the same way in every view), which no number of views averages out."""
 
     sample_px: float = 8.0
     samples: tuple[int, int] = (12, 60)
@@ -41,6 +42,7 @@ class ReconstructParams:
     spans: tuple[int, int] = (3, 36)
     points: int = 60
     wide_reach_px: float = 12.0
+    shared_px: float = 0.2
     matching: MatchParams = field(default_factory=MatchParams)
     refinement: RefineParams = field(default_factory=RefineParams)
 
@@ -181,7 +183,7 @@ def _finish(
         refined = refine(refined.spline, views, strands, params.refinement)
     begin, end = _seen_range(refined)
     parameters = curves.at_equal_lengths(refined.spline, params.points, begin, end)
-    curve = _curve(refined, parameters, views, strands)
+    curve = _curve(refined, parameters, views, strands, params.shared_px)
     said = [
         new if kept else old
         for new, old, kept in zip(supports(refined, views, strands), attempt.supports, keep, strict=True)
@@ -196,12 +198,18 @@ def _seen_range(refined: Refined) -> tuple[float, float]:
     return float(refined.parameters[twice[0]]), float(refined.parameters[twice[-1]])
 
 
-def _curve(refined: Refined, parameters: FloatArray, views: list[View], strands: list[IntArray]) -> Curve:
-    points = refined.spline.at(parameters)
+def _curve(
+    refined: Refined, parameters: FloatArray, views: list[View], strands: list[IntArray], shared_px: float
+) -> Curve:
+    points, tangents = refined.spline.at(parameters), refined.spline.tangents(parameters)
+    cameras = [view.camera for view, which in zip(views, strands, strict=True) if len(which)]
+    a_pixel = np.mean([c.in_camera(points)[:, 2] / c.focal_px for c in cameras], axis=0)
+    shared = (shared_px * a_pixel)[:, None, None] ** 2 * np.eye(3)
+    covariance = refined.covariance_at(parameters) + across(shared, tangents)
     dense = refined.spline.at(np.linspace(parameters[0], parameters[-1], 12 * len(refined.spline.control_m)))
     spline: Spline3D = curves.fit(dense, len(refined.spline.control_m) - 3, smooth=0.0)
     radius, sigma = radius_along(points, views, strands)
-    return Curve(spline, points, refined.covariance_at(parameters), radius, sigma)
+    return Curve(spline, points, covariance, radius, sigma)
 
 
 def _exclusive(

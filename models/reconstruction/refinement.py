@@ -32,7 +32,7 @@ class RefineParams:
     gate_px: tuple[float, float] = (8.0, 3.0)
     turn: float = 0.7
     slide: float = 0.3
-    least_noise_px: float = 0.05
+    least_noise_px: float = 0.1
 
 
 @dataclass(frozen=True, eq=False)

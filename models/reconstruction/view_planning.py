@@ -24,6 +24,9 @@ Optimise = Literal["fixed", "b", "z", "bz"]
 _SINGLE_CAMERA_NOISE_PX = 0.2
 """Effective noise of a point of a refined curve, where the cameras it came from are not given."""
 
+_FAN = 0.5
+"""Tangent of the angle to either side in which a DLO may go on: the pictures have to show all of it."""
+
 
 class NoView(ValueError):
     """No pose within the limits sees enough of the DLO."""
@@ -153,7 +156,7 @@ def _main_direction(points: FloatArray) -> FloatArray:
 
 
 def _ahead(curve: Curve, camera: Camera, params: PlanParams) -> tuple[FloatArray, FloatArray]:
-    """Points of the end of the curve and straight on from it, such that ``overlap`` of the picture is known."""
+    """Points of the end of the curve and of where it may go on, such that ``overlap`` of the picture is known."""
     end = curve.points_m[-1]
     depth = float(camera.in_camera(end[None])[0, 2])
     reach = camera.intrinsics.height * depth / camera.intrinsics.fy
@@ -162,8 +165,10 @@ def _ahead(curve: Curve, camera: Camera, params: PlanParams) -> tuple[FloatArray
     forward = camera.rotation[:, 2]
     direction = direction - forward * (direction @ forward)
     direction /= max(float(np.linalg.norm(direction)), 1e-9)
+    aside = np.cross(forward, direction)
     steps = np.linspace(0, 1, 20)[1:] * (1 - params.overlap) * reach
-    return np.concatenate([known, end + steps[:, None] * direction]), direction
+    fan = [end + steps[:, None] * (direction + turn * aside) for turn in (0.0, _FAN, -_FAN)]
+    return np.concatenate([known, *fan]), direction
 
 
 def _single_point_sigma(points: FloatArray, cameras: list[Camera]) -> float:

@@ -91,6 +91,65 @@ class TestAccepted:
         queued(send({"kind": "instances"}, samples.encoded(samples.pixels(*size))))
 
 
+class TestViews:
+    """`reconstruct`: the image of every view, each of 40 x 30 pixels."""
+
+    def request(self, *images, **intrinsics) -> dict:
+        pose = [[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]]
+        camera = {"width": 40, "height": 30, "fx": 50, "fy": 50, "cx": 20, "cy": 15} | intrinsics
+        views = [{"intrinsics": camera, "T_world_camera": [list(row) for row in pose]} for _ in images]
+        for index, (view, image) in enumerate(zip(views, images, strict=True)):
+            view["T_world_camera"][0][3] = 0.1 * index
+            if image is not None:
+                view["image"] = image
+        return {"kind": "reconstruct", "views": views}
+
+    def test_parts_fill_the_views_in_order(self, send, upload, queued):
+        first, second = samples.encoded(), samples.encoded(format_name="BMP")
+        request = queued(send(self.request(None, None), first, second))
+        assert [view.image for view in request.views] == [ImageRef(**upload(first)), ImageRef(**upload(second))]
+
+    def test_a_view_may_name_a_part_or_an_uploaded_picture(self, send, upload, queued):
+        first, second, third = (samples.encoded(format_name=name) for name in ("PNG", "BMP", "TIFF"))
+        request = queued(send(self.request({"part": 1}, upload(third), None), first, second))
+        assert [v.image for v in request.views] == [ImageRef(**upload(x)) for x in (second, third, first)]
+
+    def test_too_few_or_too_many_pictures(self, send, problem):
+        problem(send(self.request(None, None), samples.encoded()), 422, field="views.1.image")
+        problem(send(self.request(None, None), *[samples.encoded()] * 3), 422, field="image")
+
+    def test_intrinsics_of_another_size(self, send, problem):
+        response = send(self.request(None, None, width=80), *[samples.encoded()] * 2)
+        body = problem(response, 422, "size_mismatch", "views.0.intrinsics")
+        assert "80 x 30" in body["detail"]
+
+    @pytest.mark.parametrize("views", [[], "views", [3, 4], [{}], None])
+    def test_views_that_are_none(self, send, problem, views):
+        problem(send({"kind": "reconstruct", "views": views}, samples.encoded()), 422)
+
+    def test_one_view(self, send, problem):
+        problem(send(self.request(None), samples.encoded()), 422, field="views")
+
+    def test_poses_that_are_none(self, send, problem):
+        request = self.request(None, None)
+        request["views"][1]["T_world_camera"][0][0] = 2.0
+        problem(send(request, *[samples.encoded()] * 2), 422, field="views.1.T_world_camera")
+
+    def test_equal_poses(self, send, problem):
+        request = self.request(None, None)
+        request["views"][1]["T_world_camera"][0][3] = 0.0
+        problem(send(request, *[samples.encoded()] * 2), 422, field="views")
+
+    def test_ros_camera_info_in_either_spelling(self, send, queued):
+        request = self.request(None, None)
+        k = [50.0, 0, 20, 0, 50, 15, 0, 0, 1]
+        message = {"width": 40, "height": 30, "distortion_model": "plumb_bob"}
+        request["views"][0]["intrinsics"] = message | {"K": k, "D": [0.0] * 5, "R": [1.0] * 9}
+        request["views"][1]["intrinsics"] = message | {"k": k, "d": [], "header": {"frame_id": "camera_optical"}}
+        views = queued(send(request, *[samples.encoded()] * 2)).views
+        assert [view.intrinsics.K for view in views] == [k, k]
+
+
 class TestRefused:
     @pytest.mark.parametrize("data", samples.REFUSED.values(), ids=samples.REFUSED)
     def test_what_is_no_whole_picture(self, send, problem, data):

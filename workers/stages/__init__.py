@@ -10,6 +10,7 @@ import numpy as np
 from dlo_client.contracts import (
     AnyRequest,
     InstancesRequest,
+    LabelTrackedRequest,
     MergeCurvesRequest,
     NetworkInfo,
     NextViewRequest,
@@ -22,7 +23,7 @@ from models import inference
 from models.inference import NetworkSpec, Runtime
 from workers.blobs import FolderBlobs
 from workers.settings import Settings
-from workers.stages import instances, merge_curves, next_view, noop, reconstruct, segment
+from workers.stages import instances, label_tracked, merge_curves, next_view, noop, reconstruct, segment
 from workers.stages.outcome import Outcome, Tools
 
 
@@ -41,6 +42,8 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return next_view.run(request)
         case MergeCurvesRequest():
             return merge_curves.run(request)
+        case LabelTrackedRequest():
+            return label_tracked.run(request, tools)
         case _:
             assert_never(request)
 

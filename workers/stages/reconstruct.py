@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from dlo_client.contracts import (
     Curve3D,
+    CurveEnd,
     ModelUsed,
     NextView,
     OtherCurve,
@@ -16,10 +17,10 @@ from dlo_client.contracts import (
 )
 from numpy.typing import NDArray
 
-from models.geometry.polylines import arc_lengths
 from models.instances.scene import Scene
 from models.reconstruction import dlo3ds
 from models.reconstruction.association import Support
+from models.reconstruction.centering import center
 from models.reconstruction.curves import Curve
 from models.reconstruction.drawing import reprojection
 from models.reconstruction.reconstruct import (
@@ -39,7 +40,8 @@ from workers.stages.pictures import png, read_rgb
 
 _CODE = "invalid_views"
 _NEAR_TARGET_PX = 40.0
-_SHORTEST_PX = 20.0
+_SHORTEST_PX = 20
+_BORDER_PX = 12.0
 _SUSPICIOUS_PX = 2.0
 """A mean reprojection error above this is no noise of a centerline: the poses or the intrinsics are off."""
 
@@ -91,7 +93,7 @@ def _perceive(request: ReconstructRequest, tools: Tools) -> _Seen:
             message = f"are of a picture of {size[0]} × {size[1]} pixels, but this one has {found}"
             raise InvalidInput(f"{field}.intrinsics", message, "invalid_camera")
         scene = perceive(image, tools, model=request.model, threshold=request.threshold)
-        strands, ids = _strands(scene.scene)
+        strands, ids = _strands(scene.scene, scene.probability)
         straight = tuple(Strand.through(camera.undistort(xy), width) for xy, width in strands)
         seen.images.append(image)
         seen.views.append(View(camera, straight, given.name or f"views[{index}]"))
@@ -101,10 +103,17 @@ def _perceive(request: ReconstructRequest, tools: Tools) -> _Seen:
     return seen
 
 
-def _strands(scene: Scene) -> tuple[list[tuple[NDArray[np.float64], float]], list[int]]:
+def _strands(
+    scene: Scene, probability: NDArray[np.float32]
+) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], list[int]]:
     """Centerlines and widths of the instances that are long enough to say anything, and their ids."""
-    long = [(k, i) for k, i in enumerate(scene.instances, start=1) if arc_lengths(i.centerline_xy)[-1] > _SHORTEST_PX]
-    return [(i.centerline_xy, i.width_px) for _, i in long], [k for k, _ in long]
+    strands, ids = [], []
+    for number, instance in enumerate(scene.instances, start=1):
+        centered = center(instance.centerline_xy, instance.width_px, probability)
+        if centered is not None and len(centered[0]) > _SHORTEST_PX:
+            strands.append(centered)
+            ids.append(number)
+    return strands, ids
 
 
 def _reconstruct(request: ReconstructRequest, seen: _Seen, previous: Curve | None) -> list[Reconstruction]:
@@ -209,6 +218,7 @@ def _result(
         reprojection_px=round(first.reprojection_px, 4),
         noise_px=round(first.noise_px, 4),
         overlap=round(overlap(first.curve, previous), 4) if previous is not None else None,
+        ends=_ends(first, seen.views),
         next_view=next_view(plan) if plan is not None else None,
         warnings=_warnings(first, seen.views),
         models=seen.models,
@@ -238,6 +248,18 @@ def _reason(support: Support) -> str:
             return "the DLO lies outside this picture"
         case _:
             return "the DLO was not found in this picture"
+
+
+def _ends(found: Reconstruction, views: list[View]) -> tuple[CurveEnd, CurveEnd]:
+    """Whether the first and the last point lie at the border of a picture: then the DLO may go on."""
+    used = [views[k].camera for k in found.used]
+    ends = found.curve.points_m[[0, -1]]
+    inside = np.all([camera.sees(camera.project(ends), _BORDER_PX) for camera in used], axis=0)
+    return _end(inside[0]), _end(inside[1])
+
+
+def _end(inside: bool) -> CurveEnd:
+    return "free" if inside else "border"
 
 
 def _warnings(found: Reconstruction, views: list[View]) -> list[str]:

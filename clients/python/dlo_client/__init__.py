@@ -10,7 +10,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dlo_client.contracts import (
+    CameraView,
     Crossing,
+    Curve3D,
     ImageInfo,
     ImageRef,
     Instance,
@@ -18,13 +20,21 @@ from dlo_client.contracts import (
     InstancesResult,
     Job,
     JobState,
+    LabelTrackedRequest,
+    LabelTrackedResult,
+    MergeCurvesRequest,
     NetworkInfo,
+    NextViewRequest,
     NoopRequest,
     NoopResult,
+    PinholeIntrinsics,
     Problem,
+    ReconstructRequest,
+    ReconstructResult,
     RtDloParams,
     SegmentRequest,
     SegmentResult,
+    Target,
 )
 
 if TYPE_CHECKING:
@@ -33,13 +43,17 @@ if TYPE_CHECKING:
     from dlo_client.errors import APIError, ConnectionFailed, DLOError, JobCancelled, JobFailed, WaitTimeout
     from dlo_client.outcomes import result_of
     from dlo_client.retry import RetryPolicy
+    from dlo_client.scan import CameraOnArm, Scan, ScanOptions, ScanResult
 
 __all__ = [
     "APIError",
     "AsyncClient",
+    "CameraOnArm",
+    "CameraView",
     "Client",
     "ConnectionFailed",
     "Crossing",
+    "Curve3D",
     "DLOError",
     "ImageInfo",
     "ImageRef",
@@ -50,14 +64,25 @@ __all__ = [
     "JobCancelled",
     "JobFailed",
     "JobState",
+    "LabelTrackedRequest",
+    "LabelTrackedResult",
+    "MergeCurvesRequest",
     "NetworkInfo",
+    "NextViewRequest",
     "NoopRequest",
     "NoopResult",
+    "PinholeIntrinsics",
     "Problem",
+    "ReconstructRequest",
+    "ReconstructResult",
     "RetryPolicy",
     "RtDloParams",
+    "Scan",
+    "ScanOptions",
+    "ScanResult",
     "SegmentRequest",
     "SegmentResult",
+    "Target",
     "WaitTimeout",
     "result_of",
 ]
@@ -70,7 +95,11 @@ _LOADED_ON_USE = {
     "DLOError": "errors",
     "JobCancelled": "errors",
     "JobFailed": "errors",
+    "CameraOnArm": "scan",
     "RetryPolicy": "retry",
+    "Scan": "scan",
+    "ScanOptions": "scan",
+    "ScanResult": "scan",
     "WaitTimeout": "errors",
     "result_of": "outcomes",
 }

@@ -13,7 +13,7 @@ from typing import Self, Unpack
 import httpx
 
 from dlo_client import calls
-from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, Picture, RunInputs, Submission, T
+from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, Picture, Pictures, RunInputs, Submission, T
 from dlo_client.connection import DEFAULT_TIMEOUT_S, POLL_PAUSE_S, base_headers, base_url
 from dlo_client.contracts import (
     AnyJob,
@@ -68,9 +68,10 @@ class AsyncClient:
         return await self._send(calls.submit(request, **more))
 
     async def run(
-        self, request: JobRequest[ResultT], image: Picture | None = None, **more: Unpack[RunInputs]
+        self, request: JobRequest[ResultT], image: Pictures | None = None, **more: Unpack[RunInputs]
     ) -> Job[ResultT]:
-        """Submit, wait and insist on success: raises JobFailed, JobCancelled or WaitTimeout."""
+        """Submit, with one picture or several in order, wait and insist on success: raises JobFailed, JobCancelled or
+        WaitTimeout."""
         patience_s = calls.patience_s(request, more.get("timeout"))
         deadline = time.monotonic() + patience_s
         held_s = min(patience_s, LONGEST_WAIT_S)

@@ -36,6 +36,8 @@ T = TypeVar("T")
 Picture = bytes | str | os.PathLike[str]
 """The encoded bytes of a picture (PNG, JPEG, …) or the path of a file that holds them."""
 
+Pictures = Picture | Sequence[Picture]
+
 JobOrId = Job[Any] | str
 
 LONGEST_WAIT_S = 60.0
@@ -53,7 +55,7 @@ class Submission(TypedDict, total=False):
     of a random one, for a caller that may itself submit the same thing twice.
     """
 
-    images: Picture | Sequence[Picture] | None
+    images: Pictures | None
     mask: Picture | None
     wait: float
     idempotency_key: str | None
@@ -106,7 +108,7 @@ def upload(image: Picture) -> Call[ImageInfo]:
 
 def submit(
     request: JobRequest[ResultT],
-    images: Picture | Sequence[Picture] | None = None,
+    images: Pictures | None = None,
     mask: Picture | None = None,
     wait: float = 0.0,
     idempotency_key: str | None = None,
@@ -226,7 +228,7 @@ def _job_body(request: JobRequest[Any], images: Sequence[Picture], mask: Picture
     return {"data": {"request": request.model_dump_json(exclude_none=True)}, "files": parts}
 
 
-def _several(images: Picture | Sequence[Picture] | None) -> Sequence[Picture]:
+def _several(images: Pictures | None) -> Sequence[Picture]:
     return [images] if isinstance(images, bytes | str | os.PathLike) else images or []
 
 

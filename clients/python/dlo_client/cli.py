@@ -10,6 +10,7 @@ _MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
 
 def main() -> None:
     try:
+        from dlo_client import labelling_commands, reconstruction_commands  # noqa: F401  they register themselves
         from dlo_client.commands import app
     except ModuleNotFoundError as error:
         if error.name not in ("typer", "rich"):

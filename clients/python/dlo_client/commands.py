@@ -15,12 +15,11 @@ from typing import Annotated
 import typer
 
 from dlo_client.client import Client
-from dlo_client.connection import DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE
+from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE, Connection
 from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.requests import InstanceMethod
 from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized
-from dlo_client.labelling_commands import CONNECTION, Connection, register
 from dlo_client.printing import (
     print_error,
     print_instances,
@@ -32,8 +31,6 @@ from dlo_client.printing import (
 from dlo_client.saving import save, stems
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-
-register(app)
 
 Images = Annotated[list[Path], typer.Argument(metavar="IMAGE", help="Pictures to look at.")]
 Out = Annotated[Path | None, typer.Option(file_okay=False, help="Folder for the results, named after each picture.")]
@@ -53,7 +50,7 @@ def connect(
     """Find cables, wires, hoses and ropes in pictures, with a running DLO service."""
     # The context's object is the client's transport: tests hand one in, otherwise it is None.
     context.meta[CONNECTION] = Connection(url, key, context.obj)
-    with _readable():
+    with readable():
         context.obj = context.with_resource(Client(url, key, transport=context.obj))
 
 
@@ -101,7 +98,7 @@ def jobs(
 ) -> None:
     """List recent jobs, newest first."""
     client: Client = context.obj
-    with _readable():
+    with readable():
         print_jobs(list(islice(client.jobs(state=state, kind=kind, page_size=min(limit, 100)), limit)))
 
 
@@ -109,7 +106,7 @@ def jobs(
 def models(context: typer.Context) -> None:
     """List the networks the service has loaded."""
     client: Client = context.obj
-    with _readable():
+    with readable():
         print_networks(client.networks())
 
 
@@ -117,12 +114,12 @@ def models(context: typer.Context) -> None:
 def cancel(context: typer.Context, job_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the job.")]) -> None:
     """Cancel a queued or running job."""
     client: Client = context.obj
-    with _readable():
+    with readable():
         print_jobs([client.cancel(job_id)])
 
 
 @contextmanager
-def _readable() -> Iterator[None]:
+def readable() -> Iterator[None]:
     """Errors of the client as one line and exit code 1."""
     try:
         yield

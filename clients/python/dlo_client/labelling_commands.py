@@ -1,25 +1,23 @@
-"""The commands that label many pictures, and what goes with it: ``dlo label``, ``label-export``, ``label-import``.
-
-They are registered when :mod:`dlo_client.commands` is imported.
-"""
+"""The commands that label many pictures, and what goes with it: ``dlo label``, ``label-export``, ``label-import``, ``label-tracked``."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from pydantic import TypeAdapter
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from dlo_client.contracts import InstancesRequest
+from dlo_client.client import Client
+from dlo_client.commands import app, readable
+from dlo_client.connection import CONNECTION, Connection
+from dlo_client.contracts import CameraView, InstancesRequest, LabelTrackedRequest, Stroke
 from dlo_client.contracts.requests import InstanceMethod
-from dlo_client.errors import DLOError
 from dlo_client.labelling import (
     BatchStopped,
     LabelOptions,
@@ -30,25 +28,14 @@ from dlo_client.labelling import (
     find_pictures,
     label_pictures,
 )
+from dlo_client.labelling.tracked import file_tracked
+from dlo_client.outcomes import result_of
 from dlo_client.printing import print_error
 
 if TYPE_CHECKING:
     from dlo_client.labelling.formats import Labels
 
 _NEEDS_EXTRA = 'formats need the extra: pip install "dlo-client[label]" (not found: {name})'
-
-CONNECTION = "dlo_client.connection"
-"""Where the ``dlo`` command keeps the :class:`Connection` in its context."""
-
-
-@dataclass(frozen=True)
-class Connection:
-    """How to reach the service, for commands that open a client of their own."""
-
-    url: str | None
-    key: str | None
-    transport: Any = None
-
 
 Folder = Annotated[Path, typer.Argument(metavar="OUT", help="The folder that `dlo label` filled.")]
 
@@ -77,14 +64,7 @@ class Tool(StrEnum):
 Formats = Annotated[list[Format], typer.Option("--format", help="Write labels for this tool too; may be repeated.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands to ``dlo``."""
-    app.command()(label)
-    app.command(name="label-export")(label_export)
-    app.command(name="label-import")(label_import)
-    app.command(name="label-dataset")(label_dataset)
-
-
+@app.command()
 def label(
     context: typer.Context,
     source: Annotated[str, typer.Argument(help="A folder, a glob pattern, a ZIP archive, or a list of paths.")],
@@ -115,12 +95,14 @@ def label(
         raise typer.Exit(1)
 
 
+@app.command(name="label-export")
 def label_export(folder: Folder, formats: Formats) -> None:
     """Write the labels of a folder for other tools; corrections go before the service's own."""
     with _readable():
         _write(folder, formats)
 
 
+@app.command(name="label-import")
 def label_import(
     folder: Folder,
     file: Annotated[Path, typer.Argument(help="What the tool exported.")],
@@ -138,6 +120,7 @@ def label_import(
         raise typer.Exit(1)
 
 
+@app.command(name="label-dataset")
 def label_dataset(
     folder: Folder,
     source: Annotated[str, typer.Argument(help="Where the pictures are, as for `dlo label`.")],
@@ -153,6 +136,36 @@ def label_dataset(
         _print([f"{name}: {why}" for name, why in problems.items()])
     if problems:
         raise typer.Exit(1)
+
+
+@app.command(name="label-tracked")
+def label_tracked(
+    context: typer.Context,
+    cameras: Annotated[Path, typer.Argument(help="JSON: a list of {intrinsics, T_world_camera}, one a picture.")],
+    strokes: Annotated[Path, typer.Argument(help="JSON: a list of {points_m, thickness_m, name?}, one a cable.")],
+    images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="The pictures, in the cameras' order.")],
+    out: Annotated[Path, typer.Option(help="Folder for the labels, as `dlo label` fills it.")],
+    formats: Formats = [],  # noqa: B006
+    timeout: Annotated[float, typer.Option(min=1, max=3600, help="Seconds.")] = 600.0,
+) -> None:
+    """Label pictures from known poses with one stroke of a tracked pen a cable."""
+    client: Client = context.obj
+    with _readable():
+        views = TypeAdapter(list[CameraView]).validate_json(_text(cameras))
+        marked = TypeAdapter(list[Stroke]).validate_json(_text(strokes))
+        request = LabelTrackedRequest(views=views, strokes=marked, priority="batch", timeout_s=timeout)
+        result = result_of(client.run(request, images))
+        for label, view in zip(file_tracked(result, [i.name for i in images], out), result.views, strict=True):
+            _print([f"{label.name}: {len(label.instances)} cables, moved by {view.moved_px:.1f} px"])
+        _print([f"warning: {text}" for text in result.warnings])
+        _write(out, formats)
+
+
+def _text(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise ValueError(f"{file}: {error.strerror}") from error
 
 
 def _write(folder: Path, formats: Iterable[Format]) -> None:
@@ -212,15 +225,13 @@ def _print(lines: Iterable[str]) -> None:
 
 @contextmanager
 def _readable() -> Iterator[None]:
-    """Errors as one line and exit code 1."""
+    """Errors of this area too as one line and exit code 1."""
     try:
-        yield
+        with readable():
+            yield
     except ModuleNotFoundError as error:
         print_error(_NEEDS_EXTRA.format(name=error.name))
         raise typer.Exit(1) from error
-    except (DLOError, SourceError, StoreError, ValueError) as error:
+    except (SourceError, StoreError, ValueError) as error:
         print_error(str(error))
-        raise typer.Exit(1) from error
-    except OSError as error:
-        print_error(f"{error.filename or ''}: {error.strerror or os.strerror(error.errno or 0)}")
         raise typer.Exit(1) from error

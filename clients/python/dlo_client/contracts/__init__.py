@@ -14,9 +14,17 @@ from dlo_client.contracts.jobs import (
     NetworkInfo,
     Problem,
 )
+from dlo_client.contracts.labelling import (
+    LabelTrackedRequest,
+    LabelTrackedResult,
+    Stroke,
+    TrackedInstance,
+    TrackedLabels,
+)
 from dlo_client.contracts.objects import Crossing, Endpoint, Instance, MaskRLE, Spline, StrandPosition
 from dlo_client.contracts.reconstruction import (
     Curve3D,
+    CurveEnd,
     MergeCurvesRequest,
     MergeCurvesResult,
     NextView,
@@ -54,6 +62,7 @@ __all__ = [
     "Contract",
     "Crossing",
     "Curve3D",
+    "CurveEnd",
     "Endpoint",
     "FieldProblem",
     "FileRef",
@@ -70,6 +79,8 @@ __all__ = [
     "JobPage",
     "JobRequest",
     "JobState",
+    "LabelTrackedRequest",
+    "LabelTrackedResult",
     "MaskRLE",
     "MergeCurvesRequest",
     "MergeCurvesResult",
@@ -95,6 +106,9 @@ __all__ = [
     "Spline",
     "Spline3",
     "StrandPosition",
+    "Stroke",
     "Target",
+    "TrackedInstance",
+    "TrackedLabels",
     "ViewOutcome",
 ]

@@ -15,7 +15,7 @@ from dlo_client.contracts.images import ImageSource
 
 _TOLERANCE = 1e-3
 _LARGEST_PX = 100_000
-_FarthestM = 1e4
+_FARTHEST_M = 1e4
 
 Row = tuple[float, float, float, float]
 
@@ -32,7 +32,7 @@ def _rigid(rows: tuple[Row, Row, Row, Row]) -> tuple[Row, Row, Row, Row]:
     (a, b, c), (d, e, f), (g, h, k) = axes
     if a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) < 0:
         raise ValueError("the upper left 3 × 3 of a pose is a rotation: this one is mirrored (determinant -1)")
-    if max(abs(row[3]) for row in rows) > _FarthestM:
+    if max(abs(row[3]) for row in rows) > _FARTHEST_M:
         raise ValueError("a camera is not that far away: translations are in meters")
     return rows
 
@@ -101,8 +101,7 @@ class CameraPose(Contract):
 
 
 class CameraView(CameraPose):
-    """A picture and the camera that took it. Intrinsics are those of the picture as it is stored: one that an EXIF
-    rotation would turn is refused."""
+    """A picture and the camera that took it. Intrinsics and pose are those of the upright picture."""
 
     image: ImageSource | None = Field(default=None, description="may be left out when `image` parts fill it in order")
     name: str | None = Field(default=None, max_length=100, description="what messages call it; default views[n]")

@@ -20,6 +20,8 @@ Covariance = tuple[float, float, float, float, float, float]
 ReconstructMethod = Literal["spline_bundle", "dlo3ds"]
 ReconstructFile = Literal["curve", "overlay"]
 Optimise = Literal["fixed", "b", "z", "bz"]
+CurveEnd = Literal["free", "border"]
+"""``border``: at the edge of a picture, the DLO may go on; ``free``: it ends in view, or is hidden from there on."""
 _SAME_PLACE_M = 1e-4
 
 
@@ -122,6 +124,7 @@ class ReconstructResult(Reply):
     reprojection_px: float = Field(description="mean over the views that took part")
     noise_px: float = Field(description="standard deviation of the centerlines, as the residuals show it")
     overlap: Probability | None = Field(default=None, description="share of the curve that `previous` covers")
+    ends: tuple[CurveEnd, CurveEnd] = Field(description="of `curve`, at its first and its last point")
     next_view: NextView | None = Field(description="None if no pose within the limits sees the DLO")
     warnings: list[str]
     models: list[ModelUsed]

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Probability, Reply
 from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.labelling import LabelTrackedRequest, LabelTrackedResult
 from dlo_client.contracts.objects import Crossing, Instance
 from dlo_client.contracts.reconstruction import (
     MergeCurvesRequest,
@@ -103,11 +104,23 @@ class InstancesRequest(JobRequest[InstancesResult]):
 
 
 AnyRequest = Annotated[
-    NoopRequest | SegmentRequest | InstancesRequest | ReconstructRequest | NextViewRequest | MergeCurvesRequest,
+    NoopRequest
+    | SegmentRequest
+    | InstancesRequest
+    | ReconstructRequest
+    | NextViewRequest
+    | MergeCurvesRequest
+    | LabelTrackedRequest,
     Field(discriminator="kind"),
 ]
 AnyResult = Annotated[
-    NoopResult | SegmentResult | InstancesResult | ReconstructResult | NextViewResult | MergeCurvesResult,
+    NoopResult
+    | SegmentResult
+    | InstancesResult
+    | ReconstructResult
+    | NextViewResult
+    | MergeCurvesResult
+    | LabelTrackedResult,
     Field(discriminator="kind"),
 ]
-JobKind = Literal["noop", "segment", "instances", "reconstruct", "next_view", "merge_curves"]
+JobKind = Literal["noop", "segment", "instances", "reconstruct", "next_view", "merge_curves", "label_tracked"]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -111,7 +111,7 @@ def _mask_attributes(mask: Mask) -> str:
     return f'rle="{text}" left="{left}" top="{top}" width="{cut.shape[1]}" height="{cut.shape[0]}"'
 
 
-def _attributes(facts: dict[str, object]) -> str:
+def _attributes(facts: Mapping[str, object]) -> str:
     given = {name: value for name, value in facts.items() if value is not None}
     return "".join(f'<attribute name="{name}">{value}</attribute>' for name, value in given.items())
 
