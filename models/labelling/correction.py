@@ -175,8 +175,8 @@ def _explain(
         return list(moved), list(shifts)
     matrix, wanted, trust = np.concatenate(rows), np.concatenate(values), np.concatenate(weights)
     prior = _prior(bases, starts, size, params)
-    solution = np.zeros(size)
-    weight = trust.copy()
+    solution: FloatArray = np.zeros(size)
+    weight: FloatArray = trust
     for _ in range(5):
         weighted = matrix * weight[:, None]
         solution = np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,7 +23,7 @@ class TrackedParams:
     hand_m: float = 0.002
     measured: float = 0.7
     correct: bool = True
-    correction: CorrectionParams = CorrectionParams()
+    correction: CorrectionParams = field(default_factory=CorrectionParams)
 
 
 @dataclass(frozen=True, eq=False)

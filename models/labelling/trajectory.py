@@ -47,9 +47,9 @@ def ellipsoid_poses(ellipsoid: Ellipsoid, rings: int, per_ring: int) -> FloatArr
     full = np.isclose(abs(ellipsoid.phi_rad[1] - ellipsoid.phi_rad[0]), 2 * np.pi)
     phis = np.linspace(*ellipsoid.phi_rad, per_ring, endpoint=not full)
     target = np.asarray(ellipsoid.center_m, np.float64)
-    poses = []
+    poses: list[FloatArray] = []
     for k, theta in enumerate(thetas):
         order = phis if k % 2 == 0 else phis[::-1]
-        for center in ellipsoid.at(np.full(per_ring, theta), order):
-            poses.append(look_at(center, target, np.array([0.0, -1.0, 0.0])))
+        centers = ellipsoid.at(np.full(per_ring, theta), order)
+        poses.extend(look_at(center, target, np.array([0.0, -1.0, 0.0])) for center in centers)
     return np.stack(poses)

@@ -1,4 +1,4 @@
-"""The commands that label many pictures, and what goes with it: ``dlo label``, ``label-export``, ``label-import``, ``label-tracked``."""
+"""The commands for labels: ``dlo label``, ``label-export``, ``-import``, ``-dataset`` and ``-tracked``."""
 
 from __future__ import annotations
 
