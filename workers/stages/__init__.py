@@ -12,6 +12,7 @@ from dlo_client.contracts import (
     DisentangleRequest,
     EstimateParametersRequest,
     InstancesRequest,
+    LabelTrackedRequest,
     MergeCurvesRequest,
     NetworkInfo,
     NextViewRequest,
@@ -29,6 +30,7 @@ from workers.settings import Settings
 from workers.stages import (
     estimate_parameters,
     instances,
+    label_tracked,
     merge_curves,
     next_view,
     noop,
@@ -64,6 +66,8 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return topology.run(request, tools)
         case DisentangleRequest():
             return plan_disentangle.run(request, tools)
+        case LabelTrackedRequest():
+            return label_tracked.run(request, tools)
         case _:
             assert_never(request)
 

@@ -12,6 +12,7 @@ def main() -> None:
     try:
         from dlo_client import (  # noqa: F401  they register their commands
             harness_commands,
+            labelling_commands,
             reconstruction_commands,
             shape_commands,
         )

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from dlo_client.client import Client
-from dlo_client.connection import DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE
+from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE, Connection
 from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.requests import InstanceMethod
@@ -49,6 +49,7 @@ def connect(
 ) -> None:
     """Find cables, wires, hoses and ropes in pictures, with a running DLO service."""
     # The context's object is the client's transport: tests hand one in, otherwise it is None.
+    context.meta[CONNECTION] = Connection(url, key, context.obj)
     with readable():
         context.obj = context.with_resource(Client(url, key, transport=context.obj))
 

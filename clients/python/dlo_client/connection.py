@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Any
 
 import httpx
 
@@ -16,6 +18,18 @@ POLL_PAUSE_S = 0.05
 
 URL_VARIABLE = "DLO_URL"
 KEY_VARIABLE = "DLO_API_KEY"
+
+CONNECTION = "dlo_client.connection"
+"""Under this name the ``dlo`` command keeps its :class:`Connection` in the context."""
+
+
+@dataclass(frozen=True)
+class Connection:
+    """How to reach the service, for a command that opens a client of its own. ``transport`` as a client takes it."""
+
+    url: str | None
+    key: str | None
+    transport: Any = None
 
 
 def base_url(given: str | None) -> httpx.URL:

@@ -14,6 +14,13 @@ from dlo_client.contracts.jobs import (
     NetworkInfo,
     Problem,
 )
+from dlo_client.contracts.labelling import (
+    LabelTrackedRequest,
+    LabelTrackedResult,
+    Stroke,
+    TrackedInstance,
+    TrackedLabels,
+)
 from dlo_client.contracts.manipulation import (
     DloObject,
     EstimateParametersRequest,
@@ -119,6 +126,8 @@ __all__ = [
     "JobPage",
     "JobRequest",
     "JobState",
+    "LabelTrackedRequest",
+    "LabelTrackedResult",
     "MaskRLE",
     "MergeCurvesRequest",
     "MergeCurvesResult",
@@ -154,9 +163,12 @@ __all__ = [
     "Spline",
     "Spline3",
     "StrandPosition",
+    "Stroke",
     "Target",
     "TopologyEdge",
     "TopologyRequest",
     "TopologyResult",
+    "TrackedInstance",
+    "TrackedLabels",
     "ViewOutcome",
 ]

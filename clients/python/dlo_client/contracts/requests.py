@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Probability, Reply
 from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.labelling import LabelTrackedRequest, LabelTrackedResult
 from dlo_client.contracts.manipulation import (
     EstimateParametersRequest,
     EstimateParametersResult,
@@ -119,7 +120,8 @@ AnyRequest = Annotated[
     | TopologyRequest
     | DisentangleRequest
     | PlanShapeRequest
-    | EstimateParametersRequest,
+    | EstimateParametersRequest
+    | LabelTrackedRequest,
     Field(discriminator="kind"),
 ]
 AnyResult = Annotated[
@@ -132,7 +134,8 @@ AnyResult = Annotated[
     | TopologyResult
     | DisentangleResult
     | PlanShapeResult
-    | EstimateParametersResult,
+    | EstimateParametersResult
+    | LabelTrackedResult,
     Field(discriminator="kind"),
 ]
 JobKind = Literal[
@@ -146,4 +149,5 @@ JobKind = Literal[
     "plan_disentangle",
     "plan_shape",
     "estimate_parameters",
+    "label_tracked",
 ]

@@ -1,0 +1,154 @@
+"""Corrections that come back from a labelling tool, and how much they changed. Needs ``dlo-client[label]``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dlo_client.labelling.formats.exchange import Imported, Mask, decode
+from dlo_client.labelling.labels import PictureLabel
+from dlo_client.labelling.store import LabelStore, StoreError, write_whole
+
+_SAME_IOU = 0.5
+"""Two instances with less in common are different DLOs."""
+_UNCHANGED_IOU = 0.999
+CORRECTED = "corrected"
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a correction did to one picture. ``iou``: foreground before and after; ``instance_iou``: mean over the
+    DLOs of either, 0 for one that was added or removed; ``moved``: kept, with another mask; ``reordered``: crossings
+    with the other strand on top."""
+
+    name: str
+    iou: float
+    instance_iou: float
+    kept: int
+    moved: int
+    added: int
+    removed: int
+    reordered: int
+
+    @property
+    def untouched(self) -> bool:
+        return self.moved + self.added + self.removed + self.reordered == 0
+
+
+@dataclass
+class CorrectionReport:
+    """``changes`` of the pictures whose correction was taken; ``problems``: name → why it was not."""
+
+    changes: list[Change] = field(default_factory=list)
+    problems: dict[str, str] = field(default_factory=dict)
+
+    def lines(self) -> list[str]:
+        """For a person, the most changed first."""
+        touched = [c for c in self.changes if not c.untouched]
+        out = [f"{len(self.changes)} pictures came back, {len(touched)} of them changed, {len(self.problems)} refused"]
+        if self.changes:
+            mean = np.mean([c.instance_iou for c in self.changes])
+            out.append(f"instances before and after have a mean IoU of {100 * mean:.1f} %")
+        out += [
+            f"  {c.name}: IoU {100 * c.instance_iou:.1f} %, {c.moved} moved, {c.added} added, {c.removed} removed, "
+            f"{c.reordered} crossings reordered"
+            for c in sorted(touched, key=lambda c: c.instance_iou)[:20]
+        ]
+        return out + [f"  {name}: {why}" for name, why in self.problems.items()]
+
+
+def take_corrections(store: LabelStore, imported: Imported) -> CorrectionReport:
+    """File every imported label under ``corrected/`` beside the service's own, which stays as it is.
+
+    A label of a picture that the folder does not know, or of another size, is refused and named.
+    """
+    report = CorrectionReport(problems=dict(imported.problems))
+    known = store.entries()
+    by_base = _unique_basenames(known)
+    for label in imported.labels:
+        name = label.name if label.name in known else by_base.get(Path(label.name).name, label.name)
+        try:
+            before = store.label(name) if name in known else None
+            if before is None:
+                raise StoreError("no picture of this name was labelled here")
+            if (before.width, before.height) != (label.width, label.height):
+                raise StoreError(f"is {label.width}×{label.height}, the picture {before.width}×{before.height}")
+            after = label.model_copy(update={"name": name, "sha256": before.sha256, "origin": "corrected"})
+            write_whole(corrected_file(store.folder, name), after.model_dump_json().encode())
+            report.changes.append(compare(before, after))
+        except StoreError as error:
+            report.problems[label.name] = str(error)
+    return report
+
+
+def corrected_file(folder: Path, name: str) -> Path:
+    """Where the correction of a picture lies."""
+    return folder / CORRECTED / f"{name}.json"
+
+
+def compare(before: PictureLabel, after: PictureLabel) -> Change:
+    """Both of the same size. Instances belong together greedily, the most alike first."""
+    old, new = ([decode(i.mask_rle) for i in label.instances] for label in (before, after))
+    pairs = _matched(old, new)
+    overlaps = [iou for _, _, iou in pairs]
+    every = len(old) + len(new) - len(pairs)
+    return Change(
+        name=after.name,
+        iou=_iou(_union(old, before), _union(new, before)),
+        instance_iou=float(sum(overlaps) / every) if every else 1.0,
+        kept=len(pairs),
+        moved=sum(iou < _UNCHANGED_IOU for iou in overlaps),
+        added=len(new) - len(pairs),
+        removed=len(old) - len(pairs),
+        reordered=_reordered(before, after, {before.instances[i].id: after.instances[j].id for i, j, _ in pairs}),
+    )
+
+
+def _unique_basenames(names: Iterable[str]) -> dict[str, str]:
+    """Tools often keep nothing of a path but its last part."""
+    found: dict[str, str] = {}
+    twice = set()
+    for name in names:
+        base = Path(name).name
+        if base in found:
+            twice.add(base)
+        found[base] = name
+    return {base: name for base, name in found.items() if base not in twice}
+
+
+def _matched(old: list[Mask], new: list[Mask]) -> list[tuple[int, int, float]]:
+    candidates = [(_iou(a, b), i, j) for i, a in enumerate(old) for j, b in enumerate(new)]
+    pairs: list[tuple[int, int, float]] = []
+    for iou, i, j in sorted(candidates, reverse=True):
+        if iou >= _SAME_IOU and all(i != p and j != q for p, q, _ in pairs):
+            pairs.append((i, j, iou))
+    return pairs
+
+
+def _iou(a: Mask, b: Mask) -> float:
+    either = int((a | b).sum())
+    return float((a & b).sum() / either) if either else 1.0
+
+
+def _union(masks: list[Mask], label: PictureLabel) -> Mask:
+    out = np.zeros((label.height, label.width), bool)
+    for mask in masks:
+        out |= mask
+    return out
+
+
+def _reordered(before: PictureLabel, after: PictureLabel, same: Mapping[int, int]) -> int:
+    """Crossings of the same two DLOs at nearly the same place whose order is turned."""
+    count = 0
+    for old in before.crossings:
+        over, under = same.get(old.over.instance), same.get(old.under.instance)
+        count += any(
+            (new.over.instance, new.under.instance) == (under, over)
+            and np.hypot(new.xy[0] - old.xy[0], new.xy[1] - old.xy[1]) < 15
+            and over != under
+            for new in after.crossings
+        )
+    return count

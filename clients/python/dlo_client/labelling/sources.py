@@ -1,0 +1,166 @@
+"""Where the pictures are: a folder, a glob pattern, a ZIP archive, or a text file with a path in each line."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import os
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
+_UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError)
+_LONGEST_PART = 200
+"""Bytes of a file name; file systems allow 255, and ours get something appended."""
+
+
+class SourceError(ValueError):
+    """There are no pictures where the source points; the message says what was looked at."""
+
+
+class PictureUnreadable(Exception):
+    """One picture cannot be read, or would not hold still; the message says why."""
+
+
+@dataclass(frozen=True)
+class SourcePicture:
+    """``name``: its path within the source, ``/`` between folders, no ``..``: labels are filed under it.
+    ``stamp``: size and time of change, to notice another version; None while the file cannot be seen."""
+
+    name: str
+    read: Callable[[], bytes]
+    stamp: Callable[[], str | None]
+
+
+def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> list[SourcePicture]:
+    """All pictures of ``source`` in a fixed order; what lies under the folder ``skip`` is left out.
+
+    Raises SourceError.
+    """
+    text, path = os.fspath(source), Path(source)
+    if path.is_dir():
+        found = _named((file, file.relative_to(path)) for file in _walk(path, skip))
+    elif path.is_file() and zipfile.is_zipfile(path):
+        found = _members(path)
+    elif path.is_file() and path.suffix.lower() in SUFFIXES:
+        found = _named([(path, Path(path.name))])
+    elif path.is_file():
+        found = _named(_listed(path))
+    elif glob.has_magic(text):
+        files = sorted(Path(match) for match in glob.glob(text, recursive=True))  # noqa: PTH207
+        files = [file for file in files if file.suffix.lower() in SUFFIXES and file.is_file()]
+        found = _named((file, _below(file, _root_of(text))) for file in files)
+    else:
+        raise SourceError(f"{text}: there is no such folder, archive, list or picture")
+    if not found:
+        raise SourceError(f"{text}: no pictures there ({', '.join(sorted(SUFFIXES))})")
+    return found
+
+
+def read_still(picture: SourcePicture) -> tuple[bytes, str]:
+    """The bytes, and the stamp of the version they are. Raises PictureUnreadable."""
+    try:
+        for _ in range(3):
+            before = picture.stamp()
+            data = picture.read()
+            after = picture.stamp()
+            if before == after and before is not None:
+                return data, before
+    except _UNREADABLE as error:
+        raise PictureUnreadable(getattr(error, "strerror", None) or str(error) or type(error).__name__) from error
+    raise PictureUnreadable("it changes while it is read")
+
+
+def _walk(folder: Path, skip: Path | None) -> Iterator[Path]:
+    skipped = skip.resolve() if skip is not None else None
+    for at, folders, files in os.walk(folder):
+        here = Path(at)
+        folders[:] = sorted(f for f in folders if not f.startswith(".") and (here / f).resolve() != skipped)
+        for name in sorted(files):
+            if Path(name).suffix.lower() in SUFFIXES and not name.startswith("."):
+                yield here / name
+
+
+def _listed(file: Path) -> Iterator[tuple[Path, Path]]:
+    """Every line is a path, absolute or from the list's folder. A missing one is kept: it is then reported."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise SourceError(f"{file}: neither a picture, an archive nor a list of paths in UTF-8") from error
+    for line in (text.strip() for text in lines):
+        if line and not line.startswith("#"):
+            yield file.parent / line, Path(line)
+
+
+def _named(files: Iterable[tuple[Path, Path]]) -> list[SourcePicture]:
+    names = _Names()
+    return [SourcePicture(names.take(inside.as_posix()), file.read_bytes, _stamper(file)) for file, inside in files]
+
+
+def _stamper(file: Path) -> Callable[[], str | None]:
+    def stamp() -> str | None:
+        try:
+            seen = file.stat()
+        except OSError:
+            return None
+        return f"{seen.st_size}:{seen.st_mtime_ns}"
+
+    return stamp
+
+
+def _members(path: Path) -> list[SourcePicture]:
+    """The archive stays open: finding its table of contents anew for every picture would take longer than reading."""
+    names = _Names()
+    archive = zipfile.ZipFile(path)
+    infos = [i for i in archive.infolist() if PurePosixPath(i.filename).suffix.lower() in SUFFIXES and not i.is_dir()]
+    return [
+        SourcePicture(names.take(i.filename), partial(archive.read, i), _constant(f"{i.file_size}:{i.CRC}"))
+        for i in infos
+    ]
+
+
+def _constant(stamp: str) -> Callable[[], str]:
+    return lambda: stamp
+
+
+def _root_of(pattern: str) -> Path:
+    """The folders before the first wildcard."""
+    parts = Path(pattern).parts
+    plain = next((k for k, part in enumerate(parts) if glob.has_magic(part)), len(parts))
+    return Path(*parts[:plain])
+
+
+def _below(file: Path, root: Path) -> Path:
+    return file.relative_to(root) if file.is_relative_to(root) else file
+
+
+class _Names:
+    """Names that stay inside a folder, are valid text, and are told apart even where case does not count."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def take(self, wanted: str) -> str:
+        text = wanted.replace("\\", "/").encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+        parts = [_part(p) for p in PurePosixPath(text).parts if p not in ("/", "..", ".")]
+        clean = "/".join(parts) or "picture"
+        name, count = clean, 1
+        while name.casefold() in self._taken:
+            count += 1
+            at = PurePosixPath(clean)
+            name = str(at.with_name(f"{at.stem}-{count}{at.suffix}"))
+        self._taken.add(name.casefold())
+        return name
+
+
+def _part(part: str) -> str:
+    """A component that is not too long with what we append."""
+    raw = part.replace(":", "_").encode()
+    if len(raw) <= _LONGEST_PART:
+        return raw.decode()
+    short = raw[:150].decode(errors="ignore")
+    return f"{short}-{hashlib.sha256(raw).hexdigest()[:8]}{PurePosixPath(part).suffix[:10]}"

@@ -1,0 +1,83 @@
+"""Labelled pictures as a training source: a folder of ``NAME.png``, ``NAME_ids.png`` and ``index.jsonl``.
+
+That is the form in which the service's repository keeps its own rendered sets; its training mixes such folders by
+ratio. The index is written last, line by line: a set that is cut off stays valid, and the next export goes on.
+Needs ``dlo-client[label]``.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+from PIL import Image, ImageOps
+
+from dlo_client.labelling.corrections import corrected_file
+from dlo_client.labelling.formats.exchange import FormatError
+from dlo_client.labelling.formats.indexed_png import ids_of
+from dlo_client.labelling.labels import PictureLabel
+from dlo_client.labelling.sources import PictureUnreadable, SourcePicture, read_still
+from dlo_client.labelling.store import LabelStore, read_label, write_whole
+
+INDEX = "index.jsonl"
+
+
+def export_training_set(
+    store: LabelStore, pictures: Iterable[SourcePicture], folder: Path, *, corrected_only: bool = True
+) -> dict[str, str]:
+    """Write every picture of ``pictures`` that has a correction, or with ``corrected_only`` off any label.
+
+    Returns name → why for those that could not be: the picture is gone, unreadable or of another size.
+    """
+    by_name = {picture.name: picture for picture in pictures}
+    problems: dict[str, str] = {}
+    folder.mkdir(parents=True, exist_ok=True)
+    written = _indexed(folder)
+    with (folder / INDEX).open("a", encoding="utf-8") as index:
+        for name, entry in store.entries().items():
+            corrected = corrected_file(store.folder, name)
+            if entry.state == "failed" or (corrected_only and not corrected.exists()) or _flat(name) in written:
+                continue
+            label = read_label(corrected) if corrected.exists() else store.label(name)
+            try:
+                _write(folder, label, by_name.get(name))
+            except (PictureUnreadable, FormatError) as error:
+                problems[name] = str(error)
+                continue
+            record = {"name": _flat(name), "source": name, "origin": label.origin, "instances": len(label.instances)}
+            index.write(json.dumps(record) + "\n")
+            index.flush()
+    return problems
+
+
+def _write(folder: Path, label: PictureLabel, picture: SourcePicture | None) -> None:
+    if picture is None:
+        raise PictureUnreadable("the picture is no longer in the source")
+    try:
+        image = ImageOps.exif_transpose(Image.open(io.BytesIO(read_still(picture)[0]))).convert("RGB")
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise PictureUnreadable(f"cannot be decoded: {error}") from error
+    if image.size != (label.width, label.height):
+        raise PictureUnreadable(f"is {image.width}×{image.height} now, its label {label.width}×{label.height}")
+    for suffix, pixels in (("_ids.png", Image.fromarray(ids_of(label), "L")), (".png", image)):
+        buffer = io.BytesIO()
+        pixels.save(buffer, "PNG")
+        write_whole(folder / f"{_flat(label.name)}{suffix}", buffer.getvalue())
+
+
+def _flat(name: str) -> str:
+    """One folder holds them all: folders become part of the name."""
+    return str(Path(name).with_suffix("")).replace("/", "__") + f"_{Path(name).suffix.lstrip('.').lower()}"
+
+
+def _indexed(folder: Path) -> set[str]:
+    """Names written so far; a last line that was cut off does not count and is ended."""
+    if not (folder / INDEX).exists():
+        return set()
+    content = (folder / INDEX).read_bytes()
+    whole = content[: content.rfind(b"\n") + 1]
+    if len(whole) < len(content):
+        write_whole(folder / INDEX, whole)
+    return {json.loads(line)["name"] for line in whole.splitlines()}

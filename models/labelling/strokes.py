@@ -1,0 +1,80 @@
+"""The pen's strokes as lines in a picture (thesis 2.5.2, 2.5.3): transformed, smoothed, projected, cut to the view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_splprep
+
+from models.geometry.arrays import BoolArray, FloatArray
+from models.geometry.cameras import Camera
+
+_COMB_M = 1e-4
+"""Points of a stroke nearer to one another than this are one: a pen held still."""
+
+
+class StrokeError(ValueError):
+    """A stroke that describes no line; the message says what is wrong with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedStroke:
+    """``n`` samples of a stroke in one view: ``xy`` (n, 2) pixels of the picture, ``depth_m`` (n,), ``inside`` (n,)
+    whether the sample is in front of the camera and in the picture. Sample i is the same point in every view."""
+
+    xy: FloatArray
+    depth_m: FloatArray
+    inside: BoolArray
+
+
+def smooth_stroke(points_m: FloatArray, step_m: float, tolerance_m: float, most: int = 400) -> FloatArray:
+    """(n, 3) samples, about ``step_m`` apart, of an approximating spline through a hand's (k, 3) points.
+
+    The points are few and each has an error of the hand: the spline may miss them by ``tolerance_m`` (root mean
+    square). Raises StrokeError for less than two different points.
+    """
+    points = np.asarray(points_m, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise StrokeError("a stroke is a list of finite x, y, z")
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    points = points[np.concatenate(([True], steps > _COMB_M))] if len(points) else points
+    if len(points) < 2:
+        raise StrokeError("a stroke needs two different points")
+    count = int(np.clip(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / step_m, 8, most))
+    if len(points) < 4:
+        return _along(points, count)
+    spline, _ = make_splprep(list(points.T), s=len(points) * tolerance_m**2)
+    return _along(np.asarray(spline(np.linspace(0, 1, 8 * count))).T, count)
+
+
+def in_robot_frame(points_m: FloatArray, T_robot_tracker: FloatArray) -> FloatArray:
+    """(n, 3) points of the tracker's frame in the robot's: the inverse of the thesis's tTr."""
+    out: FloatArray = points_m @ T_robot_tracker[:3, :3].T + T_robot_tracker[:3, 3]
+    return out
+
+
+def project_stroke(points_m: FloatArray, camera: Camera) -> ProjectedStroke:
+    """Eq. 2.4 for (n, 3) samples, lens distortion included."""
+    depth = camera.in_camera(points_m)[:, 2]
+    ideal = camera.project(points_m)
+    # Lens models fold far outside the picture: only what is seen nearby is bent.
+    near = np.isfinite(ideal).all(axis=1) & camera.sees(np.nan_to_num(ideal, nan=-1e9), margin_px=-100.0)
+    xy = np.full((len(points_m), 2), np.nan)
+    if near.any():
+        xy[near] = camera.distort(ideal[near])
+    size = np.array([camera.intrinsics.width, camera.intrinsics.height])
+    inside = near & np.all((np.nan_to_num(xy, nan=-1) >= 0) & (np.nan_to_num(xy, nan=-1) <= size - 1), axis=1)
+    return ProjectedStroke(xy, depth, inside)
+
+
+def stretches(inside: BoolArray, least: int = 4) -> list[slice]:
+    """The runs of samples in the picture, as slices; runs of fewer than ``least`` are left out."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+
+
+def _along(points: FloatArray, count: int) -> FloatArray:
+    lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+    wanted = np.linspace(0, lengths[-1], count)
+    return np.stack([np.interp(wanted, lengths, axis) for axis in points.T], axis=1)

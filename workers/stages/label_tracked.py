@@ -1,0 +1,198 @@
+"""``label_tracked``: pictures from known poses and a tracked pen's strokes to labels of every picture (DLO-WSL)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from dlo_client.contracts import (
+    Crossing,
+    Endpoint,
+    LabelTrackedRequest,
+    LabelTrackedResult,
+    MaskRLE,
+    ModelUsed,
+    StrandPosition,
+    TrackedInstance,
+    TrackedLabels,
+)
+from numpy.typing import NDArray
+
+from models.geometry import rle
+from models.geometry.cameras import Camera
+from models.inference import Network, default_name
+from models.instances.drawing import palette
+from models.labelling.correction import CorrectedStroke, CorrectionParams, CropReader
+from models.labelling.drawing import Strand, StrandCrossing, outline
+from models.labelling.strokes import StrokeError, in_robot_frame, stretches
+from models.labelling.tracked import TrackedParams, TrackedView, label_tracked
+from workers.stages import curves3d
+from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.pictures import indexed_png, png, read_rgb
+from workers.stages.segment import model_used
+
+_BATCH = 64
+_DOUBTFUL = 0.3
+_BORDER_PX = 1.5
+_KNOWN_GAP_M = 0.004
+"""Depths of two strokes that differ by more than this say surely which DLO is on top."""
+
+
+def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
+    watch = Stopwatch()
+    with watch.step("decode"):
+        images, cameras = _views(request, tools)
+        strokes = _strokes(request, cameras)
+    network = tools.network(default_name("corrector"))
+    tools.progress(0.2)
+    params = TrackedParams(
+        spacing_px=request.spacing_px,
+        measured=TrackedParams.measured if request.measure_width else 0.0,
+        correct=request.correct,
+        correction=CorrectionParams(agree=request.agree),
+    )
+    thickness = [stroke.thickness_m for stroke in request.strokes]
+    with watch.step("correct"):
+        try:
+            views = label_tracked(images, cameras, strokes, thickness, _reader(network), params)
+        except StrokeError as error:
+            raise InvalidInput("strokes", str(error), "invalid_strokes") from error
+    tools.progress(0.8)
+    with watch.step("encode"):
+        labels = [_labels(request, k, view) for k, view in enumerate(views)]
+        files = _files(request, images, views)
+    used: list[ModelUsed] = [model_used(network.spec)] if request.correct else []
+    return Outcome(
+        LabelTrackedResult(views=labels, warnings=_warnings(request, labels), models=used), files, watch.timings_ms
+    )
+
+
+def _views(request: LabelTrackedRequest, tools: Tools) -> tuple[list[NDArray[np.uint8]], list[Camera]]:
+    images, cameras = [], []
+    for index, given in enumerate(request.views):
+        field = f"views.{index}"
+        if given.image is None:
+            raise InvalidInput(f"{field}.image", "is missing")
+        camera = curves3d.camera(given, field)
+        image = read_rgb(given.image, f"{field}.image", tools)
+        size = (camera.intrinsics.width, camera.intrinsics.height)
+        if image.shape[1::-1] != size:
+            found = f"{image.shape[1]} × {image.shape[0]}"
+            message = f"are of a picture of {size[0]} × {size[1]} pixels, but this one has {found}"
+            raise InvalidInput(f"{field}.intrinsics", message, "invalid_camera")
+        images.append(image)
+        cameras.append(camera)
+    return images, cameras
+
+
+def _strokes(request: LabelTrackedRequest, cameras: list[Camera]) -> list[NDArray[np.float64]]:
+    """In the world's frame; every stroke is seen by some camera, or the frames are mixed up."""
+    strokes = []
+    for index, stroke in enumerate(request.strokes):
+        points = np.array(stroke.points_m, np.float64)
+        if request.T_world_tracker is not None:
+            points = in_robot_frame(points, np.array(request.T_world_tracker))
+        if not any(c.sees(np.nan_to_num(c.project(points), nan=-1e9)).any() for c in cameras):
+            message = "lies outside every picture: is T_world_tracker right?"
+            raise InvalidInput(f"strokes.{index}.points_m", message, "invalid_strokes")
+        strokes.append(points)
+    return strokes
+
+
+def _reader(network: Network) -> CropReader:
+    def read(crops: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        parts = [network.run(crops[k : k + _BATCH]) for k in range(0, len(crops), _BATCH)]
+        columns, widths = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return columns, widths
+
+    return read
+
+
+def _labels(request: LabelTrackedRequest, index: int, view: TrackedView) -> TrackedLabels:
+    given = request.views[index]
+    masks = rle.encode_labels(view.ids, len(view.strands))
+    height, width = view.ids.shape
+    instances = [
+        _instance(k, request, strand, view.corrections[k], MaskRLE(size=(height, width), counts=masks[k]))
+        for k, strand in enumerate(view.strands)
+        if strand is not None
+    ]
+    moved = np.concatenate([c.offset_px[np.isfinite(c.offset_px)] for c in view.corrections])
+    return TrackedLabels(
+        name=given.name or f"views[{index}]",
+        width=width,
+        height=height,
+        instances=instances,
+        crossings=[_crossing(k, c) for k, c in enumerate(view.crossings, start=1)],
+        moved_px=round(float(np.median(np.abs(moved))), 2) if len(moved) else 0.0,
+        intrinsics=given.intrinsics,
+        T_world_camera=given.T_world_camera,
+    )
+
+
+def _instance(
+    number: int, request: LabelTrackedRequest, strand: Strand, correction: CorrectedStroke, mask: MaskRLE
+) -> TrackedInstance:
+    run = max(stretches(np.isfinite(correction.offset_px)), key=lambda r: r.stop - r.start)
+    trust = correction.trust[run].clip(0, 1)
+    line = [(x, y) for x, y in np.round(strand.xy, 2).tolist()]
+    height, width = mask.size
+    ends = [Endpoint(xy=xy, kind="border" if _at_border(xy, width, height) else "free") for xy in (line[0], line[-1])]
+    return TrackedInstance(
+        id=number + 1,
+        name=request.strokes[number].name,
+        score=round(float(trust.mean()), 4),
+        centerline_xy=line,
+        width_px=round(float(strand.width_px.mean()), 2),
+        endpoints=ends,
+        mask_rle=mask,
+        offset_px=[round(float(v), 2) for v in correction.offset_px[run]],
+        trust=[round(float(v), 3) for v in trust],
+    )
+
+
+def _at_border(xy: tuple[float, float], width: int, height: int) -> bool:
+    return min(xy[0], xy[1], width - 1 - xy[0], height - 1 - xy[1]) < max(_BORDER_PX, 0.02 * min(width, height))
+
+
+def _crossing(number: int, found: StrandCrossing) -> Crossing:
+    sure = min(found.gap_m / _KNOWN_GAP_M, 1.0)
+    return Crossing(
+        id=number,
+        xy=(round(found.xy[0], 2), round(found.xy[1], 2)),
+        over=StrandPosition(instance=found.over[0] + 1, u=round(found.over[1], 4)),
+        under=StrandPosition(instance=found.under[0] + 1, u=round(found.under[1], 4)),
+        score=round(0.5 + 0.5 * sure, 4),
+    )
+
+
+def _warnings(request: LabelTrackedRequest, labels: list[TrackedLabels]) -> list[str]:
+    warnings = []
+    for index, stroke in enumerate(request.strokes, start=1):
+        scores = [i.score for view in labels for i in view.instances if i.id == index]
+        if request.correct and scores and np.mean(scores) < _DOUBTFUL:
+            name = stroke.name or f"strokes[{index - 1}]"
+            warnings.append(f"{name}: its corrections are doubtful (mean trust {np.mean(scores):.2f}); look at them")
+    return warnings
+
+
+def _files(
+    request: LabelTrackedRequest, images: list[NDArray[np.uint8]], views: list[TrackedView]
+) -> dict[str, tuple[str, bytes]]:
+    files = {}
+    for k, (image, view) in enumerate(zip(images, views, strict=True)):
+        if "labels" in request.files:
+            files[f"labels_{k}.png"] = ("image/png", indexed_png(view.ids, palette()))
+        if "overlay" in request.files:
+            files[f"overlay_{k}.png"] = ("image/png", png(_overlay(image, view)))
+    return files
+
+
+def _overlay(image: NDArray[np.uint8], view: TrackedView) -> NDArray[np.uint8]:
+    canvas, colors = image.copy(), palette()
+    for k, strand in enumerate(view.strands, start=1):
+        if strand is not None:
+            color = tuple(int(c) for c in colors[k])
+            for line, closed, thick in ((outline(strand), True, 1), (strand.xy, False, 1)):
+                fixed = np.rint(line * 16).astype(np.int32)
+                cv2.polylines(canvas, [fixed], closed, color, thick, cv2.LINE_AA, 4)
+    return canvas
