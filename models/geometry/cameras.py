@@ -162,6 +162,20 @@ def check_pose(transform: FloatArray) -> None:
         raise CameraError("the upper left 3 × 3 of a pose is a rotation: orthonormal, determinant +1")
 
 
+def look_at(center: FloatArray, target: FloatArray, down: FloatArray) -> FloatArray:
+    """(4, 4) pose of a camera at ``center`` that looks at ``target``; image y points along ``down`` as nearly
+    as it can. Raises CameraError when the camera would look along ``down``."""
+    forward = target - center
+    right = np.cross(down, forward)
+    if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(forward)), 1e-9):
+        raise CameraError("the camera looks along its own vertical")
+    axes = [right, np.cross(forward, right), forward]
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([axis / np.linalg.norm(axis) for axis in axes], axis=1)
+    pose[:3, 3] = center
+    return pose
+
+
 def epipolar_lines(first: Camera, second: Camera, ideal_xy: FloatArray) -> FloatArray:
     """(n, 3) lines ``a x + b y + c = 0`` (a² + b² = 1) in ``second`` on which (n, 2) ideal pixels of ``first`` lie.
 
