@@ -106,14 +106,16 @@ def _bridges(graph: Graph, predictions: Predictions) -> list[tuple[int, int]]:
     for i, j, p in zip(*graph.edges[:, loose], predictions.links[loose], strict=True):
         for here, there in ((int(i), int(j)), (int(j), int(i))):
             if here in ends:
-                proposals.append((_bridge_score(graph, ends, here, there, float(p)), (here, there)))
+                through = _between(graph, ends[here], ends[there]) if there in ends else None
+                nodes: tuple[int, ...] = (here, there) if through is None else (here, through, there)
+                proposals.append((_bridge_score(graph, ends, here, there, float(p)), nodes))
     proposals += [*_facing(graph, ends), *_across(graph, ends)]
     taken: set[int] = set()
     chosen = []
-    for score, nodes in sorted(proposals, reverse=True):
-        if score > _BRIDGE_LINK and not taken & set(nodes):
-            taken |= {n for n in nodes if n in ends}
-            chosen += list(pairwise(nodes))
+    for score, joined in sorted(proposals, reverse=True):
+        if score > _BRIDGE_LINK and not taken & set(joined):
+            taken |= {n for n in joined if n in ends}
+            chosen += list(pairwise(joined))
     return chosen
 
 
