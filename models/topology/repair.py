@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths
 from models.topology.graph import Graph
 from models.topology.scene import Predictions
+from models.topology.sites import Arm, bend, ends_at, measure_arm
 from models.topology.skeleton import Strand, Web
 from models.topology.web import compact, contract, degrees, dissolve, protrusion
 
@@ -19,6 +21,11 @@ _STUB_WIDTHS = 3.0
 _BRIDGE_LINK = 0.35
 _BRIDGE_TURN = np.deg2rad(50)
 _BORDER_PX = 4.0
+_GAP_WIDTHS = 2.5
+_SAME_WIDTH = 0.7
+"""Largest difference of the widths' logarithms of the two sides of a gap."""
+_ACROSS_BEND = 1.3
+"""Radians of bend that take most of the belief in a strand that goes on across another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,27 +95,27 @@ def _free_ends(graph: Graph) -> list[_End]:
 def _bridges(graph: Graph, predictions: Predictions) -> list[tuple[int, int]]:
     """Pairs of nodes to join: from a free end ahead to another end, or across a gap to a strand's side.
 
-    Every free end takes the most probable node ahead of it; two ends that face one another, well aligned, are joined
-    even if the link predictor hesitates.
+    Every free end takes the most probable node ahead of it. Two ends that face one another, and an end that faces a
+    joint of which another arm leads straight on, are joined even if the link predictor hesitates.
     """
     ends = {e.knot: e for e in _free_ends(graph)}
     if not ends:
         return []
-    proposals: list[tuple[float, int, int]] = []
+    proposals: list[tuple[float, tuple[int, ...]]] = []
     loose = ~graph.traced
     for i, j, p in zip(*graph.edges[:, loose], predictions.links[loose], strict=True):
         for here, there in ((int(i), int(j)), (int(j), int(i))):
             if here in ends:
-                score = _bridge_score(graph, ends, here, there, float(p))
-                if score > _BRIDGE_LINK:
-                    proposals.append((score, here, there))
-    proposals += [(s, a, b) for s, a, b in _facing(graph, ends) if s > _BRIDGE_LINK]
+                through = _between(graph, ends[here], ends[there]) if there in ends else None
+                nodes: tuple[int, ...] = (here, there) if through is None else (here, through, there)
+                proposals.append((_bridge_score(graph, ends, here, there, float(p)), nodes))
+    proposals += [*_facing(graph, ends), *_across(graph, ends)]
     taken: set[int] = set()
     chosen = []
-    for _, here, there in sorted(proposals, reverse=True):
-        if here not in taken and there not in taken:
-            taken |= {here, there} if there in ends else {here}
-            chosen.append((here, there))
+    for score, joined in sorted(proposals, reverse=True):
+        if score > _BRIDGE_LINK and not taken & set(joined):
+            taken |= {n for n in joined if n in ends}
+            chosen += list(pairwise(joined))
     return chosen
 
 
@@ -129,19 +136,58 @@ def _is_close_on_strand(graph: Graph, end: _End, there: int) -> bool:
     return there in chain and abs(chain.index(there) - chain.index(end.knot)) < 6
 
 
-def _facing(graph: Graph, ends: dict[int, _End]) -> list[tuple[float, int, int]]:
-    """Two ends that point at one another over less than two and a half widths."""
-    found = []
+def _facing(graph: Graph, ends: dict[int, _End]) -> list[tuple[float, tuple[int, ...]]]:
+    """Two ends that point at one another over less than two and a half widths, and the width of what lies between:
+    then the bridge goes through the node there, and makes a joint of four arms."""
+    found: list[tuple[float, tuple[int, ...]]] = []
     listed = list(ends.values())
     for k, one in enumerate(listed):
         for other in listed[k + 1 :]:
-            step = graph.xy[other.knot] - graph.xy[one.knot]
-            size = float(np.hypot(*step))
-            if size > 2.5 * min(one.width, other.width) + 6 or one.strand == other.strand:
+            start, stop = graph.xy[one.knot], graph.xy[other.knot]
+            size = float(np.hypot(*(stop - start)))
+            reach = _GAP_WIDTHS * min(one.width, other.width) + 6
+            if one.strand == other.strand or size > 4 * reach:
                 continue
-            cosines = one.heading @ step / max(size, 1e-9), -(other.heading @ step) / max(size, 1e-9)
-            if min(cosines) > 0.8:
-                found.append((float(min(cosines)) * 0.9, one.knot, other.knot))
+            between = _between(graph, one, other)
+            step = (stop - start) / max(size, 1e-9)
+            cosine = float(min(one.heading @ step, -(other.heading @ step)))
+            width = 0.0 if between is None else 2 * float(graph.radii[between])
+            if size <= reach + 1.5 * width and cosine > 0.8:
+                nodes = (one.knot, other.knot) if between is None else (one.knot, between, other.knot)
+                found.append((0.9 * cosine, nodes))
+    return found
+
+
+def _between(graph: Graph, one: _End, other: _End) -> int | None:
+    """The node of another strand that lies between two ends, or None."""
+    start, stop = graph.xy[one.knot], graph.xy[other.knot]
+    own = set(graph.chains[one.strand].tolist()) | set(graph.chains[other.strand].tolist())
+    step = stop - start
+    along = (graph.xy - start) @ step / max(float(step @ step), 1e-9)
+    aside = np.hypot(*(graph.xy - start - along[:, None] * step).T)
+    near = np.flatnonzero((along > 0.1) & (along < 0.9) & (aside < np.maximum(graph.radii, 0.6 * graph.spacing)))
+    between = [int(n) for n in near if n not in own]
+    return min(between, key=lambda n: float(aside[n])) if between else None
+
+
+def _across(graph: Graph, ends: dict[int, _End]) -> list[tuple[float, tuple[int, ...]]]:
+    """Ends whose strand goes on at the other side of another one: the upper strand's shadow has cut it off there.
+
+    Seen from the end, one arm of the joint ahead leads straight on, and it is about as wide.
+    """
+    web = graph.web
+    joints = {knot: strands for knot, strands in ends_at(web).items() if len(strands) == 3}
+    found: list[tuple[float, tuple[int, ...]]] = []
+    for end in ends.values():
+        for knot, strands in joints.items():
+            reach = float(graph.radii[knot]) + _GAP_WIDTHS * end.width + 6
+            if np.hypot(*(web.knots_xy[knot] - graph.xy[end.knot])) > reach or any(s == end.strand for s, _ in strands):
+                continue
+            here = Arm(end.strand, 0, end.knot, graph.xy[end.knot], -end.heading, end.width)
+            for strand, side in strands:
+                arm = measure_arm(web, strand, side)
+                if abs(np.log(arm.width / end.width)) < _SAME_WIDTH:
+                    found.append((0.95 - bend(here, arm) / _ACROSS_BEND, (end.knot, knot)))
     return found
 
 

@@ -7,11 +7,15 @@ from collections import defaultdict
 import cv2
 import numpy as np
 
-from models.geometry.arrays import BoolArray, Float32Array, FloatArray
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.topology.skeleton import Strand, Web
 
 _SMALLEST_AREA = 24
 _SMALLEST_HOLE = 30
+_SLIT = 0.4
+"""A hole whose inscribed circle is smaller than this share of the typical half width is a slit within a bundle."""
+_MOST_SLIT_AREA = 60.0
+"""Larger holes, in squares of the typical half width, are not looked at."""
 _SPUR = 0.5
 """A free end that reaches less than this share of the joint's radius beyond its disc is no branch."""
 _CONTRACTED = 0.8
@@ -19,16 +23,35 @@ _CONTRACTED = 0.8
 
 
 def tidied(mask: BoolArray) -> BoolArray:
-    """The mask without specks of a few pixels and without pinholes, which would make rings of the skeleton."""
-    binary = np.ascontiguousarray(mask, dtype=np.uint8)
-    for value, least in ((1, _SMALLEST_AREA), (0, _SMALLEST_HOLE)):
-        side = binary if value else 1 - binary
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(side, connectivity=8 if value else 4)
-        small = stats[:, cv2.CC_STAT_AREA] < least
-        small[0] = False
-        if count > 1 and small.any():
-            binary[small[labels]] = 1 - value
+    """The mask without specks of a few pixels, and with the holes filled that no strand could pass: pinholes, and the
+    slits between cables of one bundle. Each would make a ring of the skeleton."""
+    binary = np.array(mask, dtype=np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] < _SMALLEST_AREA
+    small[0] = False
+    if count > 1 and small.any():
+        binary[small[labels]] = 0
+    _fill_slits(binary)
     return binary.view(np.bool_)
+
+
+def _fill_slits(binary: ByteArray) -> None:
+    """Fill, in place, holes of a few pixels and those narrower than a share of the typical strand."""
+    background = 1 - binary
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(background, connectivity=4)
+    if count <= 2:
+        return
+    inner = cv2.distanceTransform(binary, cv2.DIST_L2, cv2.DIST_MASK_3)
+    half_width = 2 * float(np.median(inner[binary > 0])) if binary.any() else 0.0
+    spaces = cv2.distanceTransform(background, cv2.DIST_L2, cv2.DIST_MASK_3)
+    for k in range(1, count):
+        left, top, width, height, area = stats[k]
+        if area >= _MOST_SLIT_AREA * half_width**2 and area >= _SMALLEST_HOLE:
+            continue
+        window = np.s_[top : top + height, left : left + width]
+        hole = labels[window] == k
+        if area < _SMALLEST_HOLE or float(spaces[window][hole].max()) < _SLIT * half_width:
+            binary[window][hole] = 1
 
 
 def cleaned(web: Web, distances: Float32Array) -> Web:
