@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.arrays import ByteArray, Float32Array, FloatArray
 from models.labelling.crops import MIDDLE, SIZE, in_crop, pixels_per_crop_pixel, upright_crops
 from models.synthesis.scenes import Labelled, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
@@ -46,12 +46,13 @@ class CropParams:
 
 class Crops(NamedTuple):
     """(n, SIZE, SIZE, 3) crops; (n,) column of the centerline on the middle row; (n,) width in pixels of the crop;
-    (n,) whether no other DLO is nearer to the crop's middle: else nothing in the crop says which one is meant."""
+    (n,) by how much, in pixels of the crop, the DLO that is meant is nearer to the crop's middle than any other: below
+    0 nothing in the crop says which one is meant."""
 
     images: ByteArray
     columns: Float32Array
     widths: Float32Array
-    plain: BoolArray
+    margins: Float32Array
 
 
 class Pick(NamedTuple):
@@ -67,7 +68,7 @@ def crops_of(scene: Labelled, rng: np.random.Generator, params: CropParams) -> C
     lines = [np.asarray(line[:, :2], np.float64) for line in scene.centerlines]
     trees = [cKDTree(line) for line in lines]
     picks = _seen(scene, lines, params)
-    images, columns, widths, plain = [], [], [], []
+    images, columns, widths, margins = [], [], [], []
     for pick in (picks[i] for i in rng.permutation(len(picks))[: params.per_scene]):
         width = float(scene.widths_px[pick.cable])
         at, tangent, scale = _disturbed(lines[pick.cable], pick.sample, width, rng, params)
@@ -78,12 +79,13 @@ def crops_of(scene: Labelled, rng: np.random.Generator, params: CropParams) -> C
         columns.append(column)
         widths.append(width / scale)
         away = [float(tree.query(at)[0]) for tree in trees]
-        plain.append(away[pick.cable] <= min(away) + 1e-6)
+        others = away[: pick.cable] + away[pick.cable + 1 :]
+        margins.append((min(others, default=1e3) - away[pick.cable]) / scale)
     return Crops(
         np.asarray(images, np.uint8).reshape(-1, SIZE, SIZE, 3),
         np.asarray(columns, np.float32),
         np.asarray(widths, np.float32),
-        np.asarray(plain, bool),
+        np.asarray(margins, np.float32),
     )
 
 
@@ -126,6 +128,25 @@ def _column(line: FloatArray, sample: int, at: FloatArray, tangent: FloatArray, 
     share = below[k] / (below[k] - below[k + 1])
     column = float(local[k, 0] + share * (local[k + 1, 0] - local[k, 0]))
     return column if 4 <= column <= SIZE - 5 else None
+
+
+def contrast(crops: Crops) -> FloatArray:
+    """(n,) by how much the DLO stands out where it is marked: the mean difference, 0 to 255, of its color to that of
+    the ground beside it on the side where it differs more."""
+    out = np.zeros(len(crops.images))
+    for k, (image, column, width) in enumerate(zip(crops.images, crops.columns, crops.widths, strict=True)):
+        band = image[SIZE // 2 - 3 : SIZE // 2 + 3].mean(0)
+        half = float(width) / 2
+        own = band[_columns(column - 0.6 * half, column + 0.6 * half)].mean(0)
+        sides = [_columns(column - half - 6, column - half - 1), _columns(column + half + 1, column + half + 6)]
+        out[k] = max(
+            (float(np.abs(band[side].mean(0) - own).mean()) for side in sides if side.stop > side.start), default=0
+        )
+    return out
+
+
+def _columns(first: float, last: float) -> slice:
+    return slice(max(round(first), 0), max(min(round(last) + 1, SIZE), 0))
 
 
 def write(folder: Path, params: CropParams, pool: TexturePool) -> None:

@@ -9,7 +9,7 @@ const NEAR_PX = 12; // on the screen
 const BRUSH_PX = 40; // how much of a line a drag takes along, in picture pixels to either side
 const KEYS = { a: "add", m: "move", s: "split", j: "join", d: "delete", w: "swap" };
 const HINTS = {
-  add: "Click along the cable; Enter or a double click ends it, Backspace takes the last click back.",
+  add: "Click along the cable; Enter or a double click ends it, Backspace takes a click back, with Shift it is exact.",
   move: "Drag a line to where the cable is.",
   split: "Click where one cable should become two.",
   join: "Click two cables one after the other.",
@@ -91,22 +91,22 @@ function undo() {
 
 // The tools -------------------------------------------------------------------------------------------------------
 
-const snapped = (points) => (byId("snap").checked ? trace(shown.map, points) : { line: points, width: null });
+const snapped = (points) => (byId("snap").checked ? trace(shown.map, points) : { line: points.map(([x, y]) => [x, y]), width: null });
 
 function finishLine() {
   if (clicks.length > 1) {
-    const { line, width } = snapped(clicks);
-    edit(add(shown.label, line, width));
+    const { line, width, taper } = snapped(clicks);
+    edit(add(shown.label, line, width, taper));
   }
   clicks = [];
   draw();
 }
 
-function click(point) {
+function click(point, exact) {
   const near = nearest(point);
   switch (tool()) {
     case "add":
-      clicks.push(point);
+      clicks.push([...point, exact]);
       break;
     case "split":
       if (near) edit(split(shown.label, near.instance.id, near.index));
@@ -143,8 +143,8 @@ function dragged({ instance, index, from }, to) {
 
 function drop(point) {
   const line = dragged(drag, point);
-  const { line: settled, width } = byId("snap").checked ? settle(shown.map, line) : { line, width: null };
-  edit(reshape(shown.label, drag.instance.id, settled, width));
+  const { line: settled, width, taper } = byId("snap").checked ? settle(shown.map, line) : { line };
+  edit(reshape(shown.label, drag.instance.id, settled, width, taper));
 }
 
 const away = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
@@ -254,7 +254,7 @@ function save(name, text) {
 
 // Wiring ----------------------------------------------------------------------------------------------------------
 
-const all = () => pictures.map((picture) => finished(picture.label));
+const all = () => pictures.map((picture) => finished(picture.label, byId("contour").checked ? picture.map : null));
 byId("save").addEventListener("click", () => save("labels.jsonl", jsonLines(all())));
 byId("save-coco").addEventListener("click", () => save("coco.json", coco(all())));
 byId("undo").addEventListener("click", undo);
@@ -278,7 +278,7 @@ canvas.addEventListener("pointerdown", (event) => {
   if (tool() === "move" && near) {
     drag = { ...near, from: point };
     canvas.setPointerCapture(event.pointerId);
-  } else click(point);
+  } else click(point, event.shiftKey);
 });
 canvas.addEventListener("pointermove", (event) => {
   pointer = position(event);

@@ -5,14 +5,14 @@ const DEFAULT_WIDTH_PX = 6;
 const SAME_PLACE_PX = 15;
 
 /** A new instance on top of the others. */
-export function add(label, line, width) {
+export function add(label, line, width, taper = null) {
   const id = 1 + Math.max(0, ...label.instances.map((i) => i.id));
-  return crossed({ ...label, instances: [...label.instances, drawn(id, line, width)] });
+  return crossed({ ...label, instances: [...label.instances, drawn(id, line, width, taper)] });
 }
 
 /** The instance with another centerline (and width, when it was measured). */
-export function reshape(label, id, line, width) {
-  return replaced(label, id, (old) => [drawn(id, line, width ?? old.width_px)]);
+export function reshape(label, id, line, width, taper = null) {
+  return replaced(label, id, (old) => [drawn(id, line, width ?? old.width_px, taper)]);
 }
 
 export function remove(label, id) {
@@ -65,10 +65,10 @@ export function certainty(label) {
   return label.instances.length ? Math.min(...scores) : 0;
 }
 
-function drawn(id, line, width) {
+function drawn(id, line, width, taper = null) {
   return {
     id, score: null, centerline_xy: line.map(([x, y]) => [round(x), round(y)]), width_px: round(width ?? DEFAULT_WIDTH_PX),
-    closed: false, mask_rle: null, spline: null, endpoints: [], length_px: round(lengths(line).at(-1)), edited: true,
+    closed: false, mask_rle: null, spline: null, endpoints: [], length_px: round(lengths(line).at(-1)), edited: true, taper,
   };
 }
 

@@ -1,22 +1,23 @@
 // Corrected labels as files: dlo-label/1 lines, from which `dlo label-import` and `label-export` make every other
 // format, and COCO at once.
 
+import { body } from "./livewire.js";
 import { labelMap } from "./masks.js";
 
 /** The label with a mask for every instance: what was not edited keeps its own, edited strokes are drawn, and at
- *  each crossing the upper strand owns the pixels. */
-export function finished(label) {
+ *  each crossing the upper strand owns the pixels. `map` is the probability that edited instances follow, or null. */
+export function finished(label, map) {
   const { width, height } = label;
   const ids = new Uint16Array(width * height);
   const untouched = label.instances.filter((i) => !i.edited && i.mask_rle);
   const { ids: given, step } = labelMap({ width, height, instances: untouched });
   if (step === 1) ids.set(given);
   for (const item of label.instances.filter((i) => i.edited || !i.mask_rle)) {
-    for (const at of strokePixels(item.centerline_xy, item.width_px, width, height)) ids[at] = item.id;
+    for (const at of body(map, item.centerline_xy, item.taper ?? [item.width_px, item.width_px], width, height)) ids[at] = item.id;
   }
-  for (const crossing of label.crossings) raise(ids, label, crossing);
+  for (const crossing of label.crossings) raise(ids, label, crossing, map);
   const changed = label.instances.some((i) => i.edited);
-  const instances = label.instances.map(({ edited, ...item }) => ({
+  const instances = label.instances.map(({ edited, taper, ...item }) => ({
     ...item,
     mask_rle: changed ? { size: [height, width], counts: encode(ids, item.id, width, height) } : item.mask_rle,
   }));
@@ -45,30 +46,13 @@ export function coco(labels) {
 }
 
 /** The upper strand once more around the crossing. */
-function raise(ids, label, crossing) {
+function raise(ids, label, crossing, map) {
   const [upper, lower] = [crossing.over, crossing.under].map((s) => label.instances.find((i) => i.id === s.instance));
   if (!upper || !lower || !(upper.edited || lower.edited)) return;
   const reach = 1.2 * lower.width_px + upper.width_px;
   const near = upper.centerline_xy.filter(([x, y]) => Math.hypot(x - crossing.xy[0], y - crossing.xy[1]) < reach);
   const around = near.length > 1 ? near : [crossing.xy, crossing.xy];
-  for (const at of strokePixels(around, upper.width_px, label.width, label.height)) ids[at] = upper.id;
-}
-
-/** Indices of the pixels within half the width of a polyline. */
-function* strokePixels(line, width, columns, rows) {
-  const half = Math.max(width / 2, 0.5);
-  for (let i = 1; i < line.length; i += 1) {
-    const [[ax, ay], [bx, by]] = [line[i - 1], line[i]];
-    const [left, right] = [Math.max(0, Math.ceil(Math.min(ax, bx) - half)), Math.min(columns - 1, Math.floor(Math.max(ax, bx) + half))];
-    const [top, bottom] = [Math.max(0, Math.ceil(Math.min(ay, by) - half)), Math.min(rows - 1, Math.floor(Math.max(ay, by) + half))];
-    const squared = (bx - ax) ** 2 + (by - ay) ** 2;
-    for (let y = top; y <= bottom; y += 1) {
-      for (let x = left; x <= right; x += 1) {
-        const t = squared ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / squared)) : 0;
-        if (Math.hypot(x - ax - t * (bx - ax), y - ay - t * (by - ay)) <= half) yield y * columns + x;
-      }
-    }
-  }
+  for (const at of body(map, around, [upper.width_px, upper.width_px], label.width, label.height)) ids[at] = upper.id;
 }
 
 /** COCO's compressed run lengths of the pixels that have this id. */

@@ -27,22 +27,45 @@ export function prepare(p, width, height) {
   return { p, depth, width, height };
 }
 
-/** The snapped centerline through all clicks, and its width: `{ line, width }`. */
+/** The snapped centerline along all clicks: `{ line, width, taper }`, as `settle` gives it. A click `[x, y, true]` is
+ *  exact: the line passes through it, and its neighborhood moves along. */
 export function trace(map, clicks) {
-  const path = [clicks[0]];
+  const path = [clicks[0].slice(0, 2)];
   for (let i = 1; i < clicks.length; i += 1) path.push(...cheapest(map, clicks[i - 1], clicks[i]).slice(1));
-  return settle(map, path);
+  const found = settle(map, path);
+  return { ...found, line: pinned(found.line, clicks.filter(([, , exact]) => exact)) };
 }
 
-/** The line moved to the middle of the cable, smoothed, with its width; where no cable is seen it stays. */
+/** The line through all `pins`; between two of them their displacements are blended, beyond the outer ones kept. */
+function pinned(line, pins) {
+  const moves = pins.map(([x, y]) => {
+    const distances = line.map(([a, b]) => Math.hypot(a - x, b - y));
+    const index = distances.indexOf(Math.min(...distances));
+    return { index, by: [x - line[index][0], y - line[index][1]] };
+  });
+  if (!moves.length) return line;
+  moves.sort((a, b) => a.index - b.index);
+  return line.map((point, i) => {
+    const after = moves.find((move) => move.index >= i) ?? moves.at(-1);
+    const before = moves.findLast((move) => move.index <= i) ?? moves[0];
+    const span = after.index - before.index;
+    const share = span ? (i - before.index) / span : 0;
+    return point.map((value, axis) => value + (1 - share) * before.by[axis] + share * after.by[axis]);
+  });
+}
+
+/** The line moved to the middle of the cable, smoothed; where no cable is seen it stays. `width` is the median of the
+ *  widths seen, `taper` that near its start and its end: a cable that runs away from the camera gets thinner. */
 export function settle(map, path) {
   let line = smooth(resample(path, SPACING_PX), 2);
   let width = null;
+  let taper = null;
   for (let round = 0; round < 2; round += 1) {
     const cuts = line.map((point, i) => crossSection(map, point, normalAt(line, i)));
     const seen = cuts.filter(Boolean).map((cut) => cut.width).sort((a, b) => a - b);
-    if (!seen.length) return { line, width: null };
-    width = seen[Math.floor(seen.length / 2)];
+    if (!seen.length) return { line, width: null, taper: null };
+    width = median(seen);
+    taper = tapered(cuts, width);
     line = line.map(([x, y], i) => {
       const cut = cuts[i];
       // Where two cables touch, the cut through both has its middle between them.
@@ -52,7 +75,50 @@ export function settle(map, path) {
     });
     line = smooth(line, 1);
   }
-  return { line, width };
+  return { line, width, taper };
+}
+
+const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
+
+/** Widths at both ends of the straight line through the medians of the first and the second half. */
+function tapered(cuts, width) {
+  const usable = cuts.map((cut, i) => [i, cut?.width]).filter(([, w]) => w && w < 1.5 * width && w > 0.5 * width);
+  const halves = [usable.filter(([i]) => i < cuts.length / 2), usable.filter(([i]) => i >= cuts.length / 2)];
+  if (halves.some((half) => half.length < 4)) return [width, width];
+  const [[i, a], [j, b]] = halves.map((half) => [0, 1].map((k) => median(half.map((pair) => pair[k]))));
+  const slope = (b - a) / (j - i);
+  const bound = (w) => Math.max(0.6 * width, Math.min(1.6 * width, w));
+  return [bound(a - slope * i), bound(a + slope * (cuts.length - 1 - i))];
+}
+
+/** Indices of the cable's pixels. Where the map sees the cable it is the foreground near the line, so that the label
+ *  follows the contour; elsewhere, and without a map, a stroke whose width goes from `taper[0]` to `taper[1]`. */
+export function body(map, line, taper, columns, rows) {
+  const found = new Set();
+  const seen = map ? line.map((point, i) => crossSection(map, point, normalAt(line, i))) : [];
+  for (let i = 1; i < line.length; i += 1) {
+    const [a, b] = [seen[i - 1], seen[i]];
+    const width = taper[0] + ((taper[1] - taper[0]) * (i - 0.5)) / (line.length - 1);
+    const follows = a && b && a.width < 1.6 * width && b.width < 1.6 * width;
+    const half = Math.max(width / 2, 0.5);
+    for (const at of near(line[i - 1], line[i], follows ? 1.5 * half : half, columns, rows)) {
+      if (!follows || map.p[at] >= 0.5) found.add(at);
+    }
+  }
+  return found;
+}
+
+/** Indices of the pixels within `half` of a segment. */
+function* near([ax, ay], [bx, by], half, columns, rows) {
+  const [left, right] = [Math.max(0, Math.ceil(Math.min(ax, bx) - half)), Math.min(columns - 1, Math.floor(Math.max(ax, bx) + half))];
+  const [top, bottom] = [Math.max(0, Math.ceil(Math.min(ay, by) - half)), Math.min(rows - 1, Math.floor(Math.max(ay, by) + half))];
+  const squared = (bx - ax) ** 2 + (by - ay) ** 2;
+  for (let y = top; y <= bottom; y += 1) {
+    for (let x = left; x <= right; x += 1) {
+      const t = squared ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / squared)) : 0;
+      if (Math.hypot(x - ax - t * (bx - ax), y - ay - t * (by - ay)) <= half) yield y * columns + x;
+    }
+  }
 }
 
 /** Pixels from one click to the next, both included. */
