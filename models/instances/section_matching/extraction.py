@@ -1,0 +1,82 @@
+"""The default method: sections of the skeleton, matched jointly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.pixel_graph import pixel_graph, skeleton_of
+from models.geometry.sampling import distance_map
+from models.instances.assembly import assemble
+from models.instances.resolution import at_working_size
+from models.instances.scene import Scene
+from models.instances.section_matching.cleaning import clean
+from models.instances.section_matching.links import ABSORBED, GAP, JUNCTION, SHARED, candidate_links
+from models.instances.section_matching.matching import match
+from models.instances.section_matching.sections import Sections, sections_of
+from models.instances.section_matching.strands import strands_of
+
+
+@dataclass(frozen=True)
+class SectionMatchingParams:
+    """``hole_widths``: holes up to this squared, in typical widths, are filled; ``gap_widths``: longest gap to
+    bridge; ``stop_cost``: log odds against a DLO that ends at a crossing."""
+
+    hole_widths: float = 0.7
+    gap_widths: float = 8.0
+    stop_cost: float = 2.0
+
+
+def extract(
+    mask: BoolArray, image: ByteArray | None = None, params: SectionMatchingParams | None = None
+) -> Scene:
+    """The DLOs of a foreground mask.
+
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None.
+    """
+    if image is not None and image.shape != (*mask.shape, 3):
+        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
+    settings = params or SectionMatchingParams()
+    binary = np.ascontiguousarray(mask, dtype=bool)
+    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings))
+
+
+WEIGHTS = {
+    #            one   turn  side  width chroma bright gap  length gapcolor
+    JUNCTION: (-4.0, 3.0, 1.5, 2.0, 3.0, 1.0, 1.0, 0.5, 0.0),
+    GAP: (-3.0, 5.0, 4.0, 2.0, 3.0, 2.0, 1.5, 0.2, 1.5),
+    SHARED: (-3.0, 5.0, 1.5, 2.0, 4.0, 2.0, 0.0, 0.5, 0.0),
+    ABSORBED: (1.5, 0.0, 0.0, -6.0, 0.0, 0.0, 0.0, 0.5, 0.0),
+}
+
+
+def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingParams) -> Scene:
+    times = [perf_counter()]
+    cleaned = clean(mask, params.hole_widths)
+    distances = distance_map(cleaned.mask)
+    times.append(perf_counter())
+    graph = pixel_graph(skeleton_of(cleaned.mask))
+    times.append(perf_counter())
+    sections = sections_of(graph, distances, image)
+    links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
+    table = np.array([WEIGHTS[k] for k in range(4)])
+    costs = np.einsum("ij,ij->i", links.features, table[links.kind]) if len(links.pairs) else np.zeros(0)
+    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost))
+    via = {(int(a), int(b)): int(v) for (a, b), v, k in zip(links.pairs, links.via, links.kind, strict=True) if k >= SHARED and partner[a] == b}
+    chains = strands_of(sections, partner, via)
+    times.append(perf_counter())
+    scene = assemble(chains, cleaned.mask, distances, image)
+    names = ("cleaning", "skeleton", "matching")
+    timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
+    return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
+
+
+def _stops(sections: Sections, shape: tuple[int, ...], at_crossing: float) -> FloatArray:
+    """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the border."""
+    margin = np.minimum(sections.tip, np.array(shape[::-1]) - 1 - sections.tip).min(axis=1)
+    free = np.where(margin <= np.maximum(sections.end_radius, 2.0), -2.0, 0.0)
+    out: FloatArray = np.where(sections.node >= 0, at_crossing, free)
+    return out

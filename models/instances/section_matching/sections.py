@@ -1,0 +1,179 @@
+"""Skeleton chains as sections of DLOs, cut back from the places where the skeleton lies.
+
+Symbols: S sections, E = 2 S ends (end ``2 s`` is the start of section ``s``, ``2 s + 1`` its other end).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from models.geometry.pixel_graph import FREE, PixelGraph, smoothed
+
+_SMOOTHING_PX = 3
+_LOOK = 24
+"""Samples of the stretch behind an end that tells its direction, width and color."""
+_LOOK_RADII = 6.0
+_CUT_RADII = 1.0
+"""What is cut off at a junction, in radii there: the skeleton runs into the junction, not along a DLO."""
+_CUT_AT_MOST_RADII = 2.5
+_THICK = 1.2
+"""A section is cut back while it is thicker than this times its own typical radius."""
+_SPUR_RADII = 1.5
+_MAX_SECTIONS = 3_000
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """S sections and what is known at their E ends.
+
+    ``xy``, ``bounds``: centerline points of all sections and where each starts. ``closed``: ``(S,)`` rings.
+    ``radius``: ``(S,)`` typical half width; ``length``: ``(S,)`` pixels. ``node``: ``(E,)`` the group of
+    junctions at the end, -1 for a free end. ``tip``: ``(E, 2)`` its place; ``outward``: ``(E, 2)`` unit
+    direction out of it; ``end_radius``: ``(E,)``; ``color``: ``(E, 3)`` RGB (0 without a picture);
+    ``bend``: ``(E,)`` how much the stretch before the end turns, rad. ``node_radius``: ``(nodes,)``.
+    """
+
+    xy: FloatArray
+    bounds: IntArray
+    closed: BoolArray
+    radius: FloatArray
+    length: FloatArray
+    node: IntArray
+    tip: FloatArray
+    outward: FloatArray
+    end_radius: FloatArray
+    color: FloatArray
+    bend: FloatArray
+    node_radius: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.closed)
+
+    def points(self, section: int) -> FloatArray:
+        return self.xy[self.bounds[section] : self.bounds[section + 1]]
+
+
+def sections_of(graph: PixelGraph, distances: Float32Array, image: ByteArray | None) -> Sections:
+    """The chains of a pixel graph without spurs, cut at junctions.
+
+    Strategy: a chain that would be cut to nothing lies inside a crossing; its two junctions become one group.
+    All values at ends come from one gather: ``_LOOK`` samples a few radii back along the chain from each end.
+    """
+    bounds, lengths = graph.bounds, np.diff(graph.bounds)
+    radii = np.maximum(distances[graph.xy[:, 1], graph.xy[:, 0]].astype(np.float64) - 0.5, 0.5)
+    typical = _medians(radii, bounds)
+    junction_radius = np.maximum(_junction_radii(graph, distances), 1.0)
+    cut = _cuts(graph, radii, typical, junction_radius)
+    inner = (graph.ends != FREE).all(axis=1) & (lengths <= cut.sum(axis=1)) & ~graph.closed
+    spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, cut, junction_radius)
+    group, node_radius = _grouped(graph.ends[inner], junction_radius)
+    kept = np.flatnonzero(~inner & ~spur & (lengths >= 2))
+    if len(kept) > _MAX_SECTIONS:
+        kept = np.sort(kept[np.argsort(-lengths[kept], kind="stable")[:_MAX_SECTIONS]])
+    cut = np.minimum(cut[kept], np.maximum(lengths[kept, None] // 2 - 1, 0))
+    first, last = bounds[kept] + cut[:, 0], bounds[kept + 1] - cut[:, 1]
+    smooth = smoothed(graph.xy, bounds, _SMOOTHING_PX)
+    rows = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)] or [np.zeros(0, np.int64)])
+    new_bounds = np.concatenate(([0], np.cumsum(last - first))).astype(np.int64)
+    colors = np.zeros((len(rows), 3)) if image is None else image[graph.xy[rows, 1], graph.xy[rows, 0]].astype(float)
+    xy, radii = smooth[rows], radii[rows]
+    nodes = np.append(group, FREE)[graph.ends[kept]].ravel()
+    return _with_ends(xy, new_bounds, graph.closed[kept], radii, colors, nodes, node_radius)
+
+
+def _with_ends(
+    xy: FloatArray,
+    bounds: IntArray,
+    closed: BoolArray,
+    radii: FloatArray,
+    colors: FloatArray,
+    nodes: IntArray,
+    node_radius: FloatArray,
+) -> Sections:
+    count, lengths = len(closed), np.diff(bounds)
+    base = np.stack((bounds[:-1], bounds[1:] - 1), axis=1).ravel()
+    sign = np.tile([1, -1], count)
+    typical = np.repeat(_medians(radii, bounds), 2)
+    reach = np.minimum(np.maximum(_LOOK_RADII * typical, 10.0) / 1.15, np.repeat(lengths, 2) - 1)
+    offsets = np.rint(np.linspace(0, 1, _LOOK) * reach[:, None]).astype(np.int64)
+    samples = base[:, None] + sign[:, None] * offsets if count else np.zeros((0, _LOOK), np.int64)
+    looked = xy[samples]
+    half, far = looked[:, _LOOK // 2], looked[:, -1]
+    near, whole = _unit(looked[:, 0] - half), _unit(looked[:, 0] - far)
+    bend = np.arctan2(_cross(whole, near), np.einsum("ij,ij->i", whole, near))
+    outward = _unit(near + 0.5 * (near - whole))
+    step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) > 1 else np.zeros(0)
+    along = np.concatenate(([0.0], np.cumsum(step)))
+    length = along[bounds[1:] - 1] - along[bounds[:-1]] if count else np.zeros(0)
+    return Sections(
+        xy, bounds, closed, _medians(radii, bounds), length, nodes, looked[:, 0], outward,
+        np.median(radii[samples], axis=1), np.median(colors[samples], axis=1), bend, node_radius,
+    )  # fmt: skip
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    out: FloatArray = vectors / np.maximum(np.hypot(*vectors.T), 1e-9)[:, None]
+    return out
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    out: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return out
+
+
+def _medians(values: FloatArray, bounds: IntArray) -> FloatArray:
+    """Median of each run of ``values``: sorted within the runs by one sort, then read at the middles."""
+    lengths = np.diff(bounds)
+    owner = np.repeat(np.arange(len(lengths)), lengths)
+    ordered = values[np.lexsort((values, owner))]
+    out: FloatArray = ordered[bounds[:-1] + lengths // 2]
+    return out
+
+
+def _junction_radii(graph: PixelGraph, distances: Float32Array) -> FloatArray:
+    if not len(graph.junction_xy):
+        return np.zeros(0)
+    place = np.rint(graph.junction_xy).astype(np.int64)
+    out: FloatArray = distances[place[:, 1], place[:, 0]].astype(np.float64) - 0.5
+    return out
+
+
+def _cuts(graph: PixelGraph, radii: FloatArray, typical: FloatArray, junction_radius: FloatArray) -> IntArray:
+    """``(C, 2)`` pixels to cut off at both ends of every chain; 0 at free ends."""
+    lengths = np.diff(graph.bounds)
+    at = np.append(junction_radius, 0.0)[graph.ends]
+    least = np.ceil(_CUT_RADII * at).astype(np.int64)
+    most = np.ceil(_CUT_AT_MOST_RADII * at).astype(np.int64)
+    span = int(min(most.max(initial=0), 400)) + 1
+    steps = np.minimum(np.arange(span)[None], lengths[:, None] - 1)
+    cuts = []
+    for side, rows in enumerate((graph.bounds[:-1, None] + steps, graph.bounds[1:, None] - 1 - steps)):
+        slim = radii[rows] <= _THICK * typical[:, None] + 0.5
+        slim &= np.arange(span)[None] >= least[:, side, None]
+        reached = np.where(slim.any(axis=1), slim.argmax(axis=1), span)
+        cuts.append(np.minimum(reached, most[:, side]))
+    return np.stack(cuts, axis=1)
+
+
+def _is_spur(graph: PixelGraph, lengths: IntArray, cut: IntArray, junction_radius: FloatArray) -> BoolArray:
+    """Short chains from a junction to nowhere: an uneven outline makes them."""
+    at = np.append(junction_radius, 0.0)[graph.ends].max(axis=1)
+    out: BoolArray = lengths <= np.maximum(_SPUR_RADII * at, 3)
+    return out
+
+
+def _grouped(pairs: IntArray, radius: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Group of every junction when the ``(m, 2)`` pairs belong together, and the largest radius of each group."""
+    count = len(radius)
+    if not count:
+        return np.zeros(0, np.int64), np.zeros(0)
+    table = csr_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
+    groups, label = connected_components(table, directed=False)
+    largest = np.zeros(groups)
+    np.maximum.at(largest, label, radius)
+    return label.astype(np.int64), largest

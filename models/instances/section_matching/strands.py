@@ -1,0 +1,91 @@
+"""From matched section ends to one centerline a DLO."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.polylines import arc_lengths
+from models.instances.assembly import Chain
+from models.instances.section_matching.sections import Sections
+
+_SPACING_PX = 3.0
+
+
+def strands_of(sections: Sections, partner: IntArray, via: dict[tuple[int, int], int]) -> list[Chain]:
+    """The centerlines that follow from the partners ``(E,)`` of all ends; an end that stops is its own partner.
+
+    ``via``: for linked ends, the section that their DLO shares with another; it is followed at the offset that
+    the DLO has on both sides. A section whose two ends are partners is shared by others: no strand of its own,
+    unless it is a ring.
+    """
+    done = np.zeros(len(sections), dtype=bool)
+    own = partner.reshape(-1, 2)
+    done[(own[:, 0] == 2 * np.arange(len(own)) + 1) & np.array([(2 * k, 2 * k + 1) in via for k in range(len(own))])] = True
+    chains = [Chain(sections.points(k), True) for k in np.flatnonzero(sections.closed)]
+    done[sections.closed] = True
+    stops = np.flatnonzero(partner == np.arange(len(partner)))
+    for start in [*stops.tolist(), *range(0, 2 * len(sections), 2)]:
+        if not done[start >> 1]:
+            chains.append(_walk(sections, partner, via, start, done))
+    return chains
+
+
+def _walk(
+    sections: Sections, partner: IntArray, via: dict[tuple[int, int], int], start: int, done: np.ndarray
+) -> Chain:
+    """The strand that begins at this end; a ring ends where it begins."""
+    pieces, end = [], start
+    while True:
+        done[end >> 1] = True
+        points = sections.points(end >> 1)
+        pieces.append(points if end % 2 == 0 else points[::-1])
+        leaving = end ^ 1
+        onward = int(partner[leaving])
+        closed = onward == start
+        if onward == leaving or (done[onward >> 1] and not closed):
+            return Chain(np.concatenate(pieces), False)
+        pieces.append(_connection(sections, leaving, onward, via))
+        if closed:
+            return Chain(np.concatenate(pieces), True)
+        end = onward
+
+
+def _connection(sections: Sections, a: int, b: int, via: dict[tuple[int, int], int]) -> FloatArray:
+    """Points between two linked ends, both left out."""
+    shared = via.get((min(a, b), max(a, b)), -1)
+    if shared >= 0:
+        return _beside(sections, a, b, shared)
+    start, stop = sections.tip[a], sections.tip[b]
+    length = float(np.hypot(*(stop - start)))
+    u = np.linspace(0, 1, max(2, round(length / _SPACING_PX) + 1))[1:-1, None]
+    speed = length * np.clip(np.stack((sections.outward[a], -sections.outward[b])), -1, 1)
+    out: FloatArray = (
+        (2 * u**3 - 3 * u**2 + 1) * start + (u**3 - 2 * u**2 + u) * speed[0]
+        + (3 * u**2 - 2 * u**3) * stop + (u**3 - u**2) * speed[1]
+    )  # fmt: skip
+    return out
+
+
+def _beside(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
+    """Along the shared section, moved by what the strand is beside it at both ends, from one to the other.
+
+    Only the part of the offset across the section counts; it changes evenly along the way.
+    """
+    points = sections.points(shared)
+    if sections.node[2 * shared] != sections.node[a]:
+        points = points[::-1]
+    along = arc_lengths(points)
+    share = (along / max(float(along[-1]), 1e-9))[:, None]
+    first = _across(sections.tip[a] - points[0], points[min(4, len(points) - 1)] - points[0])
+    last = _across(sections.tip[b] - points[-1], points[-1] - points[max(len(points) - 5, 0)])
+    limit = 0.5 * sections.radius[shared]
+    first, last = (v * min(1.0, limit / max(float(np.hypot(*v)), 1e-9)) for v in (first, last))
+    out: FloatArray = points + (1 - share) * first + share * last
+    return out[2:-2:2]
+
+
+def _across(vector: FloatArray, direction: FloatArray) -> FloatArray:
+    unit = direction / max(float(np.hypot(*direction)), 1e-9)
+    out: FloatArray = vector - float(vector @ unit) * unit
+    return out
