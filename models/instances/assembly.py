@@ -13,6 +13,7 @@ from models.geometry.sampling import read_nearest
 from models.geometry.splines import fit_spline
 from models.instances.crossings import Strand, find_meetings, order_meeting
 from models.instances.drawing import draw_labels, stroke
+from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
 from models.instances.scene import Instance, Scene
 
@@ -35,21 +36,33 @@ class Chain:
     closed: bool
 
 
-def assemble(chains: list[Chain], mask: BoolArray, distances: Float32Array, image: ByteArray | None) -> Scene:
+def assemble(
+    chains: list[Chain],
+    mask: BoolArray,
+    distances: Float32Array,
+    image: ByteArray | None,
+    *,
+    follow_edges: bool = False,
+) -> Scene:
     """Splines, widths, endpoints, crossings and labels of the chains, longest first.
 
-    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain.
+    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain. With
+    ``follow_edges`` outlines and widths are those of the picture, where it shows them near the mask's.
     """
     started = perf_counter()
     fitted = [instance for chain in chains if (instance := _fit(chain, mask, distances)) is not None]
     instances = _without_fragments(fitted, mask.shape)
+    shifts = None
+    if follow_edges and image is not None:
+        shifts = edge_shifts(instances, distances, image)
+        instances = [replace(i, width_px=max(1.0, i.width_px + 2 * s)) for i, s in zip(instances, shifts, strict=True)]
     after_fit = perf_counter()
     strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]
     crossings = tuple(order_meeting(m, strands, image) for m in find_meetings(strands))
     ends = endpoints_of(instances, mask.shape)
     after_order = perf_counter()
     finished = tuple(replace(i, endpoints=e) for i, e in zip(instances, ends, strict=True))
-    labels = draw_labels(mask, finished, crossings)
+    labels = draw_labels(mask, finished, crossings, shifts)
     timings = {
         "splines": 1e3 * (after_fit - started),
         "crossings": 1e3 * (after_order - after_fit),

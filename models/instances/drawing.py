@@ -10,31 +10,54 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import arc_lengths, point_at
-from models.geometry.sampling import read_nearest
+from models.geometry.sampling import distance_map, read_nearest
 from models.instances.scene import Crossing, Instance
 
 _SHIFT = 4
 """Bits of a pixel's fraction in OpenCV's fixed-point coordinates."""
 
 
-def draw_labels(mask: BoolArray, instances: Sequence[Instance], crossings: Sequence[Crossing]) -> ByteArray:
+def draw_labels(
+    mask: BoolArray,
+    instances: Sequence[Instance],
+    crossings: Sequence[Crossing],
+    shifts: FloatArray | None = None,
+) -> ByteArray:
     """``(H, W)`` uint8 labels: every foreground pixel near a centerline belongs to one instance, at most 255.
 
     Strategy: strokes are painted in three rounds, from too wide to too narrow, so that between neighbors a
     pixel goes to the nearer centerline; then the upper strand is painted again over each crossing; last, what
     is not foreground is cleared, so that outlines are those of the mask. Where a centerline bridges a gap
-    of the mask, its stroke stands in for the foreground.
+    of the mask, its stroke stands in for the foreground. ``shifts``: ``(I,)`` pixels by which an instance's edges
+    lie outside (below 0: inside) the mask; its outline is moved by as much.
     """
     labels = np.zeros(mask.shape, dtype=np.uint8)
     for factor in (1.6, 1.0, 0.6):
         for number, instance in enumerate(instances, start=1):
-            stroke(labels, instance.centerline_xy, number, factor * instance.width_px)
+            width = max(factor * instance.width_px, instance.width_px + 3 if factor > 1 and shifts is not None else 0)
+            stroke(labels, instance.centerline_xy, number, width)
     for crossing in sorted(crossings, key=lambda c: c.score):
         upper, lower = instances[crossing.over.instance - 1], instances[crossing.under.instance - 1]
         piece = piece_around(upper, crossing.over.u, 1.2 * lower.width_px)
         stroke(labels, piece, crossing.over.instance, 1.1 * upper.width_px)
-    labels *= _bridged(mask, instances)
+    evidence = _bridged(mask, instances)
+    if shifts is not None and np.any(shifts):
+        evidence = _moved(evidence, labels, shifts)
+    labels *= evidence
     return labels
+
+
+def _moved(evidence: ByteArray, labels: ByteArray, shifts: FloatArray) -> ByteArray:
+    """The foreground with the outline of each label moved outwards (or, below 0, inwards)."""
+    by_label = np.zeros(256, np.float32)
+    by_label[1 : len(shifts) + 1] = shifts
+    wanted = by_label[labels]
+    # Distances are to pixel centers: the outermost pixels of either side are at 1.
+    outside = cv2.distanceTransform(1 - evidence, cv2.DIST_L2, cv2.DIST_MASK_5)
+    moved = outside < np.maximum(wanted, 0.0) + 0.5
+    if (shifts < 0).any():
+        moved &= (distance_map(evidence) + wanted > 0.5) | (wanted >= 0)
+    return moved.view(np.uint8)
 
 
 def _bridged(mask: BoolArray, instances: Sequence[Instance]) -> ByteArray:

@@ -14,7 +14,7 @@ from models.instances.assembly import assemble
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
 from models.instances.section_matching.cleaning import clean
-from models.instances.section_matching.links import ABSORBED, GAP, JUNCTION, SHARED, candidate_links
+from models.instances.section_matching.links import SHARED, candidate_links, costs_of
 from models.instances.section_matching.matching import match
 from models.instances.section_matching.sections import Sections, sections_of
 from models.instances.section_matching.strands import strands_of
@@ -26,7 +26,7 @@ class SectionMatchingParams:
     bridge; ``stop_cost``: log odds against a DLO that ends at a crossing."""
 
     hole_widths: float = 0.7
-    gap_widths: float = 8.0
+    gap_widths: float = 12.0
     stop_cost: float = 2.0
 
 
@@ -44,15 +44,6 @@ def extract(
     return at_working_size(binary, image, lambda m, i: _extract(m, i, settings))
 
 
-WEIGHTS = {
-    #            one   turn  side  width chroma bright gap  length gapcolor
-    JUNCTION: (-4.0, 3.0, 1.5, 2.0, 3.0, 1.0, 1.0, 0.5, 0.0),
-    GAP: (-3.0, 5.0, 4.0, 2.0, 3.0, 2.0, 1.5, 0.2, 1.5),
-    SHARED: (-3.0, 5.0, 1.5, 2.0, 4.0, 2.0, 0.0, 0.5, 0.0),
-    ABSORBED: (1.5, 0.0, 0.0, -6.0, 0.0, 0.0, 0.0, 0.5, 0.0),
-}
-
-
 def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingParams) -> Scene:
     times = [perf_counter()]
     cleaned = clean(mask, params.hole_widths)
@@ -62,13 +53,11 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     times.append(perf_counter())
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
-    table = np.array([WEIGHTS[k] for k in range(4)])
-    costs = np.einsum("ij,ij->i", links.features, table[links.kind]) if len(links.pairs) else np.zeros(0)
-    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost))
+    partner = match(len(sections.node), links.pairs, costs_of(links), _stops(sections, mask.shape, params.stop_cost))
     via = {(int(a), int(b)): int(v) for (a, b), v, k in zip(links.pairs, links.via, links.kind, strict=True) if k >= SHARED and partner[a] == b}
     chains = strands_of(sections, partner, via)
     times.append(perf_counter())
-    scene = assemble(chains, cleaned.mask, distances, image)
+    scene = assemble(chains, cleaned.mask, distances, image, follow_edges=True)
     names = ("cleaning", "skeleton", "matching")
     timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
     return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})

@@ -6,7 +6,10 @@ few measurements whose weights are fitted on scenes that the repository draws (`
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,12 +18,16 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.sampling import read_nearest
 from models.instances.section_matching.sections import Sections
 
+KINDS = ("junction", "gap", "shared", "absorbed")
 JUNCTION, GAP, SHARED, ABSORBED = range(4)
 """Kinds of link: two ends at one crossing; over a gap; along a section that two DLOs share; that section's own
 two ends, which says that it is shared and no strand of its own."""
-FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "gap_color")
+FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
+"""``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where it does."""
+_NOISE_LEVELS = 8.0
 
-_GAP_RADII = 16.0
+WEIGHTS_FILE = Path(__file__).with_name("link_weights.toml")
+
 _SHARED_RADII = 16.0
 _SHARED_THICK = 1.3
 """A section may be shared if it is short or this much thicker than what leads to it."""
@@ -51,6 +58,19 @@ def candidate_links(sections: Sections, mask: BoolArray, image: ByteArray | None
     through = np.concatenate((np.full(sizes[0] + sizes[1], -1), via, absorbed)).astype(np.int64)
     features = _measure(sections, pairs, kind, through, mask, image)
     return Links(pairs, kind, features, through)
+
+
+@cache
+def _weights() -> FloatArray:
+    """``(4, 9)`` weights of each kind of link."""
+    table = tomllib.loads(WEIGHTS_FILE.read_text())
+    return np.array([[table[kind][feature] for feature in FEATURES] for kind in KINDS])
+
+
+def costs_of(links: Links) -> FloatArray:
+    """``(m,)`` minus the log odds that a link is right."""
+    out: FloatArray = np.einsum("ij,ij->i", links.features, _weights()[links.kind])
+    return out
 
 
 def _at_junctions(sections: Sections) -> IntArray:
@@ -136,12 +156,12 @@ def _measure(
     chroma = np.sqrt(((color - brightness[:, None]) ** 2).sum(axis=1))
     width = np.log(sections.end_radius[a] / sections.end_radius[b])
     shared = kind >= SHARED
-    gap = np.where(shared, 0.0, length * off.mean(axis=1) / radius)
+    gap = np.where(shared, 0.0, np.minimum(length * off.mean(axis=1) / radius, 40.0) / 4)
+    seen = _likeness(sections, a, b, points, off, image)
     columns = (
         np.ones(len(pairs)), np.minimum(turn**2, 4.0), known * np.minimum(leaving**2 + arriving**2, 6.0),
         np.minimum(width**2, 2.0), np.minimum(chroma / 100, 1.0), np.minimum(abs(brightness) / 100, 1.0),
-        np.minimum(gap, 20.0) / 4, np.minimum(length / radius, 40.0) / 8,
-        np.where(shared, 0.0, _gap_color(sections, a, b, points, off, image)),
+        gap * (1 - seen), np.minimum(length / radius, 40.0) / 8, gap * seen,
     )  # fmt: skip
     features = np.stack(columns, axis=1)
     own = kind == ABSORBED
@@ -180,18 +200,29 @@ def _between(sections: Sections, a: IntArray, b: IntArray, mask: BoolArray) -> t
     return points, read_nearest(mask, points) == 0
 
 
-def _gap_color(
+def _likeness(
     sections: Sections, a: IntArray, b: IntArray, points: FloatArray, off: BoolArray, image: ByteArray | None
 ) -> FloatArray:
-    """How far the picture's color in the gap is from the colors of both ends; 0 without a gap or a picture."""
+    """``(m,)`` 0 to 1: how far the picture in the gap looks like the ends rather than like what lies beside them.
+
+    A half where there is no gap or no picture.
+    """
     if image is None:
-        return np.zeros(len(a))
+        return np.full(len(a), 0.5)
+    own = np.minimum(_away(image, points, sections.color[a]), _away(image, points, sections.color[b]))
+    beside = (sections.beside[a] + sections.beside[b]) / 2
+    contrast = np.abs(beside - (sections.color[a] + sections.color[b]) / 2).mean(axis=1)
+    like = np.exp(-((own / (0.4 * contrast + _NOISE_LEVELS)[:, None]) ** 2))
+    counted = off.sum(axis=1)
+    return np.where(counted > 0, (like * off).sum(axis=1) / np.maximum(counted, 1), 0.5)
+
+
+def _away(image: ByteArray, points: FloatArray, colors: FloatArray) -> FloatArray:
+    """``(m, 16)`` mean absolute difference of the picture at the points to ``(m, 3)`` colors."""
     rows = np.clip(np.rint(points[..., 1]), 0, image.shape[0] - 1).astype(np.intp)
     columns = np.clip(np.rint(points[..., 0]), 0, image.shape[1] - 1).astype(np.intp)
-    ends = (sections.color[a] + sections.color[b]) / 2
-    away = np.abs(image[rows, columns] - ends[:, None]).mean(axis=2)
-    mean = (away * off).sum(axis=1) / np.maximum(off.sum(axis=1), 1)
-    return np.minimum(mean / 100, 1.0)
+    out: FloatArray = np.abs(image[rows, columns] - colors[:, None]).mean(axis=2)
+    return out
 
 
 def _thickening(sections: Sections, shared: IntArray) -> FloatArray:

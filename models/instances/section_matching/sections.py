@@ -35,7 +35,7 @@ class Sections:
     ``radius``: ``(S,)`` typical half width; ``length``: ``(S,)`` pixels. ``node``: ``(E,)`` the group of
     junctions at the end, -1 for a free end. ``tip``: ``(E, 2)`` its place; ``outward``: ``(E, 2)`` unit
     direction out of it; ``end_radius``: ``(E,)``; ``color``: ``(E, 3)`` RGB (0 without a picture);
-    ``bend``: ``(E,)`` how much the stretch before the end turns, rad. ``node_radius``: ``(nodes,)``.
+    ``beside``: ``(E, 3)`` the color next to it; ``bend``: ``(E,)`` how much the stretch before the end turns, rad. ``node_radius``: ``(nodes,)``.
     """
 
     xy: FloatArray
@@ -48,6 +48,7 @@ class Sections:
     outward: FloatArray
     end_radius: FloatArray
     color: FloatArray
+    beside: FloatArray
     bend: FloatArray
     node_radius: FloatArray
 
@@ -83,7 +84,7 @@ def sections_of(graph: PixelGraph, distances: Float32Array, image: ByteArray | N
     colors = np.zeros((len(rows), 3)) if image is None else image[graph.xy[rows, 1], graph.xy[rows, 0]].astype(float)
     xy, radii = smooth[rows], radii[rows]
     nodes = np.append(group, FREE)[graph.ends[kept]].ravel()
-    return _with_ends(xy, new_bounds, graph.closed[kept], radii, colors, nodes, node_radius)
+    return _with_ends(xy, new_bounds, graph.closed[kept], radii, colors, nodes, node_radius, image)
 
 
 def _with_ends(
@@ -94,6 +95,7 @@ def _with_ends(
     colors: FloatArray,
     nodes: IntArray,
     node_radius: FloatArray,
+    image: ByteArray | None,
 ) -> Sections:
     count, lengths = len(closed), np.diff(bounds)
     base = np.stack((bounds[:-1], bounds[1:] - 1), axis=1).ravel()
@@ -112,8 +114,21 @@ def _with_ends(
     length = along[bounds[1:] - 1] - along[bounds[:-1]] if count else np.zeros(0)
     return Sections(
         xy, bounds, closed, _medians(radii, bounds), length, nodes, looked[:, 0], outward,
-        np.median(radii[samples], axis=1), np.median(colors[samples], axis=1), bend, node_radius,
+        np.median(radii[samples], axis=1), np.median(colors[samples], axis=1),
+        _beside(half, outward, typical, image), bend, node_radius,
     )  # fmt: skip
+
+
+def _beside(points: FloatArray, outward: FloatArray, radius: FloatArray, image: ByteArray | None) -> FloatArray:
+    """``(E, 3)`` mean color of both sides, two radii and two pixels away."""
+    if image is None:
+        return np.zeros((len(points), 3))
+    normal = np.stack((-outward[:, 1], outward[:, 0]), axis=1) * (2 * radius + 2)[:, None]
+    places = np.rint(np.stack((points + normal, points - normal))).astype(np.intp)
+    rows = np.clip(places[..., 1], 0, image.shape[0] - 1)
+    columns = np.clip(places[..., 0], 0, image.shape[1] - 1)
+    out: FloatArray = image[rows, columns].mean(axis=0)
+    return out
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
