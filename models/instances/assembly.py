@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -11,11 +12,11 @@ from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArra
 from models.geometry.polylines import arc_lengths, resample
 from models.geometry.sampling import read_nearest
 from models.geometry.splines import fit_spline
-from models.instances.crossings import Strand, find_meetings, order_meeting
+from models.instances.crossings import Meeting, Strand, find_meetings, order_meetings
 from models.instances.drawing import draw_labels, stroke
 from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
-from models.instances.scene import Instance, Scene
+from models.instances.scene import Crossing, Instance, Scene
 
 MAX_INSTANCES = 255
 """As many as labels of one byte can name."""
@@ -26,6 +27,8 @@ _SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
 _COVERED = 0.6
 """Share of a centerline that may lie on a longer DLO before it counts as a part of that one."""
+
+Order = Callable[[list[Meeting], list[Strand], ByteArray | None], tuple[Crossing, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +46,13 @@ def assemble(
     image: ByteArray | None,
     *,
     follow_edges: bool = False,
+    order: Order = order_meetings,
 ) -> Scene:
     """Splines, widths, endpoints, crossings and labels of the chains, longest first.
 
     What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain. With
     ``follow_edges`` outlines and widths are those of the picture, where it shows them near the mask's.
+    ``order``: what decides which strand lies on top.
     """
     started = perf_counter()
     fitted = [instance for chain in chains if (instance := _fit(chain, mask, distances)) is not None]
@@ -58,7 +63,7 @@ def assemble(
         instances = [replace(i, width_px=max(1.0, i.width_px + 2 * s)) for i, s in zip(instances, shifts, strict=True)]
     after_fit = perf_counter()
     strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]
-    crossings = tuple(order_meeting(m, strands, image) for m in find_meetings(strands))
+    crossings = order(find_meetings(strands), strands, image)
     ends = endpoints_of(instances, mask.shape)
     after_order = perf_counter()
     finished = tuple(replace(i, endpoints=e) for i, e in zip(instances, ends, strict=True))

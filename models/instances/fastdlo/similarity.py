@@ -26,8 +26,7 @@ def features(colors: FloatArray, widths: FloatArray, outward: FloatArray) -> Flo
     return np.concatenate(columns, axis=1).astype(np.float32)
 
 
-def probabilities(embeddings: Float32Array) -> FloatArray:
-    """``(n, n)`` connection probabilities ``exp(-d^2)`` of the embeddings' distances (line 12 of Algorithm 2)."""
-    apart = embeddings[:, None].astype(np.float64) - embeddings[None]
-    out: FloatArray = np.exp(-np.einsum("ijk,ijk->ij", apart, apart))
+def probabilities(differences: FloatArray) -> FloatArray:
+    """``(…,)`` connection probabilities ``exp(-d^2)`` of differences ``(…, d)`` between embeddings (Algorithm 2)."""
+    out: FloatArray = np.exp(-np.einsum("...k,...k->...", differences, differences))
     return out

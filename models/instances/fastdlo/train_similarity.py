@@ -25,7 +25,7 @@ from models.instances.train_state import restore, save
 from models.synthesis.textures import load_pool
 
 NAME = "fastdlo_similarity"
-_WIDTH_NOISE, _ANGLE_NOISE = 0.12, np.deg2rad(5.0)
+_WIDTH_NOISE, _ANGLE_NOISE = 0.2, np.deg2rad(12.0)
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class TrainConfig:
     seed: int = 11
     crossings: int = 7000
     held_out: int = 1000
-    epochs: int = 40
+    epochs: int = 25
     batch: int = 512
     learning_rate: float = 2e-3
     margin: float = 1.0
@@ -44,12 +44,12 @@ class TrainConfig:
 def endpoints_of(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Array:
     """``(2 k, 6)`` features at both sides of the crossing of the k strands; rows 2 i and 2 i + 1 are strand i's.
 
-    Endpoints lie one to two and a half widths away; width and direction get the errors that a mask leaves.
+    Endpoints lie up to three widths away; width and direction get the errors that a mask leaves.
     """
     colors, widths, outward = [], [], []
     for strand in scene.strands:
         for side in (-1, 1):
-            offset = side * strand.width_px * rng.uniform(1.0, 2.5)
+            offset = side * strand.width_px * rng.uniform(0.8, 3.0)
             patch = crop(scene.rgb, strand.at(offset), max(1, round(0.5 * strand.width_px)), 3)
             colors.append(np.median(patch.reshape(-1, 3), axis=0))
             widths.append(strand.width_px * np.exp(rng.normal(0, _WIDTH_NOISE)))
@@ -101,7 +101,8 @@ def evaluate(network: SimilarityNetwork, scenes: list[RenderedCrossing]) -> dict
     right, same, other = [], [], []
     for scene in scenes:
         with torch.inference_mode():
-            table = probabilities(network(torch.from_numpy(endpoints_of(scene, rng))).numpy())
+            embedded = network(torch.from_numpy(endpoints_of(scene, rng))).numpy()
+        table = probabilities(embedded[:, None] - embedded[None])
         np.fill_diagonal(table, -1)
         rows = np.arange(len(table))
         right.extend(table.argmax(axis=1) == rows ^ 1)

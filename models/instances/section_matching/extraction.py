@@ -16,8 +16,8 @@ from models.instances.scene import Scene
 from models.instances.section_matching.cleaning import clean
 from models.instances.section_matching.links import SHARED, candidate_links, costs_of
 from models.instances.section_matching.matching import match
-from models.instances.section_matching.sections import Sections, sections_of
-from models.instances.section_matching.strands import strands_of
+from models.instances.sections import Sections, sections_of
+from models.instances.strands import strands_of
 
 
 @dataclass(frozen=True)

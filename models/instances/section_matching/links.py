@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.sampling import read_nearest
-from models.instances.section_matching.sections import Sections
+from models.instances.sections import Sections, pairs_at_junctions
 
 KINDS = ("junction", "gap", "shared", "absorbed")
 JUNCTION, GAP, SHARED, ABSORBED = range(4)
@@ -49,7 +49,7 @@ class Links:
 
 def candidate_links(sections: Sections, mask: BoolArray, image: ByteArray | None, gap_widths: float) -> Links:
     """All links worth weighing."""
-    crossing, gap = _at_junctions(sections), _over_gaps(sections, gap_widths)
+    crossing, gap = pairs_at_junctions(sections), _over_gaps(sections, gap_widths)
     shared, via = _along_shared(sections)
     absorbed = np.unique(via)
     pairs = np.concatenate((crossing, gap, shared, np.stack((2 * absorbed, 2 * absorbed + 1), axis=1)))
@@ -71,25 +71,6 @@ def costs_of(links: Links) -> FloatArray:
     """``(m,)`` minus the log odds that a link is right."""
     out: FloatArray = np.einsum("ij,ij->i", links.features, _weights()[links.kind])
     return out
-
-
-def _at_junctions(sections: Sections) -> IntArray:
-    """Pairs of ends at the same group of junctions; of large groups only near ones."""
-    ends = np.flatnonzero(sections.node >= 0)
-    order = ends[np.argsort(sections.node[ends], kind="stable")]
-    bounds = np.flatnonzero(np.diff(sections.node[order], prepend=-2))
-    found = [_near_pairs(group, sections.tip) for group in np.split(order, bounds[1:]) if len(group) > 1]
-    return np.concatenate(found) if found else np.zeros((0, 2), np.int64)
-
-
-def _near_pairs(ends: IntArray, tips: FloatArray) -> IntArray:
-    if len(ends) <= _NEAREST:
-        a, b = np.triu_indices(len(ends), 1)
-    else:
-        _, near = cKDTree(tips[ends]).query(tips[ends], _NEAREST)
-        a, b = np.repeat(np.arange(len(ends)), _NEAREST), np.asarray(near).ravel()
-        a, b = np.unique(np.stack((np.minimum(a, b), np.maximum(a, b)))[:, a != b], axis=1)
-    return np.stack((ends[a], ends[b]), axis=1)
 
 
 def _over_gaps(sections: Sections, gap_widths: float) -> IntArray:

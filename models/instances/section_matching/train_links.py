@@ -22,7 +22,7 @@ from models.geometry.sampling import distance_map
 from models.instances.section_matching.cleaning import clean
 from models.instances.section_matching.extraction import SectionMatchingParams
 from models.instances.section_matching.links import ABSORBED, FEATURES, KINDS, WEIGHTS_FILE, Links, candidate_links
-from models.instances.section_matching.sections import Sections, sections_of
+from models.instances.sections import Sections, sections_of
 from models.instances.section_matching.train_scenes import CurveIndex, TrainScene, make_scene
 from models.synthesis.textures import load_pool
 

@@ -7,7 +7,7 @@ import numpy as np
 from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths
 from models.instances.assembly import Chain
-from models.instances.section_matching.sections import Sections
+from models.instances.sections import Sections
 
 _SPACING_PX = 3.0
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.pixel_graph import FREE, PixelGraph, smoothed
@@ -25,6 +26,8 @@ _THICK = 1.2
 """A section is cut back while it is thicker than this times its own typical radius."""
 _SPUR_RADII = 1.5
 _MAX_SECTIONS = 3_000
+_NEAREST = 24
+"""Of a larger junction, each end is paired with so many others at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +62,13 @@ class Sections:
         return self.xy[self.bounds[section] : self.bounds[section + 1]]
 
 
-def sections_of(graph: PixelGraph, distances: Float32Array, image: ByteArray | None) -> Sections:
+def sections_of(
+    graph: PixelGraph, distances: Float32Array, image: ByteArray | None, shared_radii: float = 0.0
+) -> Sections:
     """The chains of a pixel graph without spurs, cut at junctions.
+
+    ``shared_radii``: a chain up to so many radii long between two forks is the foreground that two crossing DLOs
+    share: it is left out and the forks become one group.
 
     Strategy: a chain that would be cut to nothing lies inside a crossing; its two junctions become one group.
     All values at ends come from one gather: ``_LOOK`` samples a few radii back along the chain from each end.
@@ -72,6 +80,8 @@ def sections_of(graph: PixelGraph, distances: Float32Array, image: ByteArray | N
     cut = _cuts(graph, radii, typical, junction_radius)
     inner = (graph.ends != FREE).all(axis=1) & (lengths <= cut.sum(axis=1)) & ~graph.closed
     spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, cut, junction_radius)
+    if shared_radii > 0:
+        inner[_between_forks(graph, ~inner & ~spur, lengths / np.maximum(typical, 1.0), shared_radii)] = True
     group, node_radius = _grouped(graph.ends[inner], junction_radius)
     kept = np.flatnonzero(~inner & ~spur & (lengths >= 2))
     if len(kept) > _MAX_SECTIONS:
@@ -182,6 +192,21 @@ def _is_spur(graph: PixelGraph, lengths: IntArray, cut: IntArray, junction_radiu
     return out
 
 
+def _between_forks(graph: PixelGraph, kept: BoolArray, length_radii: FloatArray, at_most: float) -> list[int]:
+    """Chains between two junctions of three chains each; shortest first, each junction once."""
+    degree = np.bincount(graph.ends[kept][graph.ends[kept] != FREE], minlength=len(graph.junction_xy) + 1)
+    forks = (graph.ends != FREE).all(axis=1) & (graph.ends[:, 0] != graph.ends[:, 1])
+    forks &= kept & (degree[graph.ends] == 3).all(axis=1) & (length_radii <= at_most)
+    chosen: list[int] = []
+    taken: set[int] = set()
+    for chain in sorted(np.flatnonzero(forks).tolist(), key=lambda c: float(length_radii[c])):
+        a, b = graph.ends[chain].tolist()
+        if a not in taken and b not in taken:
+            taken |= {a, b}
+            chosen.append(chain)
+    return chosen
+
+
 def _grouped(pairs: IntArray, radius: FloatArray) -> tuple[IntArray, FloatArray]:
     """Group of every junction when the ``(m, 2)`` pairs belong together, and the largest radius of each group."""
     count = len(radius)
@@ -192,3 +217,22 @@ def _grouped(pairs: IntArray, radius: FloatArray) -> tuple[IntArray, FloatArray]
     largest = np.zeros(groups)
     np.maximum.at(largest, label, radius)
     return label.astype(np.int64), largest
+
+
+def pairs_at_junctions(sections: Sections) -> IntArray:
+    """``(m, 2)`` pairs of ends at the same group of junctions; of large groups only near ones."""
+    ends = np.flatnonzero(sections.node >= 0)
+    order = ends[np.argsort(sections.node[ends], kind="stable")]
+    bounds = np.flatnonzero(np.diff(sections.node[order], prepend=-2))
+    found = [_near_pairs(group, sections.tip) for group in np.split(order, bounds[1:]) if len(group) > 1]
+    return np.concatenate(found) if found else np.zeros((0, 2), np.int64)
+
+
+def _near_pairs(ends: IntArray, tips: FloatArray) -> IntArray:
+    if len(ends) <= _NEAREST:
+        a, b = np.triu_indices(len(ends), 1)
+    else:
+        _, near = cKDTree(tips[ends]).query(tips[ends], _NEAREST)
+        a, b = np.repeat(np.arange(len(ends)), _NEAREST), np.asarray(near).ravel()
+        a, b = np.unique(np.stack((np.minimum(a, b), np.maximum(a, b)))[:, a != b], axis=1)
+    return np.stack((ends[a], ends[b]), axis=1)
