@@ -10,7 +10,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import arc_lengths, point_at
-from models.geometry.sampling import distance_map, read_nearest
+from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, Instance
 
 _SHIFT = 4
@@ -29,7 +29,7 @@ def draw_labels(
     pixel goes to the nearer centerline; then the upper strand is painted again over each crossing; last, what
     is not foreground is cleared, so that outlines are those of the mask. Where a centerline bridges a gap
     of the mask, its stroke stands in for the foreground. ``shifts``: ``(I,)`` pixels by which an instance's edges
-    lie outside (below 0: inside) the mask; its outline is moved by as much.
+    lie outside the mask; its outline is moved outwards by as much.
     """
     labels = np.zeros(mask.shape, dtype=np.uint8)
     for factor in (1.6, 1.0, 0.6):
@@ -48,16 +48,12 @@ def draw_labels(
 
 
 def _moved(evidence: ByteArray, labels: ByteArray, shifts: FloatArray) -> ByteArray:
-    """The foreground with the outline of each label moved outwards (or, below 0, inwards)."""
+    """The foreground with the outline of each label moved outwards."""
     by_label = np.zeros(256, np.float32)
     by_label[1 : len(shifts) + 1] = shifts
-    wanted = by_label[labels]
-    # Distances are to pixel centers: the outermost pixels of either side are at 1.
+    # Distances are to pixel centers: the nearest background pixels are at 1.
     outside = cv2.distanceTransform(1 - evidence, cv2.DIST_L2, cv2.DIST_MASK_5)
-    moved = outside < np.maximum(wanted, 0.0) + 0.5
-    if (shifts < 0).any():
-        moved &= (distance_map(evidence) + wanted > 0.5) | (wanted >= 0)
-    return moved.view(np.uint8)
+    return (outside < by_label[labels] + 0.5).view(np.uint8)
 
 
 def _bridged(mask: BoolArray, instances: Sequence[Instance]) -> ByteArray:

@@ -16,7 +16,8 @@ from models.instances.scene import Instance
 
 _INSIDE_PX, _OUTSIDE_PX = 4, 7
 """How far a profile reaches to both sides of the mask's edge."""
-_LEAST_SHIFT, _MOST_SHIFT = 0, 4
+_MOST_SHIFT = 4
+"""Edges inside the mask's are not believed: foreground that a network is sure of stays."""
 _SPACING_PX = 4.0
 _AT_MOST = 120
 """Sections across an instance."""
@@ -25,10 +26,8 @@ _PRIOR = 0.004
 """What a shift costs, times its square: shares of the color variance that the edge has to explain."""
 
 
-def edge_shifts(
-    instances: Sequence[Instance], distances: Float32Array, image: ByteArray
-) -> FloatArray:
-    """``(I,)`` whole pixels by which each instance's edges in the picture lie outside (or, below 0, inside) its mask.
+def edge_shifts(instances: Sequence[Instance], distances: Float32Array, image: ByteArray) -> FloatArray:
+    """``(I,)`` whole pixels by which each instance's edges in the picture lie outside its mask, 0 to 4.
 
     Strategy: colors are read across both edges at many places. For every possible edge, the share of the colors'
     variance that two means (inside, outside) explain is averaged over all places of the instance; the best one,
@@ -54,7 +53,7 @@ def edge_shifts(
 def _best_shifts(explained: FloatArray, known: BoolArray) -> FloatArray:
     """Entry k of the profile splits between places k and k + 1; the mask's own edge is after place ``_INSIDE_PX``."""
     shift = np.arange(explained.shape[1]) - _INSIDE_PX
-    allowed = (shift >= _LEAST_SHIFT) & (shift <= _MOST_SHIFT)
+    allowed = (shift >= 0) & (shift <= _MOST_SHIFT)
     worth = np.where(allowed, explained - _PRIOR * shift**2, -np.inf)
     out: FloatArray = np.where(known, shift[worth.argmax(axis=1)], 0.0)
     return out

@@ -20,9 +20,7 @@ _LEAST_SHARE = 0.25
 Method = Callable[[BoolArray, ByteArray | None], Scene]
 
 
-def at_working_size(
-    mask: BoolArray, image: ByteArray | None, method: Method, max_pixels: int = MAX_PIXELS
-) -> Scene:
+def at_working_size(mask: BoolArray, image: ByteArray | None, method: Method, max_pixels: int = MAX_PIXELS) -> Scene:
     """What ``method`` finds, in the pixels of ``mask``; it sees at most ``max_pixels``.
 
     A picture above that is reduced by a whole number; the labels are drawn at full size all the same.

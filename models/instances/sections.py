@@ -38,7 +38,8 @@ class Sections:
     ``radius``: ``(S,)`` typical half width; ``length``: ``(S,)`` pixels. ``node``: ``(E,)`` the group of
     junctions at the end, -1 for a free end. ``tip``: ``(E, 2)`` its place; ``outward``: ``(E, 2)`` unit
     direction out of it; ``end_radius``: ``(E,)``; ``color``: ``(E, 3)`` RGB (0 without a picture);
-    ``beside``: ``(E, 3)`` the color next to it; ``bend``: ``(E,)`` how much the stretch before the end turns, rad. ``node_radius``: ``(nodes,)``.
+    ``beside``: ``(E, 3)`` the color next to it; ``bend``: ``(E,)`` how much the stretch before the end turns, rad.
+    ``node_radius``: ``(nodes,)``.
     """
 
     xy: FloatArray

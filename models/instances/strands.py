@@ -19,15 +19,13 @@ def strands_of(sections: Sections, partner: IntArray, via: dict[tuple[int, int],
     the DLO has on both sides. A section whose two ends are partners is shared by others: no strand of its own,
     unless it is a ring.
     """
-    done = np.zeros(len(sections), dtype=bool)
-    own = partner.reshape(-1, 2)
-    done[(own[:, 0] == 2 * np.arange(len(own)) + 1) & np.array([(2 * k, 2 * k + 1) in via for k in range(len(own))])] = True
-    chains = [Chain(sections.points(k), True) for k in np.flatnonzero(sections.closed)]
-    done[sections.closed] = True
+    done = sections.closed.copy()
+    shared = [k for k in range(len(sections)) if (2 * k, 2 * k + 1) in via and partner[2 * k] == 2 * k + 1]
+    done[shared] = True
+    chains = [Chain(sections.points(k), True) for k in np.flatnonzero(sections.closed).tolist()]
     stops = np.flatnonzero(partner == np.arange(len(partner)))
     for start in [*stops.tolist(), *range(0, 2 * len(sections), 2)]:
-        if not done[start >> 1]:
-            chains.append(_walk(sections, partner, via, start, done))
+        chains += [] if done[start >> 1] else [_walk(sections, partner, via, start, done)]
     return chains
 
 

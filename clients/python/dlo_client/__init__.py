@@ -10,7 +10,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dlo_client.contracts import (
+    AriadnePlusParams,
     Crossing,
+    FastDloParams,
     ImageInfo,
     ImageRef,
     Instance,
@@ -23,6 +25,7 @@ from dlo_client.contracts import (
     NoopResult,
     Problem,
     RtDloParams,
+    SectionMatchingParams,
     SegmentRequest,
     SegmentResult,
 )
@@ -36,11 +39,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APIError",
+    "AriadnePlusParams",
     "AsyncClient",
     "Client",
     "ConnectionFailed",
     "Crossing",
     "DLOError",
+    "FastDloParams",
     "ImageInfo",
     "ImageRef",
     "Instance",
@@ -56,6 +61,7 @@ __all__ = [
     "Problem",
     "RetryPolicy",
     "RtDloParams",
+    "SectionMatchingParams",
     "SegmentRequest",
     "SegmentResult",
     "WaitTimeout",

@@ -23,7 +23,7 @@ from models.instances.ariadne_plus.patches import (
 )
 from models.instances.ariadne_plus.paths import Appearance, find_paths, intersection_scores
 from models.instances.ariadne_plus.superpixels import Regions, region_graph
-from models.instances.assembly import Chain, assemble
+from models.instances.assembly import Chain, Order, assemble
 from models.instances.crossings import Meeting, Strand, order_meetings, ordered
 from models.instances.resolution import at_working_size
 from models.instances.scene import Crossing, Scene
@@ -68,9 +68,7 @@ def extract(
     return at_working_size(binary, image, lambda m, i: _extract(m, i, settings, networks), _MAX_PIXELS)
 
 
-def _extract(
-    mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams, networks: Networks | None
-) -> Scene:
+def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams, networks: Networks | None) -> Scene:
     started = perf_counter()
     distances = distance_map(mask)
     regions = region_graph(mask, image, params.superpixels)
@@ -90,9 +88,7 @@ def _extract(
     return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
 
 
-def _appearance(
-    regions: Regions, distances: Float32Array, image: ByteArray, network: EmbeddingNetwork
-) -> Appearance:
+def _appearance(regions: Regions, distances: Float32Array, image: ByteArray, network: EmbeddingNetwork) -> Appearance:
     """TripletNet's squared distances between the patches around nodes; one batch for all intersections' neighbors."""
     wanted = sorted({n for k in np.flatnonzero(regions.is_intersection).tolist() for n in regions.neighbors[k]})
     if not wanted:
@@ -150,7 +146,7 @@ def _settled(points: FloatArray, distances: Float32Array) -> FloatArray:
     return out
 
 
-def _layout(above: AboveNetwork):  # type: ignore[no-untyped-def]
+def _layout(above: AboveNetwork) -> Order:
     """Order of all crossings by CrossNet in one batch (3.3.8)."""
 
     def order(meetings: list[Meeting], strands: list[Strand], image: ByteArray | None) -> tuple[Crossing, ...]:

@@ -52,7 +52,7 @@ class ResidualFeatures(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """``(n, 3, h, w)`` RGB 0 to 1."""
-        return self.blocks(self.stem(2 * x - 1)).mean((2, 3))  # type: ignore[no-any-return]
+        return self.blocks(self.stem(2 * x - 1)).mean((2, 3))
 
 
 class TripletNet(nn.Module):

@@ -70,9 +70,7 @@ def _extract(
     return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
 
 
-def process_intersections(
-    sections: Sections, similarity: SimilarityNetwork | None
-) -> tuple[IntArray, FloatArray]:
+def process_intersections(sections: Sections, similarity: SimilarityNetwork | None) -> tuple[IntArray, FloatArray]:
     """Algorithm 2: ``(m, 2)`` pairs of endpoints of the same intersection and their connection probability.
 
     Features are relative to the endpoints of the same intersection; all go through the network in one batch.
@@ -97,7 +95,7 @@ def process_intersections(
 
 
 def merge_informed(ends: int, pairs: IntArray, probability: FloatArray, least: float) -> IntArray:
-    """Algorithm 3: ``(ends,)`` the partner of every endpoint, itself if it has none; best pairs first, each end once."""
+    """Algorithm 3: ``(ends,)`` partner of every endpoint, itself if it has none; best pairs first, each end once."""
     partner = np.arange(ends)
     for k in np.argsort(-probability, kind="stable"):
         a, b = pairs[k].tolist()

@@ -11,6 +11,7 @@ import argparse
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -98,7 +99,9 @@ def train(scenes: list[RenderedCrossing], config: TrainConfig, state: Path) -> S
 def evaluate(network: SimilarityNetwork, scenes: list[RenderedCrossing]) -> dict[str, float]:
     """Share of endpoints whose most probable partner is the other side of their strand; mean probabilities."""
     rng = np.random.default_rng(0)
-    right, same, other = [], [], []
+    right: list[bool] = []
+    same: list[float] = []
+    other: list[float] = []
     for scene in scenes:
         with torch.inference_mode():
             embedded = network(torch.from_numpy(endpoints_of(scene, rng))).numpy()
@@ -108,7 +111,7 @@ def evaluate(network: SimilarityNetwork, scenes: list[RenderedCrossing]) -> dict
         right.extend(table.argmax(axis=1) == rows ^ 1)
         same.extend(table[rows, rows ^ 1])
         other.extend(table[rows, (rows + 2) % len(rows)])
-    named = {"partner_right": right, "same_strand": same, "other_strand": other}
+    named: dict[str, list[Any]] = {"partner_right": right, "same_strand": same, "other_strand": other}
     return {name: round(float(np.mean(values)), 4) for name, values in named.items()}
 
 

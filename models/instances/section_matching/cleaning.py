@@ -39,8 +39,8 @@ def clean(mask: BoolArray, hole_widths: float) -> CleanMask:
     lengths = np.array([cv2.arcLength(outline, True) for outline in outlines])
     big = areas > _SPECK_PX
     width = 2 * cv2.countNonZero(binary) / max(float(lengths[big].sum()), 1.0) if big.any() else 1.0
-    holes = np.flatnonzero(is_hole & (areas <= hole_widths * width**2))
-    specks = np.flatnonzero(~is_hole & (areas < max(_SPECK_PX, _SPECK_WIDTHS * width**2)))
+    holes = np.flatnonzero(is_hole & (areas <= hole_widths * width**2)).tolist()
+    specks = np.flatnonzero(~is_hole & (areas < max(_SPECK_PX, _SPECK_WIDTHS * width**2))).tolist()
     cv2.drawContours(binary, [outlines[k] for k in holes], -1, 1, cv2.FILLED)
     cv2.drawContours(binary, [outlines[k] for k in specks], -1, 0, cv2.FILLED)
     return CleanMask(binary.view(bool), width)

@@ -7,14 +7,14 @@ from time import perf_counter
 
 import numpy as np
 
-from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.pixel_graph import pixel_graph, skeleton_of
 from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
 from models.instances.section_matching.cleaning import clean
-from models.instances.section_matching.links import SHARED, candidate_links, costs_of
+from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
 from models.instances.section_matching.matching import match
 from models.instances.sections import Sections, sections_of
 from models.instances.strands import strands_of
@@ -30,9 +30,7 @@ class SectionMatchingParams:
     stop_cost: float = 2.0
 
 
-def extract(
-    mask: BoolArray, image: ByteArray | None = None, params: SectionMatchingParams | None = None
-) -> Scene:
+def extract(mask: BoolArray, image: ByteArray | None = None, params: SectionMatchingParams | None = None) -> Scene:
     """The DLOs of a foreground mask.
 
     ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None.
@@ -54,13 +52,19 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
     partner = match(len(sections.node), links.pairs, costs_of(links), _stops(sections, mask.shape, params.stop_cost))
-    via = {(int(a), int(b)): int(v) for (a, b), v, k in zip(links.pairs, links.via, links.kind, strict=True) if k >= SHARED and partner[a] == b}
+    via = _shared(links, partner)
     chains = strands_of(sections, partner, via)
     times.append(perf_counter())
     scene = assemble(chains, cleaned.mask, distances, image, follow_edges=True)
     names = ("cleaning", "skeleton", "matching")
     timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
     return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
+
+
+def _shared(links: Links, partner: IntArray) -> dict[tuple[int, int], int]:
+    """The section along which two linked ends go on together with another DLO."""
+    taken = (links.kind >= SHARED) & (partner[links.pairs[:, 0]] == links.pairs[:, 1])
+    return {(a, b): v for (a, b), v in zip(links.pairs[taken].tolist(), links.via[taken].tolist(), strict=True)}
 
 
 def _stops(sections: Sections, shape: tuple[int, ...], at_crossing: float) -> FloatArray:

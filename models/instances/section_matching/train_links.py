@@ -22,8 +22,8 @@ from models.geometry.sampling import distance_map
 from models.instances.section_matching.cleaning import clean
 from models.instances.section_matching.extraction import SectionMatchingParams
 from models.instances.section_matching.links import ABSORBED, FEATURES, KINDS, WEIGHTS_FILE, Links, candidate_links
-from models.instances.sections import Sections, sections_of
 from models.instances.section_matching.train_scenes import CurveIndex, TrainScene, make_scene
+from models.instances.sections import Sections, sections_of
 from models.synthesis.textures import load_pool
 
 _SHRINKAGE = 1e-3
@@ -49,6 +49,7 @@ def truths(sections: Sections, links: Links, curves: CurveIndex) -> tuple[BoolAr
     ]
     right, known = np.zeros(len(links.pairs), bool), np.zeros(len(links.pairs), bool)
     for k, (a, b) in enumerate(links.pairs.tolist()):
+        first, second = at[a], at[b]
         if links.kind[k] == ABSORBED:
             points = sections.points(a >> 1)
             middle = len(points) // 2
@@ -57,13 +58,12 @@ def truths(sections: Sections, links: Links, curves: CurveIndex) -> tuple[BoolAr
             reach = float(sections.radius[a >> 1]) + 1
             right[k], known[k] = curves.strands_through(points[middle], along, reach) > 1, True
             continue
-        one, other = at[a], at[b]
-        known[k] = one is not None or other is not None
-        if one is None or other is None or one[0] != other[0]:
+        known[k] = first is not None or second is not None
+        if first is None or second is None or first[0] != second[0]:
             continue
-        way = other[1] - one[1]
+        way = second[1] - first[1]
         direct = float(np.hypot(*(sections.tip[b] - sections.tip[a])))
-        faces = one[2] * way > -3 and other[2] * way < 3
+        faces = first[2] * way > -3 and second[2] * way < 3
         right[k] = faces and abs(way) < 1.6 * direct + 4 * sections.end_radius[a] + 4
     return right, known
 
@@ -79,7 +79,7 @@ def fit(features: FloatArray, right: BoolArray) -> FloatArray:
         gradient = features.T @ slope / len(right) + 2 * _SHRINKAGE * np.append(0.0, weights[1:])
         return float(value), gradient
 
-    bounds = [(None, None)] + [(0.0, None)] * (features.shape[1] - 1)
+    bounds: list[tuple[float | None, float | None]] = [(None, None)] + [(0.0, None)] * (features.shape[1] - 1)
     if not features[:, 1].any():  # sections' own ends: thickness speaks for sharing
         bounds[3] = (None, 0.0)
     return np.asarray(minimize(loss, np.zeros(features.shape[1]), jac=True, bounds=bounds, method="L-BFGS-B").x)

@@ -13,7 +13,23 @@ from dlo_client.contracts.jobs import (
     NetworkInfo,
     Problem,
 )
-from dlo_client.contracts.objects import Crossing, Endpoint, Instance, MaskRLE, Spline, StrandPosition
+from dlo_client.contracts.methods import (
+    AriadnePlusParams,
+    FastDloParams,
+    InstanceMethod,
+    RtDloParams,
+    SectionMatchingParams,
+)
+from dlo_client.contracts.objects import (
+    Crossing,
+    Endpoint,
+    Instance,
+    MaskRLE,
+    Reason,
+    SceneStatus,
+    Spline,
+    StrandPosition,
+)
 from dlo_client.contracts.requests import (
     AnyRequest,
     AnyResult,
@@ -25,7 +41,6 @@ from dlo_client.contracts.requests import (
     NoopRequest,
     NoopResult,
     Priority,
-    RtDloParams,
     SegmentRequest,
     SegmentResult,
 )
@@ -34,10 +49,12 @@ __all__ = [
     "AnyJob",
     "AnyRequest",
     "AnyResult",
+    "AriadnePlusParams",
     "BlobId",
     "Contract",
     "Crossing",
     "Endpoint",
+    "FastDloParams",
     "FieldProblem",
     "FileRef",
     "ImageInfo",
@@ -45,6 +62,7 @@ __all__ = [
     "ImageRef",
     "ImageSource",
     "Instance",
+    "InstanceMethod",
     "InstancesRequest",
     "InstancesResult",
     "Job",
@@ -62,7 +80,10 @@ __all__ = [
     "Priority",
     "Probability",
     "Problem",
+    "Reason",
     "RtDloParams",
+    "SceneStatus",
+    "SectionMatchingParams",
     "SegmentRequest",
     "SegmentResult",
     "Spline",
