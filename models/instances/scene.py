@@ -64,10 +64,12 @@ class Scene:
     """The DLOs of one picture.
 
     ``labels``: ``(H, W)`` uint8, 0 background, else the id of the instance seen there (at crossings the upper).
-    ``timings_ms``: wall-clock time of each step.
+    ``timings_ms``: wall-clock time of each step. ``features``: what the probabilities were computed from, by name
+    (``confidence.py``); not kept for pictures that were worked on at a smaller size.
     """
 
     instances: tuple[Instance, ...]
     crossings: tuple[Crossing, ...]
     labels: ByteArray
     timings_ms: dict[str, float] = field(default_factory=dict)
+    features: dict[str, FloatArray] = field(default_factory=dict)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
-from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths
 from models.instances.assembly import Chain
 from models.instances.sections import Sections
@@ -12,28 +15,42 @@ from models.instances.sections import Sections
 _SPACING_PX = 3.0
 
 
-def strands_of(sections: Sections, partner: IntArray, via: dict[tuple[int, int], int]) -> list[Chain]:
+@dataclass(frozen=True)
+class Joint:
+    """How two ends are joined.
+
+    ``via``: the section that their DLO shares with another, -1 for none. ``doubt``: minus the log probability that
+    they belong together.
+    """
+
+    via: int = -1
+    doubt: float = 0.0
+
+
+Joints = Mapping[tuple[int, int], Joint]
+"""By the two ends, the lower first."""
+_PLAIN = Joint()
+
+
+def strands_of(sections: Sections, partner: IntArray, joints: Joints) -> list[Chain]:
     """The centerlines that follow from the partners ``(E,)`` of all ends; an end that stops is its own partner.
 
-    ``via``: for linked ends, the section that their DLO shares with another; it is followed at the offset that
-    the DLO has on both sides. A section whose two ends are partners is shared by others: no strand of its own,
-    unless it is a ring.
+    A section that a joint shares is followed at the offset that the DLO has on both sides. A section whose two ends
+    are joined as shared is no strand of its own.
     """
     done = sections.closed.copy()
-    shared = [k for k in range(len(sections)) if (2 * k, 2 * k + 1) in via and partner[2 * k] == 2 * k + 1]
+    shared = [k for k in range(len(sections)) if joints.get((2 * k, 2 * k + 1), _PLAIN).via == k]
     done[shared] = True
     chains = [Chain(sections.points(k), True) for k in np.flatnonzero(sections.closed).tolist()]
     stops = np.flatnonzero(partner == np.arange(len(partner)))
     for start in [*stops.tolist(), *range(0, 2 * len(sections), 2)]:
-        chains += [] if done[start >> 1] else [_walk(sections, partner, via, start, done)]
+        chains += [] if done[start >> 1] else [_walk(sections, partner, joints, start, done)]
     return chains
 
 
-def _walk(
-    sections: Sections, partner: IntArray, via: dict[tuple[int, int], int], start: int, done: np.ndarray
-) -> Chain:
+def _walk(sections: Sections, partner: IntArray, joints: Joints, start: int, done: BoolArray) -> Chain:
     """The strand that begins at this end; a ring ends where it begins."""
-    pieces, end = [], start
+    pieces, end, doubt = [], start, 0.0
     while True:
         done[end >> 1] = True
         points = sections.points(end >> 1)
@@ -42,16 +59,17 @@ def _walk(
         onward = int(partner[leaving])
         closed = onward == start
         if onward == leaving or (done[onward >> 1] and not closed):
-            return Chain(np.concatenate(pieces), False)
-        pieces.append(_connection(sections, leaving, onward, via))
+            return Chain(np.concatenate(pieces), False, doubt)
+        joint = joints.get((min(leaving, onward), max(leaving, onward)), _PLAIN)
+        pieces.append(_connection(sections, leaving, onward, joint.via))
+        doubt += joint.doubt
         if closed:
-            return Chain(np.concatenate(pieces), True)
+            return Chain(np.concatenate(pieces), True, doubt)
         end = onward
 
 
-def _connection(sections: Sections, a: int, b: int, via: dict[tuple[int, int], int]) -> FloatArray:
+def _connection(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
     """Points between two linked ends, both left out."""
-    shared = via.get((min(a, b), max(a, b)), -1)
     if shared >= 0:
         return _beside(sections, a, b, shared)
     start, stop = sections.tip[a], sections.tip[b]

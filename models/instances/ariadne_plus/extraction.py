@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -84,8 +84,9 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams
         "scores": 1e3 * (after_scores - after_graph),
         "paths": 1e3 * (perf_counter() - after_scores),
     }
-    scene = assemble(chains, mask, distances, image, order=order_meetings if use is None else _layout(use.above))
-    return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
+    order = order_meetings if use is None else _layout(use.above)
+    scene = assemble(chains, mask, distances, image, method="ariadne_plus", order=order)
+    return replace(scene, timings_ms={**timings, **scene.timings_ms})
 
 
 def _appearance(regions: Regions, distances: Float32Array, image: ByteArray, network: EmbeddingNetwork) -> Appearance:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -66,8 +66,8 @@ def _extract(
         "network": 1e3 * (after_network - after_skeleton),
         "merging": 1e3 * (perf_counter() - after_network),
     }
-    scene = assemble(chains, mask, distances, image)
-    return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
+    scene = assemble(chains, mask, distances, image, method="fastdlo")
+    return replace(scene, timings_ms={**timings, **scene.timings_ms})
 
 
 def process_intersections(sections: Sections, similarity: SimilarityNetwork | None) -> tuple[IntArray, FloatArray]:

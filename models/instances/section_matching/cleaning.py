@@ -49,11 +49,11 @@ def clean(mask: BoolArray, hole_widths: float) -> CleanMask:
 def _remove_slabs(binary: ByteArray) -> None:
     """Clear what is wider than any DLO, in place. Looked for at a quarter of the size: it is large."""
     limit = round(_WIDEST * max(binary.shape, default=0) / 4)
-    small = cv2.resize(binary, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA) if limit >= 3 else binary[:0]
-    if not small.size:
+    if limit < 3 or min(binary.shape) < 4 * limit:
         return
+    small = cv2.resize(binary, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (limit, limit))
     core = cv2.erode(small, kernel, borderType=cv2.BORDER_REPLICATE)
     if cv2.countNonZero(core):
-        slab = cv2.dilate(core, np.ones((limit + 2, limit + 2), np.uint8))
+        slab = cv2.dilate(core, np.ones((round(1.5 * limit), round(1.5 * limit)), np.uint8))
         binary[cv2.resize(slab, binary.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0] = 0

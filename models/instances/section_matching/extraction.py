@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -17,7 +17,7 @@ from models.instances.section_matching.cleaning import clean
 from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
 from models.instances.section_matching.matching import match
 from models.instances.sections import Sections, sections_of
-from models.instances.strands import strands_of
+from models.instances.strands import Joint, strands_of
 
 
 @dataclass(frozen=True)
@@ -51,20 +51,23 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     times.append(perf_counter())
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
-    partner = match(len(sections.node), links.pairs, costs_of(links), _stops(sections, mask.shape, params.stop_cost))
-    via = _shared(links, partner)
-    chains = strands_of(sections, partner, via)
+    costs = costs_of(links)
+    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost))
+    chains = strands_of(sections, partner, _joints(links, costs, partner))
     times.append(perf_counter())
-    scene = assemble(chains, cleaned.mask, distances, image, follow_edges=True)
+    scene = assemble(chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True)
     names = ("cleaning", "skeleton", "matching")
     timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
-    return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
+    return replace(scene, timings_ms={**timings, **scene.timings_ms})
 
 
-def _shared(links: Links, partner: IntArray) -> dict[tuple[int, int], int]:
-    """The section along which two linked ends go on together with another DLO."""
-    taken = (links.kind >= SHARED) & (partner[links.pairs[:, 0]] == links.pairs[:, 1])
-    return {(a, b): v for (a, b), v in zip(links.pairs[taken].tolist(), links.via[taken].tolist(), strict=True)}
+def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[int, int], Joint]:
+    """The links taken: the section along which two ends go on together with another DLO, and the doubt."""
+    taken = np.flatnonzero(partner[links.pairs[:, 0]] == links.pairs[:, 1])
+    doubts = np.logaddexp(0.0, costs[taken])
+    shared = np.where(links.kind[taken] >= SHARED, links.via[taken], -1)
+    rows = zip(links.pairs[taken].tolist(), shared.tolist(), doubts.tolist(), strict=True)
+    return {(a, b): Joint(via, doubt) for (a, b), via, doubt in rows}
 
 
 def _stops(sections: Sections, shape: tuple[int, ...], at_crossing: float) -> FloatArray:

@@ -28,8 +28,8 @@ class TrainScene:
     widths_px: tuple[float, ...]
 
 
-def make_scene(rng: np.random.Generator, pool: TexturePool) -> TrainScene:
-    """One scene; every sixth is without its picture."""
+def make_scene(rng: np.random.Generator, pool: TexturePool, wear: float = 1.0) -> TrainScene:
+    """One scene; every sixth is without its picture. ``wear``: at most how worn its mask is, 0 to 1."""
     params = SceneParams(
         size=_SIZES[rng.integers(len(_SIZES))], width_share=(0.008, 0.04), empty_share=0.0, clutter=0.5,
         max_cables=int(rng.integers(2, 8)),
@@ -38,32 +38,32 @@ def make_scene(rng: np.random.Generator, pool: TexturePool) -> TrainScene:
     ids = scene.ids.numpy().astype(np.uint8)
     image = None if rng.random() < 1 / 6 else np.ascontiguousarray(to_uint8(scene.rgb))
     curves = tuple(c[:, :2].astype(np.float64) for c in scene.centerlines)
-    return TrainScene(image, worn(ids > 0, rng), ids, curves, scene.widths_px)
+    return TrainScene(image, worn(ids > 0, rng, wear * rng.random() ** 0.5), ids, curves, scene.widths_px)
 
 
-def worn(mask: BoolArray, rng: np.random.Generator) -> BoolArray:
-    """The mask as a segmentation network might give it: uneven outline, holes, gaps, thinner, with false patches."""
+def worn(mask: BoolArray, rng: np.random.Generator, wear: float = 1.0) -> BoolArray:
+    """``wear`` 0 to 1: the mask as a segmentation network might give it: uneven outline, holes, gaps, thinner, with false patches."""
     shape = mask.shape
     soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), rng.uniform(0.6, 1.5))
     noise = cv2.GaussianBlur(rng.normal(size=shape).astype(np.float32), (0, 0), rng.uniform(0.8, 4.0))
-    threshold = rng.uniform(0.35, 0.65)
-    out: BoolArray = soft + noise * (rng.uniform(0, 0.25) / max(float(noise.std()), 1e-6)) > threshold
+    threshold = 0.5 + wear * rng.uniform(-0.15, 0.15)
+    out: BoolArray = soft + noise * (wear * rng.uniform(0, 0.25) / max(float(noise.std()), 1e-6)) > threshold
     rows, columns = np.nonzero(out)
     if not len(rows):
         return out
-    for k in rng.integers(0, len(rows), rng.integers(0, 10)):
+    for k in rng.integers(0, len(rows), round(wear * rng.integers(0, 10))):
         half = rng.integers(1, 5)
         out[max(rows[k] - half, 0) : rows[k] + half + 1, max(columns[k] - half, 0) : columns[k] + half + 1] = False
-    for k in rng.integers(0, len(rows), rng.integers(0, 4)):
+    for k in rng.integers(0, len(rows), round(wear * rng.integers(0, 4))):
         gone = np.zeros(shape, np.uint8)
         cv2.circle(gone, (int(columns[k]), int(rows[k])), int(rng.integers(6, 30)), 1, -1)
         out &= gone == 0
-    for _ in range(rng.integers(0, 3)):
+    for _ in range(round(wear * rng.integers(0, 3))):
         center = (int(rng.integers(shape[1])), int(rng.integers(shape[0])))
         axes = (int(rng.integers(5, 40)), int(rng.integers(2, 9)))
         patch = cv2.ellipse(np.zeros(shape, np.uint8), center, axes, float(rng.uniform(0, 180)), 0, 360, 1, -1)
         out |= patch > 0
-    thinner = int(rng.choice([0, 0, 0, 1, 2]))
+    thinner = round(wear * rng.choice([0, 0, 0, 1, 2]))
     return cv2.erode(out.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=thinner) > 0 if thinner else out
 
 
