@@ -1,7 +1,7 @@
 """How sure an answer is: probabilities from a few measurements, calibrated on rendered scenes.
 
-Symbols: I instances, K crossings. Coefficients are those of logistic models, one set a method, in ``confidence.toml``, which
-``train_confidence.py`` writes.
+Symbols: I instances, K crossings. Coefficients are those of logistic models, one set a method, in
+``confidence.toml``, which ``train_confidence.py`` writes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,18 @@ from models.instances.crossings import Meeting
 from models.instances.scene import Crossing, Endpoint, Instance, Reason
 
 COEFFICIENTS = Path(__file__).with_name("confidence.toml")
-INSTANCE_FEATURES = ("one", "length", "gap", "doubt", "free", "odd_width", "beside", "low_contrast", "no_image")
+INSTANCE_FEATURES = (
+    "one",
+    "length",
+    "gap",
+    "doubt",
+    "free",
+    "odd_width",
+    "beside",
+    "low_contrast",
+    "no_image",
+    "short",
+)
 CROSSING_FEATURES = ("one", "slant", "strands")
 ORDER_FEATURES = ("contrast", "weak_contrast")
 SURE = 0.8
@@ -111,7 +122,7 @@ def _edges(instance: Instance, image: ByteArray) -> tuple[float, float]:
 def instance_features(
     instances: Sequence[Instance], ends: Sequence[Sequence[Endpoint]], evidence: Evidence
 ) -> FloatArray:
-    """``(I, 9)`` the measurements of :data:`INSTANCE_FEATURES`."""
+    """``(I, 10)`` the measurements of :data:`INSTANCE_FEATURES`."""
     width = np.array([i.width_px for i in instances])
     length = np.array([i.length_px for i in instances])
     typical = float(np.median(np.repeat(width, np.maximum(length / 10, 1).astype(int)))) if len(width) else 1.0
@@ -122,6 +133,7 @@ def instance_features(
         np.ones(len(width)), np.log(np.clip(length / width, 1, 60)), np.minimum(evidence.gap, 0.5),
         np.minimum(evidence.doubt, 4.0), free, np.minimum(np.abs(np.log(width / typical)), 1.5),
         evidence.beside, faint, unseen.astype(np.float64),
+        np.minimum(np.log(length.max(initial=1.0) / length), 3.0),
     )  # fmt: skip
     return np.stack(columns, axis=1)
 

@@ -24,6 +24,8 @@ _CUT_RADII = 1.0
 _CUT_AT_MOST_RADII = 2.5
 _THICK = 1.2
 """A section is cut back while it is thicker than this times its own typical radius."""
+_LEAST_OF_TYPICAL = 0.75
+"""Where a mask breaks off it is often thin: an end counts as at least so much of its section's typical radius."""
 _SPUR_RADII = 1.5
 _MAX_SECTIONS = 3_000
 _NEAREST = 24
@@ -95,6 +97,8 @@ def sections_of(
     colors = np.zeros((len(rows), 3)) if image is None else image[graph.xy[rows, 1], graph.xy[rows, 0]].astype(float)
     xy, radii = smooth[rows], radii[rows]
     nodes = np.append(group, FREE)[graph.ends[kept]].ravel()
+    # Where all but one chain were spurs, that one simply ends.
+    nodes[np.append(np.bincount(nodes[nodes != FREE], minlength=len(node_radius)) == 1, False)[nodes]] = FREE
     return _with_ends(xy, new_bounds, graph.closed[kept], radii, colors, nodes, node_radius, image)
 
 
@@ -125,7 +129,7 @@ def _with_ends(
     length = along[bounds[1:] - 1] - along[bounds[:-1]] if count else np.zeros(0)
     return Sections(
         xy, bounds, closed, _medians(radii, bounds), length, nodes, looked[:, 0], outward,
-        np.median(radii[samples], axis=1), np.median(colors[samples], axis=1),
+        np.maximum(np.median(radii[samples], axis=1), _LEAST_OF_TYPICAL * typical), np.median(colors[samples], axis=1),
         _beside(half, outward, typical, image), bend, node_radius,
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
-from models.geometry.polylines import arc_lengths
+from models.geometry.polylines import arc_lengths, bridge
 from models.instances.assembly import Chain
 from models.instances.sections import Sections
 
@@ -74,12 +74,9 @@ def _connection(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
         return _beside(sections, a, b, shared)
     start, stop = sections.tip[a], sections.tip[b]
     length = float(np.hypot(*(stop - start)))
-    u = np.linspace(0, 1, max(2, round(length / _SPACING_PX) + 1))[1:-1, None]
-    speed = length * np.clip(np.stack((sections.outward[a], -sections.outward[b])), -1, 1)
-    out: FloatArray = (
-        (2 * u**3 - 3 * u**2 + 1) * start + (u**3 - 2 * u**2 + u) * speed[0]
-        + (3 * u**2 - 2 * u**3) * stop + (u**3 - u**2) * speed[1]
-    )  # fmt: skip
+    shares = np.linspace(0, 1, max(2, round(length / _SPACING_PX) + 1))[1:-1]
+    curve = bridge(start[None], stop[None], sections.outward[[a]], -sections.outward[[b]], shares)
+    out: FloatArray = curve[0]
     return out
 
 

@@ -26,7 +26,7 @@ class SectionMatchingParams:
     bridge; ``stop_cost``: log odds against a DLO that ends at a crossing."""
 
     hole_widths: float = 0.7
-    gap_widths: float = 12.0
+    gap_widths: float = 20.0
     stop_cost: float = 2.0
 
 

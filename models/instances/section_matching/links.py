@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from models.geometry.polylines import bridge
 from models.geometry.sampling import read_nearest
 from models.instances.sections import Sections, pairs_at_junctions
 
@@ -175,9 +176,11 @@ def _angle(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _between(sections: Sections, a: IntArray, b: IntArray, mask: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """``(m, 16, 2)`` points from tip to tip and ``(m, 16)`` which of them are off the foreground."""
-    shares = np.linspace(0, 1, _SAMPLES)[None, :, None]
-    points = sections.tip[a][:, None] * (1 - shares) + sections.tip[b][:, None] * shares
+    """``(m, 16, 2)`` points from tip to tip, leaving both ends in their directions, and ``(m, 16)`` which of them are
+    off the foreground."""
+    points = bridge(
+        sections.tip[a], sections.tip[b], sections.outward[a], -sections.outward[b], np.linspace(0, 1, _SAMPLES)
+    )
     return points, read_nearest(mask, points) == 0
 
 

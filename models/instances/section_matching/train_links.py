@@ -26,7 +26,7 @@ from models.instances.section_matching.train_scenes import CurveIndex, TrainScen
 from models.instances.sections import Sections, sections_of
 from models.synthesis.textures import load_pool
 
-_SHRINKAGE = 1e-3
+_SHRINKAGE = 2e-4
 _SEED = 21
 
 
@@ -102,7 +102,7 @@ def collect(count: int, textures: Path | None) -> tuple[FloatArray, IntArray, Bo
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--textures", type=Path, help="a pack of background pictures; without it they are noise")
-    parser.add_argument("--scenes", type=int, default=500)
+    parser.add_argument("--scenes", type=int, default=300)
     args = parser.parse_args()
     torch.set_num_threads(1)
     features, kinds, right = collect(args.scenes, args.textures)

@@ -42,7 +42,10 @@ def make_scene(rng: np.random.Generator, pool: TexturePool, wear: float = 1.0) -
 
 
 def worn(mask: BoolArray, rng: np.random.Generator, wear: float = 1.0) -> BoolArray:
-    """``wear`` 0 to 1: the mask as a segmentation network might give it: uneven outline, holes, gaps, thinner, with false patches."""
+    """The mask as a segmentation network might give it: uneven outline, holes, gaps, thinner, with false patches.
+
+    ``wear``: how much of that, 0 to 1.
+    """
     shape = mask.shape
     soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), rng.uniform(0.6, 1.5))
     noise = cv2.GaussianBlur(rng.normal(size=shape).astype(np.float32), (0, 0), rng.uniform(0.8, 4.0))
@@ -56,15 +59,27 @@ def worn(mask: BoolArray, rng: np.random.Generator, wear: float = 1.0) -> BoolAr
         out[max(rows[k] - half, 0) : rows[k] + half + 1, max(columns[k] - half, 0) : columns[k] + half + 1] = False
     for k in rng.integers(0, len(rows), round(wear * rng.integers(0, 4))):
         gone = np.zeros(shape, np.uint8)
-        cv2.circle(gone, (int(columns[k]), int(rows[k])), int(rng.integers(6, 30)), 1, -1)
+        cv2.circle(
+            gone, (int(columns[k]), int(rows[k])), int(rng.integers(6, 30) * (3 if rng.random() < 0.2 else 1)), 1, -1
+        )
         out &= gone == 0
-    for _ in range(round(wear * rng.integers(0, 3))):
-        center = (int(rng.integers(shape[1])), int(rng.integers(shape[0])))
-        axes = (int(rng.integers(5, 40)), int(rng.integers(2, 9)))
-        patch = cv2.ellipse(np.zeros(shape, np.uint8), center, axes, float(rng.uniform(0, 180)), 0, 360, 1, -1)
-        out |= patch > 0
+    for _ in range(rng.integers(0, 1 + round(4 * wear))):
+        out |= _false_patch(shape, rng)
     thinner = round(wear * rng.choice([0, 0, 0, 1, 2]))
     return cv2.erode(out.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=thinner) > 0 if thinner else out
+
+
+def _false_patch(shape: tuple[int, ...], rng: np.random.Generator) -> BoolArray:
+    """Something that is no cable: a blob, or a straight piece as of a tool or a joint between tiles."""
+    x, y = int(rng.integers(shape[1])), int(rng.integers(shape[0]))
+    angle = float(rng.uniform(0, 180))
+    patch = np.zeros(shape, np.uint8)
+    if rng.random() < 0.5:
+        cv2.ellipse(patch, (x, y), (int(rng.integers(5, 40)), int(rng.integers(2, 9))), angle, 0, 360, 1, -1)
+    else:
+        reach = rng.integers(15, 120) * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+        cv2.line(patch, (x, y), (round(x + reach[0]), round(y + reach[1])), 1, int(rng.integers(3, 11)))
+    return patch > 0
 
 
 @dataclass(frozen=True, eq=False)

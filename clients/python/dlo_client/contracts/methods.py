@@ -20,7 +20,7 @@ class SectionMatchingParams(Contract):
     hole_widths: float = Field(
         default=0.7, ge=0, le=4, description="holes up to this area are filled, in squared typical widths"
     )
-    gap_widths: float = Field(default=12.0, ge=0, le=50, description="longest gap to bridge, in typical widths")
+    gap_widths: float = Field(default=20.0, ge=0, le=50, description="longest gap to bridge, in typical widths")
     stop_cost: float = Field(
         default=2.0, ge=-5, le=20, description="log odds against a DLO that ends where others cross"
     )
