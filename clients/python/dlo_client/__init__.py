@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dlo_client.contracts import (
+    AriadnePlusParams,
     ArmBase,
     CameraView,
     Crossing,
@@ -22,6 +23,7 @@ from dlo_client.contracts import (
     EstimateParametersRequest,
     EstimateParametersResult,
     Experience,
+    FastDloParams,
     HarnessDrawing,
     ImageInfo,
     ImageRef,
@@ -48,6 +50,7 @@ from dlo_client.contracts import (
     ReconstructResult,
     RopeParameters,
     RtDloParams,
+    SectionMatchingParams,
     SegmentRequest,
     SegmentResult,
     Target,
@@ -67,6 +70,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APIError",
+    "AriadnePlusParams",
     "ArmBase",
     "AsyncClient",
     "CameraOnArm",
@@ -84,6 +88,7 @@ __all__ = [
     "EstimateParametersRequest",
     "EstimateParametersResult",
     "Experience",
+    "FastDloParams",
     "HarnessDrawing",
     "ImageInfo",
     "ImageRef",
@@ -117,6 +122,7 @@ __all__ = [
     "Scan",
     "ScanOptions",
     "ScanResult",
+    "SectionMatchingParams",
     "SegmentRequest",
     "SegmentResult",
     "ShapeController",

@@ -18,7 +18,7 @@ from dlo_client.client import Client
 from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE, Connection
 from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
 from dlo_client.contracts.base import ResultT
-from dlo_client.contracts.requests import InstanceMethod
+from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
 from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized
 from dlo_client.printing import (
     print_error,
@@ -59,7 +59,7 @@ def instances(
     context: typer.Context,
     images: Images,
     out: Out = None,
-    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = "rt_dlo",
+    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = DEFAULT_METHOD,
     threshold: Threshold = None,
     points: Annotated[
         int | None, typer.Option(min=2, max=2000, help="Centerline points an instance; default: every 5 px.")

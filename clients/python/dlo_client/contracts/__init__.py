@@ -33,7 +33,23 @@ from dlo_client.contracts.manipulation import (
     PlanShapeResult,
     RopeParameters,
 )
-from dlo_client.contracts.objects import Crossing, Endpoint, Instance, MaskRLE, Spline, StrandPosition
+from dlo_client.contracts.methods import (
+    AriadnePlusParams,
+    FastDloParams,
+    InstanceMethod,
+    RtDloParams,
+    SectionMatchingParams,
+)
+from dlo_client.contracts.objects import (
+    Crossing,
+    Endpoint,
+    Instance,
+    MaskRLE,
+    Reason,
+    SceneStatus,
+    Spline,
+    StrandPosition,
+)
 from dlo_client.contracts.reconstruction import (
     Curve3D,
     CurveEnd,
@@ -57,7 +73,6 @@ from dlo_client.contracts.requests import (
     JobKind,
     NoopRequest,
     NoopResult,
-    RtDloParams,
     SegmentRequest,
     SegmentResult,
 )
@@ -87,6 +102,7 @@ __all__ = [
     "AnyJob",
     "AnyRequest",
     "AnyResult",
+    "AriadnePlusParams",
     "ArmBase",
     "BlobId",
     "BranchMatch",
@@ -108,6 +124,7 @@ __all__ = [
     "EstimateParametersRequest",
     "EstimateParametersResult",
     "Experience",
+    "FastDloParams",
     "FieldProblem",
     "FileRef",
     "GripperPose",
@@ -118,6 +135,7 @@ __all__ = [
     "ImageRef",
     "ImageSource",
     "Instance",
+    "InstanceMethod",
     "InstancesRequest",
     "InstancesResult",
     "Job",
@@ -150,12 +168,15 @@ __all__ = [
     "Priority",
     "Probability",
     "Problem",
+    "Reason",
     "ReconstructRequest",
     "ReconstructResult",
     "RopeParameters",
     "RtDloParams",
+    "SceneStatus",
     "Section",
     "SectionCrossing",
+    "SectionMatchingParams",
     "SectionPlace",
     "SeenPoint",
     "SegmentRequest",
