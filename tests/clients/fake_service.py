@@ -31,6 +31,7 @@ class FakeService:
         self.requests: list[str] = []
         self.keys: list[str | None] = []
         self.cancelled = threading.Event()
+        self.file = samples.OVERLAY
 
     def app(self) -> Starlette:
         return Starlette(
@@ -40,7 +41,7 @@ class FakeService:
                 Route("/v1/jobs", self._submit, methods=["POST"]),
                 Route("/v1/jobs/{id}", self._job),
                 Route("/v1/jobs/{id}", self._cancel, methods=["DELETE"]),
-                Route("/v1/jobs/{id}/files/{name}", lambda _: Response(samples.OVERLAY)),
+                Route("/v1/jobs/{id}/files/{name}", lambda _: Response(self.file)),
                 Mount("/viewer", StaticFiles(directory=VIEWER)),
             ]
         )
