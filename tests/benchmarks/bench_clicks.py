@@ -42,7 +42,8 @@ class LiveWire:
 
     def trace(self, request: dict[str, Any]) -> tuple[np.ndarray, list[np.ndarray]]:
         """Line (n, 2), and the masks along the contour and as a stroke."""
-        assert self._process.stdin and self._process.stdout
+        assert self._process.stdin
+        assert self._process.stdout
         self._process.stdin.write(json.dumps(request) + "\n")
         self._process.stdin.flush()
         found = json.loads(self._process.stdout.readline())

@@ -141,7 +141,7 @@ def test_labels_of_wrong_strokes_are_moved_onto_the_dlo(agree):
     """Calibration 6 mm off, a hand 3 mm: the mask is found again in all views."""
     rng = np.random.default_rng(4)
     views = [drawn(camera, true_line()) for camera in cameras()]
-    clicks = true_line()[::33] + (0.004, -0.004, 0.003) + rng.normal(0, 0.002, (7, 3))
+    clicks = true_line()[::33] + np.array([0.004, -0.004, 0.003]) + rng.normal(0, 0.002, (7, 3))
     params = TrackedParams(correction=CorrectionParams(agree=agree))
     images, masks = zip(*views, strict=True)
     found = label_tracked(images, cameras(), [clicks], [WIDTH_M], bright_reader, params)
@@ -161,7 +161,7 @@ def test_a_covered_view_takes_the_others_word():
     views = [drawn(camera, true_line()) for camera in seen]
     images = [image for image, _ in views]
     images[2] = np.zeros_like(images[2])
-    clicks = true_line()[::33] + (0.0, 0.006, 0.0)
+    clicks = true_line()[::33] + np.array([0.0, 0.006, 0.0])
     found = label_tracked(images, seen, [clicks], [WIDTH_M], bright_reader, TrackedParams())
     assert iou(found[2].ids > 0, views[2][1]) > 0.7
 
@@ -180,10 +180,8 @@ def test_width_is_measured_per_view():
 
 
 def test_a_strand_out_of_the_picture_is_none():
-    found = label_tracked(
-        [np.zeros((240, 320, 3), np.uint8)], cameras(1), [true_line()[::20] + (3, 0, 0)], [WIDTH_M], bright_reader,
-        TrackedParams(),
-    )  # fmt: skip
+    black, away = np.zeros((240, 320, 3), np.uint8), true_line()[::20] + np.array([3.0, 0, 0])
+    found = label_tracked([black], cameras(1), [away], [WIDTH_M], bright_reader, TrackedParams())
     assert found[0].strands == (None,)
     assert found[0].ids.max() == 0
 
