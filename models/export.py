@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,8 @@ def export(
         path.unlink()
         raise ValueError(f"{name}: ONNX differs from torch by {difference:.2e}, more than {tolerance:.2e}")
     weights = [*module.parameters(), *(b for b in module.buffers() if b.is_floating_point() and _traced(module))]
-    _register(name, path, card, sum(p.numel() for p in weights), difference)
+    measured = {**card.metrics, "onnx_difference": difference}
+    register(name, path, replace(card, metrics=measured), sum(p.numel() for p in weights))
     return difference
 
 
@@ -103,7 +104,8 @@ def parity(module: nn.Module, path: Path, cases: Sequence[tuple[Tensor, ...]]) -
     return worst
 
 
-def _register(name: str, path: Path, card: Card, parameters: int, difference: float) -> None:
+def register(name: str, path: Path, card: Card, parameters: int) -> None:
+    """Write, or write anew, the manifest's entry of the file at ``path``."""
     file = WEIGHTS / "manifest.toml"
     entries = tomllib.loads(file.read_text()) if file.exists() else {}
     data = path.read_bytes()
@@ -120,6 +122,6 @@ def _register(name: str, path: Path, card: Card, parameters: int, difference: fl
         "origin": card.origin,
         "preprocess": dict(card.preprocess),
         "training": dict(card.training),
-        "metrics": {**card.metrics, "onnx_difference": difference},
+        "metrics": dict(card.metrics),
     }
     file.write_text(tomli_w.dumps(dict(sorted(entries.items()))))

@@ -9,7 +9,7 @@ from typing import Annotated, Self
 from pydantic import Field, field_validator, model_validator
 from pydantic_settings import NoDecode
 
-from workers.settings import Settings
+from workers.settings import Settings, comma_separated
 
 MEBIBYTE = 1024 * 1024
 
@@ -27,9 +27,7 @@ class ServiceSettings(Settings):
     @field_validator("api_key_hashes", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
-        if isinstance(value, str):
-            return tuple(part.strip() for part in value.split(",") if part.strip())
-        return value
+        return comma_separated(value)
 
     @field_validator("api_key_hashes")
     @classmethod

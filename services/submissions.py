@@ -10,6 +10,7 @@ from __future__ import annotations
 from contextlib import aclosing
 from dataclasses import dataclass, field
 from typing import Any
+from urllib.parse import urlsplit
 
 from dlo_client.contracts import AnyRequest, CameraView, Contract, ImageInfo, ImagePart, ImageRef
 from fastapi import Request
@@ -52,6 +53,7 @@ async def read_submission(request: Request, settings: ServiceSettings, uploads: 
         submitted = REQUEST.validate_python(given)
     except ValidationError as error:
         raise fields_error(body_problems(error.errors(), given, whole=form.whole)) from error
+    _check_webhook(submitted, settings)
     return await _Pictures(form, uploads).resolve(submitted)
 
 
@@ -97,6 +99,18 @@ def _parse(form: _Form) -> dict[str, Any]:
     return given
 
 
+def _check_webhook(request: AnyRequest, settings: ServiceSettings) -> None:
+    """Only hosts that the operator named: else a request could make the service talk to its own network."""
+    if request.webhook_url is None:
+        return
+    try:
+        address = urlsplit(request.webhook_url)
+    except ValueError as error:
+        raise field_error("webhook_url", f"is no address: {error}") from error
+    if not {address.netloc, address.hostname} & set(settings.webhook_hosts):
+        raise field_error("webhook_url", f"{address.netloc} is not among the hosts that this service may call")
+
+
 def _fill(given: dict[str, Any], form: _Form) -> None:
     """Let the parts fill the image fields that ``given`` leaves out; a kind without them refuses these.
 
@@ -132,7 +146,7 @@ class _Pictures:
         if self._unused:
             raise field_error("image", f"part {min(self._unused)} is not used by the request")
         image, mask = self._found.get("image"), self._found.get("mask")
-        if "image" in type(request).model_fields and not (image or mask):
+        if "image" in type(request).model_fields and request.needs_picture and not (image or mask):
             raise field_error("image", _MISSING)
         for index, view in enumerate(getattr(request, "views", None) or []):
             self._check_view(view, f"views.{index}")

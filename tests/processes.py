@@ -29,7 +29,7 @@ def wait_until(condition: Callable[[], T], timeout_s: float = 20.0) -> T:
 
 def environment(settings: Settings) -> dict[str, str]:
     """Of a process that is to have these settings."""
-    values = settings.model_dump(mode="json", exclude={"onnx_providers"})
+    values = settings.model_dump(mode="json", exclude={"onnx_providers", "webhook_hosts"})
     return os.environ | {f"DLO_{name.upper()}": str(value) for name, value in values.items()}
 
 

@@ -23,7 +23,7 @@ from rq.job import Job as RQJob
 from rq.queue import Queue
 
 from workers import problems
-from workers.record import ACTIVE, COUNTS, RECENT, alive_key, events_key, job_key, tombstone_key
+from workers.record import ACTIVE, COUNTS, RECENT, WEBHOOKS, alive_key, events_key, job_key, tombstone_key
 from workers.settings import Settings
 
 ALIVE_MS = 5000
@@ -57,6 +57,7 @@ local function conclude(state)
   redis.call('SREM', '{ACTIVE}', id)
   redis.call('DEL', alive, '{RQJob.redis_job_namespace_prefix}' .. id)
   redis.call('SET', '{tombstone_key("")}' .. id, '', 'PX', keep_ms + tombstone_ms)
+  if get('webhook_url') then redis.call('ZADD', '{WEBHOOKS}', text(now), id) end
   tell()
   redis.call('PEXPIRE', job, keep_ms)
   redis.call('PEXPIRE', events, keep_ms)
@@ -89,6 +90,7 @@ local function mine(attempt) return get('state') == 'running' and get('attempts'
 
 _OPEN = f"""
 local kind, priority, label, timeout_s, request = ARGV[7], ARGV[8], ARGV[9], tonumber(ARGV[10]), ARGV[11]
+if ARGV[12] ~= '' then set('webhook_url', ARGV[12]) end
 set('id', id, 'kind', kind, 'priority', priority, 'label', label, 'request', request, 'state', 'queued',
     'progress', '0', 'attempts', '0', 'created_at', text(now), 'deadline', text(now + timeout_s))
 redis.call('SADD', '{ACTIVE}', id)
@@ -199,9 +201,10 @@ class Ledger:
         label: str | None,
         timeout_s: float,
         request: str,
+        webhook_url: str | None = None,
     ) -> None:
         """Begin a record, as part of the transaction that also puts the id into a queue."""
-        self._step("open", job_id, kind, priority, label or "", timeout_s, request, client=pipeline)
+        self._step("open", job_id, kind, priority, label or "", timeout_s, request, webhook_url or "", client=pipeline)
 
     def claim(self, job_id: str, worker: str) -> Claim | None:
         """Make a queued job running; None if it is not queued, or too late (it then has failed)."""

@@ -173,6 +173,7 @@ class JobQueue:
             label=request.label,
             timeout_s=request.timeout_s,
             request=request.model_dump_json(),
+            webhook_url=request.webhook_url,
         )
         queue = self._queues[request.priority]
         queue.enqueue_job(queue.create_job(RUN, args=(job_id,), job_id=job_id), pipeline=pipeline)

@@ -22,6 +22,9 @@ ACTIVE = "dlo:active"
 RECENT = "dlo:recent"
 """Sorted set of job ids by their running number."""
 
+WEBHOOKS = "dlo:webhooks"
+"""Sorted set of the ids of ended jobs whose webhook has not been heard, by the time of the next attempt."""
+
 COUNTS = "dlo:counts"
 """Hash of ``kind|state`` to how many jobs have ever entered that state."""
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import Field, PositiveFloat, PositiveInt, model_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 LONGEST_JOB_S = 3600.0
 """Upper bound of ``JobRequest.timeout_s``."""
+
+
+def comma_separated(value: object) -> object:
+    """The parts of a variable that lists texts; anything else as it is."""
+    if isinstance(value, str):
+        return tuple(part.strip() for part in value.split(",") if part.strip())
+    return value
 
 
 class Settings(BaseSettings):
@@ -37,6 +45,11 @@ class Settings(BaseSettings):
     recycle_after_jobs: PositiveInt = Field(default=2000, description="then the warm child is replaced")
     recycle_rss_mb: PositiveInt = Field(default=4096, description="a larger warm child is replaced after its job")
 
+    webhook_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(), description="hosts (or host:port) that a webhook_url may name, separated by commas; none by default"
+    )
+    webhook_secret: str = Field(default="", repr=False, description="signs webhooks; at least 16 characters")
+
     @property
     def blobs_dir(self) -> Path:
         return self.data_dir / "blobs"
@@ -44,6 +57,17 @@ class Settings(BaseSettings):
     @property
     def queue_dir(self) -> Path:
         return self.data_dir / "queue"
+
+    @field_validator("webhook_hosts", mode="before")
+    @classmethod
+    def _split_hosts(cls, value: object) -> object:
+        return comma_separated(value)
+
+    @model_validator(mode="after")
+    def _webhooks_are_signed(self) -> Settings:
+        if self.webhook_hosts and len(self.webhook_secret) < 16:
+            raise ValueError("DLO_WEBHOOK_HOSTS needs a DLO_WEBHOOK_SECRET of at least 16 characters")
+        return self
 
     @model_validator(mode="after")
     def _blobs_outlive_their_jobs(self) -> Settings:

@@ -28,7 +28,7 @@ from rq.worker import Worker
 from rq.worker.base import WorkerStatus
 from rq.worker_registration import clean_worker_registry
 
-from workers import presence, problems, reaper
+from workers import presence, problems, reaper, webhooks
 from workers.allowed import AllowedJob
 from workers.blobs import FolderBlobs
 from workers.child_process import ChildDied, ChildProcess
@@ -72,6 +72,7 @@ class WarmWorker(Worker):
             Repeater("announce", _ANNOUNCE_S, self._announce),
             Repeater("reap", reaper.INTERVAL_S, lambda: reaper.reap(self._impatient, self._renewals)),
             Repeater("sweep", _SWEEP_S, blobs.sweep),
+            Repeater("webhooks", webhooks.INTERVAL_S, webhooks.Courier(self._impatient, settings).deliver),
         ]
 
     def serve(self) -> bool:

@@ -38,6 +38,24 @@ def point_at(points_xy: FloatArray, lengths: FloatArray, wanted: FloatArray) -> 
     return np.stack([np.interp(wanted, lengths, axis) for axis in points_xy.T], axis=-1)
 
 
+def bridge(
+    starts_xy: FloatArray, stops_xy: FloatArray, leaving: FloatArray, arriving: FloatArray, shares: FloatArray
+) -> FloatArray:
+    """``(n, s, 2)`` points at the ``shares`` (0 to 1) of cubic curves between ``(n, 2)`` places.
+
+    ``leaving``, ``arriving``: ``(n, 2)`` unit directions of the curves at their starts and stops.
+    """
+    u = shares[None, :, None]
+    length = np.hypot(*(stops_xy - starts_xy).T)[:, None, None]
+    out: FloatArray = (
+        (2 * u**3 - 3 * u**2 + 1) * starts_xy[:, None]
+        + (u**3 - 2 * u**2 + u) * length * leaving[:, None]
+        + (3 * u**2 - 2 * u**3) * stops_xy[:, None]
+        + (u**3 - u**2) * length * arriving[:, None]
+    )
+    return out
+
+
 def crossing_segments(starts_xy: FloatArray, ends_xy: FloatArray) -> Intersections:
     """All pairs of properly crossing segments, ``first < second``; ``O(S)`` memory for well-spread segments.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -11,10 +12,19 @@ from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArra
 from models.geometry.polylines import arc_lengths, resample
 from models.geometry.sampling import read_nearest
 from models.geometry.splines import fit_spline
-from models.instances.crossings import Strand, find_meetings, order_meeting
+from models.instances.confidence import (
+    crossing_features,
+    evidence_of,
+    instance_features,
+    order_features,
+    rated,
+    rated_crossings,
+)
+from models.instances.crossings import Meeting, Strand, find_meetings, order_meetings
 from models.instances.drawing import draw_labels, stroke
+from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
-from models.instances.scene import Instance, Scene
+from models.instances.scene import Crossing, Instance, Scene
 
 MAX_INSTANCES = 255
 """As many as labels of one byte can name."""
@@ -23,39 +33,74 @@ _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
 _SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
+_LEAST_SCORE = 0.5
+"""What is less likely a DLO than not is left out."""
 _COVERED = 0.6
 """Share of a centerline that may lie on a longer DLO before it counts as a part of that one."""
+
+Order = Callable[[list[Meeting], list[Strand], ByteArray | None], tuple[Crossing, ...]]
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Ordered points ``(n, 2)`` found along one DLO; a closed one does not repeat its first point."""
+    """Ordered points ``(n, 2)`` found along one DLO; a closed one does not repeat its first point.
+
+    ``doubt``: minus the logarithm of the probability that its pieces belong together, where a method knows it.
+    """
 
     xy: FloatArray
     closed: bool
+    doubt: float = 0.0
 
 
-def assemble(chains: list[Chain], mask: BoolArray, distances: Float32Array, image: ByteArray | None) -> Scene:
+def assemble(
+    chains: list[Chain],
+    mask: BoolArray,
+    distances: Float32Array,
+    image: ByteArray | None,
+    *,
+    method: str,
+    follow_edges: bool = False,
+    order: Order = order_meetings,
+) -> Scene:
     """Splines, widths, endpoints, crossings and labels of the chains, longest first.
 
-    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain.
+    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain. With
+    ``follow_edges`` outlines and widths are those of the picture, where it shows them near the mask's.
+    ``order``: what decides which strand lies on top. ``method``: whose calibration turns evidence into
+    probabilities; what is less likely a DLO than not is left out.
     """
     started = perf_counter()
-    fitted = [instance for chain in chains if (instance := _fit(chain, mask, distances)) is not None]
-    instances = _without_fragments(fitted, mask.shape)
+    fitted = [(found, c.doubt) for c in chains if (found := _fit(c, mask, distances)) is not None]
+    instances, doubts = _without_fragments(fitted, mask.shape)
+    shifts = None
+    if follow_edges and image is not None:
+        shifts = edge_shifts(instances, distances, image)
+        instances = [replace(i, width_px=max(1.0, i.width_px + 2 * s)) for i, s in zip(instances, shifts, strict=True)]
     after_fit = perf_counter()
+    evidence = evidence_of(instances, doubts, mask, image)
+    ends = endpoints_of(instances, mask.shape)
+    seen = instance_features(instances, ends, evidence)
+    rough = rated(instances, ends, evidence, seen, method)
+    likely = [k for k, instance in enumerate(rough) if instance.score >= _LEAST_SCORE]
+    instances = [rough[k] for k in likely]
+    shifts = None if shifts is None else shifts[likely]
     strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]
-    crossings = tuple(order_meeting(m, strands, image) for m in find_meetings(strands))
+    meetings = find_meetings(strands)
+    raw = order(meetings, strands, image)
+    existence, order_seen = crossing_features(meetings, instances), order_features(raw)
+    crossings = rated_crossings(raw, existence, order_seen, method)
     ends = endpoints_of(instances, mask.shape)
     after_order = perf_counter()
     finished = tuple(replace(i, endpoints=e) for i, e in zip(instances, ends, strict=True))
-    labels = draw_labels(mask, finished, crossings)
+    labels = draw_labels(mask, finished, crossings, shifts)
     timings = {
         "splines": 1e3 * (after_fit - started),
         "crossings": 1e3 * (after_order - after_fit),
         "labels": 1e3 * (perf_counter() - after_order),
     }
-    return Scene(finished, crossings, labels, timings)
+    features = {"instance": seen[likely], "crossing": existence, "order": order_seen}
+    return Scene(finished, crossings, labels, timings, features)
 
 
 def _fit(chain: Chain, mask: BoolArray, distances: Float32Array) -> Instance | None:
@@ -95,19 +140,23 @@ def _tip(ordered: FloatArray, mask: BoolArray, width: float) -> FloatArray:
     return tip
 
 
-def _without_fragments(fitted: list[Instance], shape: tuple[int, ...]) -> list[Instance]:
-    """The instances, longest first, without short ones and without those that lie on a longer one."""
-    ordered = sorted(fitted, key=lambda i: -i.length_px)
-    typical = _typical_width(ordered)
+def _without_fragments(
+    fitted: list[tuple[Instance, float]], shape: tuple[int, ...]
+) -> tuple[list[Instance], list[float]]:
+    """The instances and their doubts, longest first, without short ones and those that lie on a longer one."""
+    ordered = sorted(fitted, key=lambda pair: -pair[0].length_px)
+    typical = _typical_width([instance for instance, _ in ordered])
     taken = np.zeros(shape, dtype=np.uint8)
     kept: list[Instance] = []
-    for instance in ordered:
+    doubts: list[float] = []
+    for instance, doubt in ordered:
         if instance.length_px < _SHORTEST_WIDTHS * max(typical, instance.width_px):
             continue
         if read_nearest(taken, instance.centerline_xy).mean() < _COVERED and len(kept) < MAX_INSTANCES:
             stroke(taken, instance.centerline_xy, 1, instance.width_px)
             kept.append(instance)
-    return kept
+            doubts.append(doubt)
+    return kept, doubts
 
 
 def _typical_width(instances: list[Instance]) -> float:

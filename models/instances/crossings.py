@@ -92,6 +92,11 @@ def _is_same_place(one: Meeting, other: Meeting, strands: list[Strand]) -> bool:
     return abs(one.at_a - other.at_a) < reach and abs(one.at_b - other.at_b) < reach
 
 
+def order_meetings(meetings: list[Meeting], strands: list[Strand], image: ByteArray | None) -> tuple[Crossing, ...]:
+    """The crossings of all meetings, in their order, by :func:`order_meeting`."""
+    return tuple(order_meeting(meeting, strands, image) for meeting in meetings)
+
+
 def order_meeting(meeting: Meeting, strands: list[Strand], image: ByteArray | None) -> Crossing:
     """The crossing with its order: the strand whose color varies less along the crossing lies on top.
 
@@ -99,17 +104,20 @@ def order_meeting(meeting: Meeting, strands: list[Strand], image: ByteArray | No
     of the color variance that the lower strand has, a fixed noise included on both sides.
     """
     a, b = strands[meeting.a], strands[meeting.b]
-    position_a = StrandPosition(meeting.a + 1, _share(meeting.at_a, a))
-    position_b = StrandPosition(meeting.b + 1, _share(meeting.at_b, b))
-    xy = (float(meeting.xy[0]), float(meeting.xy[1]))
     if image is None:
-        return Crossing(xy, position_a, position_b, 0.5)
+        return ordered(meeting, strands, True, 0.5)
     var_a = _color_variance(image, a, meeting.at_a, b.width / max(meeting.sine, 0.3))
     var_b = _color_variance(image, b, meeting.at_b, a.width / max(meeting.sine, 0.3))
     score = max(var_a, var_b) / (var_a + var_b)
-    if var_a <= var_b:
-        return Crossing(xy, position_a, position_b, score)
-    return Crossing(xy, position_b, position_a, score)
+    return ordered(meeting, strands, var_a <= var_b, score)
+
+
+def ordered(meeting: Meeting, strands: list[Strand], a_is_over: bool, score: float) -> Crossing:
+    """The crossing of a meeting whose order is known with this score."""
+    position_a = StrandPosition(meeting.a + 1, _share(meeting.at_a, strands[meeting.a]))
+    position_b = StrandPosition(meeting.b + 1, _share(meeting.at_b, strands[meeting.b]))
+    over, under = (position_a, position_b) if a_is_over else (position_b, position_a)
+    return Crossing((float(meeting.xy[0]), float(meeting.xy[1])), over, under, score)
 
 
 def _share(at: float, strand: Strand) -> float:

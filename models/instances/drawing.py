@@ -17,24 +17,43 @@ _SHIFT = 4
 """Bits of a pixel's fraction in OpenCV's fixed-point coordinates."""
 
 
-def draw_labels(mask: BoolArray, instances: Sequence[Instance], crossings: Sequence[Crossing]) -> ByteArray:
+def draw_labels(
+    mask: BoolArray,
+    instances: Sequence[Instance],
+    crossings: Sequence[Crossing],
+    shifts: FloatArray | None = None,
+) -> ByteArray:
     """``(H, W)`` uint8 labels: every foreground pixel near a centerline belongs to one instance, at most 255.
 
     Strategy: strokes are painted in three rounds, from too wide to too narrow, so that between neighbors a
     pixel goes to the nearer centerline; then the upper strand is painted again over each crossing; last, what
     is not foreground is cleared, so that outlines are those of the mask. Where a centerline bridges a gap
-    of the mask, its stroke stands in for the foreground.
+    of the mask, its stroke stands in for the foreground. ``shifts``: ``(I,)`` pixels by which an instance's edges
+    lie outside the mask; its outline is moved outwards by as much.
     """
     labels = np.zeros(mask.shape, dtype=np.uint8)
     for factor in (1.6, 1.0, 0.6):
         for number, instance in enumerate(instances, start=1):
-            stroke(labels, instance.centerline_xy, number, factor * instance.width_px)
+            width = max(factor * instance.width_px, instance.width_px + 3 if factor > 1 and shifts is not None else 0)
+            stroke(labels, instance.centerline_xy, number, width)
     for crossing in sorted(crossings, key=lambda c: c.score):
         upper, lower = instances[crossing.over.instance - 1], instances[crossing.under.instance - 1]
         piece = piece_around(upper, crossing.over.u, 1.2 * lower.width_px)
         stroke(labels, piece, crossing.over.instance, 1.1 * upper.width_px)
-    labels *= _bridged(mask, instances)
+    evidence = _bridged(mask, instances)
+    if shifts is not None and np.any(shifts):
+        evidence = _moved(evidence, labels, shifts)
+    labels *= evidence
     return labels
+
+
+def _moved(evidence: ByteArray, labels: ByteArray, shifts: FloatArray) -> ByteArray:
+    """The foreground with the outline of each label moved outwards."""
+    by_label = np.zeros(256, np.float32)
+    by_label[1 : len(shifts) + 1] = shifts
+    # Distances are to pixel centers: the nearest background pixels are at 1.
+    outside = cv2.distanceTransform(1 - evidence, cv2.DIST_L2, cv2.DIST_MASK_5)
+    return (outside < by_label[labels] + 0.5).view(np.uint8)
 
 
 def _bridged(mask: BoolArray, instances: Sequence[Instance]) -> ByteArray:

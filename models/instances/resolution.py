@@ -20,12 +20,12 @@ _LEAST_SHARE = 0.25
 Method = Callable[[BoolArray, ByteArray | None], Scene]
 
 
-def at_working_size(mask: BoolArray, image: ByteArray | None, method: Method) -> Scene:
-    """What ``method`` finds, in the pixels of ``mask``; it sees at most 4 megapixels.
+def at_working_size(mask: BoolArray, image: ByteArray | None, method: Method, max_pixels: int = MAX_PIXELS) -> Scene:
+    """What ``method`` finds, in the pixels of ``mask``; it sees at most ``max_pixels``.
 
     A picture above that is reduced by a whole number; the labels are drawn at full size all the same.
     """
-    factor = int(np.ceil(np.sqrt(mask.size / MAX_PIXELS)))
+    factor = int(np.ceil(np.sqrt(mask.size / max_pixels)))
     if factor <= 1:
         return method(mask, image)
     size = (max(1, mask.shape[1] // factor), max(1, mask.shape[0] // factor))

@@ -9,6 +9,7 @@ from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.splines import Spline
 
 EndpointKind = Literal["free", "border", "hidden"]
+Reason = Literal["gap", "border", "parallel", "low_contrast", "blur"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +25,8 @@ class Instance:
     """One DLO. Its id is its place in :attr:`Scene.instances` plus 1, and its value in :attr:`Scene.labels`.
 
     ``centerline_xy``: ``(n, 2)`` pixels at equal arc length, end to end; a ring repeats its first point.
-    ``score``: 0 to 1, confidence that this is one true DLO; not calibrated.
+    ``score``: probability that it matches one true DLO above IoU 0.5 (``confidence.py``); ``reasons``: what makes it
+    unsure.
     """
 
     centerline_xy: FloatArray
@@ -34,6 +36,7 @@ class Instance:
     spline: Spline
     endpoints: tuple[Endpoint, ...]
     score: float
+    reasons: tuple[Reason, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +49,14 @@ class StrandPosition:
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """One strand over another, or over itself. ``score``: confidence in the order, 0.5 (not known) to 1."""
+    """One strand over another, or over itself. ``score``: probability that the order is right, 0.5 (not known) to 1;
+    ``existence``: that two strands cross here."""
 
     xy: tuple[float, float]
     over: StrandPosition
     under: StrandPosition
     score: float
+    existence: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +64,12 @@ class Scene:
     """The DLOs of one picture.
 
     ``labels``: ``(H, W)`` uint8, 0 background, else the id of the instance seen there (at crossings the upper).
-    ``timings_ms``: wall-clock time of each step.
+    ``timings_ms``: wall-clock time of each step. ``features``: what the probabilities were computed from, by name
+    (``confidence.py``); not kept for pictures that were worked on at a smaller size.
     """
 
     instances: tuple[Instance, ...]
     crossings: tuple[Crossing, ...]
     labels: ByteArray
     timings_ms: dict[str, float] = field(default_factory=dict)
+    features: dict[str, FloatArray] = field(default_factory=dict)

@@ -186,7 +186,7 @@ def _explain(
     weight: FloatArray = trust
     for _ in range(5):
         weighted = matrix * weight[:, None]
-        solution = np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted)
+        solution = np.asarray(np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted), np.float64)
         weight = trust / (1 + ((wanted - matrix @ solution) / 2.0) ** 2)
     displaced = [
         m + basis @ solution[a:b].reshape(-1, 3)

@@ -90,8 +90,8 @@ def _crossing(profile: Float32Array, level: Float32Array, above: BoolArray, star
     columns = np.arange(profile.shape[1])
     below = ~above & (columns[None] > np.asarray(start)[:, None])
     first = np.argmax(below, axis=1)
-    found = below.any(axis=1)
     rows = np.arange(len(profile))
+    found = below.any(axis=1)
     before, after = profile[rows, first - 1], profile[rows, first]
     share = (before - level[:, 0]) / np.maximum(before - after, 1e-6)
     return np.where(found, first - 1 + np.clip(share, 0, 1), np.nan)

@@ -42,7 +42,8 @@ class ReconstructParams:
     spans: tuple[int, int] = (3, 36)
     points: int = 60
     wide_reach_px: float = 12.0
-    shared_px: float = 0.2
+    strands_at_most: int = 24
+    shared_px: float = 0.25
     matching: MatchParams = field(default_factory=MatchParams)
     refinement: RefineParams = field(default_factory=RefineParams)
 
@@ -92,18 +93,27 @@ def reconstruct_strand(
 
 
 def reconstruct_all(views: list[View], params: ReconstructParams) -> list[Reconstruction]:
-    """Every DLO that at least two views agree on, longest first."""
+    """Every DLO that at least two views agree on, longest first; of each view its longest strands are tried."""
     accepted: list[Reconstruction] = []
+    partial: list[Reconstruction] = []
     taken: list[set[int]] = [set() for _ in views]
-    for least in range(len(views), 1, -1):
-        for reference in _by_length(views):
-            for strand in range(len(views[reference].strands)):
-                if strand in taken[reference]:
-                    continue
-                found = _exclusive(views, reference, strand, taken, params)
-                if found is not None and len(found.used) >= least:
-                    accepted.append(found)
-                    _take(found, views, taken)
+    for reference, strand in _longest_first(views, params.strands_at_most):
+        if strand in taken[reference]:
+            continue
+        found = _exclusive(views, reference, strand, taken, params)
+        if found is not None and len(found.used) == len(views):
+            accepted.append(found)
+            _take(found, views, taken)
+        elif found is not None:
+            partial.append(found)
+    for candidate in sorted(partial, key=lambda r: (-len(r.used), r.cost)):
+        if candidate.strand in taken[candidate.reference]:
+            continue
+        again = any(set(s.strands) & t for s, t in zip(candidate.supports, taken, strict=True))
+        found = _exclusive(views, candidate.reference, candidate.strand, taken, params) if again else candidate
+        if found is not None:
+            accepted.append(found)
+            _take(found, views, taken)
     return sorted(accepted, key=lambda r: -r.curve.length_m)
 
 
@@ -236,5 +246,8 @@ def _take(found: Reconstruction, views: list[View], taken: list[set[int]]) -> No
     taken[found.reference].add(found.strand)
 
 
-def _by_length(views: list[View]) -> list[int]:
-    return sorted(range(len(views)), key=lambda k: -sum(s.length_px for s in views[k].strands))
+def _longest_first(views: list[View], at_most: int) -> list[tuple[int, int]]:
+    """(view, strand): the view with the most to see first, its strands by length."""
+    by_length = [sorted(range(len(v.strands)), key=lambda k, v=v: -v.strands[k].length_px)[:at_most] for v in views]  # type: ignore[misc]
+    order = sorted(range(len(views)), key=lambda k: -sum(s.length_px for s in views[k].strands))
+    return [(k, strand) for k in order for strand in by_length[k]]

@@ -143,7 +143,7 @@ def _measure(
     heading = tangents @ camera.rotation
     flow = (heading[:, :2] - plane * heading[:, 2:]) * focal
     turn = np.abs(np.einsum("ni,ni->n", flow, normal)) / np.maximum(np.hypot(*flow.T), 1e-9)
-    used = front & (np.abs(residual) < gate) & (along < 1.5 + gate / 4 * (1 - seen.at_end[nearest]))
+    used = front & (np.abs(residual) < gate) & ((along < 1.5) | ~seen.at_end[nearest])
     used &= turn < params.turn
     return _Measured(residual, gradient, used)
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.cameras import Camera
 from models.geometry.polylines import arc_lengths, resample
 
@@ -65,7 +65,7 @@ class Samples:
     normals: FloatArray
     width_px: FloatArray
     strand: IntArray
-    at_end: IntArray
+    at_end: BoolArray
 
     @classmethod
     def of(cls, strands: tuple[Strand, ...], which: IntArray | None = None) -> Samples:
@@ -74,10 +74,10 @@ class Samples:
         chosen = [strands[k] for k in numbers]
         if not chosen:
             nothing = np.zeros((0, 2))
-            return cls(nothing, nothing, np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64))
-        ends = [np.zeros(len(s.xy), np.int64) for s in chosen]
+            return cls(nothing, nothing, np.zeros(0), np.zeros(0, np.int64), np.zeros(0, bool))
+        ends = [np.zeros(len(s.xy), bool) for s in chosen]
         for end in ends:
-            end[[0, -1]] = 1
+            end[[0, -1]] = True
         return cls(
             np.concatenate([s.xy for s in chosen]),
             np.concatenate([s.normals for s in chosen]),

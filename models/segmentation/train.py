@@ -1,4 +1,4 @@
-"""Train the compact foreground network on rendered scenes: ``python -m models.segmentation.train``.
+"""Train a foreground network on rendered scenes: ``python -m models.segmentation.train``.
 
 Resumable and bounded by time: the learning rate follows the share of ``--minutes`` that is spent, summed
 over all runs on the same checkpoint, so a run may be cut into chunks. Log and validation pictures lie
@@ -11,6 +11,7 @@ import argparse
 import json
 import math
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from models.segmentation.network_compact import CompactNetwork, foreground_loss
+from models.segmentation.network_compact import foreground_loss
+from models.segmentation.train_initial import unfold
+from models.segmentation.train_networks import NETWORKS, build, stored
 from models.segmentation.train_stream import SceneStream
 from models.synthesis.scenes import SceneParams, render_scene
 from models.synthesis.textures import TexturePool, load_pool
@@ -27,13 +30,17 @@ from models.synthesis.textures import TexturePool, load_pool
 MEAN = (0.485, 0.456, 0.406)
 STD = (0.229, 0.224, 0.225)
 _VALIDATION_SEED = 10_000_019
+_CALIBRATION_SEED = 20_000_003
 
 
 @dataclass(frozen=True)
 class TrainParams:
     """``minutes`` of training in all; ``chunk`` minutes of this run; ``decay`` of the averaged weights;
-    ``height`` and ``width`` of the scenes, which a later run may enlarge."""
+    ``height`` and ``width`` of the scenes, which a later run may enlarge; ``network`` by its name, its channels
+    divided by ``slim``."""
 
+    network: str = "compact"
+    slim: int = 1
     height: int = 192
     width: int = 320
     minutes: float = 100.0
@@ -75,8 +82,8 @@ class Training:
     def __init__(self, params: TrainParams, folder: Path, device: torch.device) -> None:
         self.params, self.folder, self.device = params, folder, device
         torch.manual_seed(params.seed)
-        self.network = CompactNetwork().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.average = CompactNetwork().to(device).eval()
+        self.network = build(params.network, params.slim).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = build(params.network, params.slim).to(device).eval()
         encoder = list(self.network.features.parameters())
         known = {id(p) for p in encoder}
         decoder = [p for p in self.network.parameters() if id(p) not in known]
@@ -88,10 +95,14 @@ class Training:
         self.progress = Progress()
 
     def start(self, pretrained: Path | None) -> None:
-        """Continue from the folder's checkpoint, or begin from ``pretrained`` encoder weights."""
+        """Continue from the folder's checkpoint, or begin from ``pretrained`` encoder weights.
+
+        Raises ValueError when the checkpoint is of another network than the one asked for.
+        """
         file = self.folder / "last.pt"
         if file.exists():
             state = torch.load(file, map_location=self.device, weights_only=True)
+            self._check(*stored(state["params"]))
             self.network.load_state_dict(state["network"])
             self.average.load_state_dict(state["average"])
             self.optimizer.load_state_dict(state["optimizer"])
@@ -100,6 +111,16 @@ class Training:
             taken = self.network.load_encoder(torch.load(pretrained, map_location="cpu", weights_only=True))
             self.log(event="pretrained", tensors=taken)
             self.average.load_state_dict(self.network.state_dict())
+
+    def take(self, exported: Path, pictures: Iterable[Tensor]) -> None:
+        """Begin from a network that was exported, unless the folder has a checkpoint."""
+        if not (self.folder / "last.pt").exists():
+            self.log(event="initial", file=exported.name, convolutions=unfold(exported, self.network, pictures))
+            self.average.load_state_dict(self.network.state_dict())
+
+    def _check(self, network: str, slim: int) -> None:
+        if (network, slim) != (self.params.network, self.params.slim):
+            raise ValueError(f"{self.folder} holds --network {network} --slim {slim}; ask for these or another folder")
 
     def save(self, name: str, metrics: dict[str, float] | None = None) -> None:
         state = {
@@ -177,11 +198,20 @@ def _save_sheet(tiles: list[Tensor], path: Path) -> None:
     cv2.imwrite(str(path), image[:, :, ::-1])
 
 
-def train(params: TrainParams, scenes: SceneParams, pool: TexturePool, folder: Path, pretrained: Path | None) -> None:
+def train(
+    params: TrainParams,
+    scenes: SceneParams,
+    pool: TexturePool,
+    folder: Path,
+    pretrained: Path | None = None,
+    initial: Path | None = None,
+) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     training = Training(params, folder, device)
     training.start(pretrained)
+    if initial is not None:
+        training.take(initial, _calibration(scenes, pool))
     stream = SceneStream(
         scenes,
         pool,
@@ -193,6 +223,13 @@ def train(params: TrainParams, scenes: SceneParams, pool: TexturePool, folder: P
         _loop(training, stream, pool, scenes)
     finally:
         stream.close()
+
+
+def _calibration(scenes: SceneParams, pool: TexturePool, batches: int = 12) -> Iterator[Tensor]:
+    for k in range(batches):
+        numbers = range(4 * k, 4 * k + 4)
+        rgb = [render_scene(np.random.default_rng([_CALIBRATION_SEED, n]), scenes, pool).rgb for n in numbers]
+        yield normalize((torch.stack(rgb) * 255).round().byte())
 
 
 def _loop(training: Training, stream: SceneStream, pool: TexturePool, scenes: SceneParams) -> None:
@@ -234,14 +271,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m models.segmentation.train", description=__doc__)
     parser.add_argument("folder", type=Path, help="checkpoint folder; continues from last.pt when it is there")
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
-    parser.add_argument("--pretrained", type=Path, help="MobileNetV2 ImageNet weights to begin from")
+    parser.add_argument("--pretrained", type=Path, help="published ImageNet weights of the encoder to begin from")
+    parser.add_argument("--initial", type=Path, help="exported network of the same kind to begin from")
     parser.add_argument("--threads", type=int, default=1)
     for name, default in asdict(TrainParams()).items():
-        parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
+        choices = list(NETWORKS) if name == "network" else None
+        parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default, choices=choices)
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     params = TrainParams(**{name: getattr(args, name) for name in asdict(TrainParams())})
-    train(params, SceneParams((args.height, args.width)), load_pool(args.textures), args.folder, args.pretrained)
+    scenes = SceneParams((args.height, args.width))
+    train(params, scenes, load_pool(args.textures), args.folder, args.pretrained, args.initial)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 """A ring of rendered scenes that other processes keep renewing while training reads from it.
 
-Rendering and training run at different speeds: the trainer never waits for a scene, it sees some twice;
-the renderers never stop. Scene k of a run is always the same picture (seed, k).
+Rendering and training run at different speeds: the trainer never waits for a scene, it sees some twice; the
+renderers rest when the ring is full of scenes that nobody has drawn yet. Scene k of a run is always the same
+picture (seed, k).
 """
 
 from __future__ import annotations
 
 import os
+import time
 from multiprocessing.sharedctypes import Synchronized
 
 import numpy as np
@@ -16,6 +18,8 @@ from torch import Tensor
 
 from models.synthesis.scenes import SceneParams, render_scene
 from models.synthesis.textures import TexturePool
+
+_REST_S = 0.05
 
 
 class SceneStream:
@@ -27,10 +31,11 @@ class SceneStream:
         self.masks = torch.zeros((slots, height, width), dtype=torch.uint8).share_memory_()
         context = mp.get_context("spawn")
         self.rendered: Synchronized[int] = context.Value("q", 0)
+        self._drawn: Synchronized[int] = context.Value("q", 0)
         self._processes = [
             context.Process(
                 target=_render_forever,
-                args=(params, pool, seed, self.images, self.masks, self.rendered),
+                args=(params, pool, seed, self.images, self.masks, self.rendered, self._drawn),
                 daemon=True,
             )
             for _ in range(renderers)
@@ -45,6 +50,7 @@ class SceneStream:
     def batch(self, rng: np.random.Generator, size: int) -> tuple[Tensor, Tensor]:
         """(size, 3, H, W) uint8 pictures and (size, H, W) uint8 masks, flipped and recolored at random."""
         picks = torch.as_tensor(rng.integers(self.filled(), size=size))
+        self._drawn.value += size
         images, masks = self.images[picks], self.masks[picks]
         for k in range(size):
             axes = [axis for axis in (1, 2) if rng.random() < 0.5]
@@ -65,10 +71,14 @@ def _render_forever(
     images: Tensor,
     masks: Tensor,
     rendered: Synchronized[int],
+    drawn: Synchronized[int],
 ) -> None:
     torch.set_num_threads(1)
     parent = os.getppid()
     while os.getppid() == parent:  # an orphan would render for ever
+        if rendered.value >= len(images) + drawn.value:
+            time.sleep(_REST_S)
+            continue
         with rendered.get_lock():
             k = rendered.value
             rendered.value += 1

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import torch
 
 from models.synthesis.canvas import Canvas
-from models.synthesis.clutter import Style, mural
-from models.synthesis.scenes import SceneParams, render_scene, to_uint8
+from models.synthesis.clutter import Style
+from models.synthesis.paint import mural
+from models.synthesis.scenes import Labelled, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool, pack
 
 
@@ -46,23 +49,49 @@ def samples(args: argparse.Namespace) -> None:
 
 
 def render(args: argparse.Namespace) -> None:
-    """Picture, instance ids and a JSON line (centerlines, widths) per scene."""
+    """Picture, instance ids and a line of ``scenes.jsonl`` per scene."""
     import cv2
 
     pool = load_pool(args.textures)
     params = SceneParams((args.height, args.width), clutter=args.clutter, style=args.style)
+    renderer = _renderer(args.renderer)
     args.out.mkdir(parents=True, exist_ok=True)
     with (args.out / "scenes.jsonl").open("w") as lines:
         for k in range(args.count):
-            scene = render_scene(np.random.default_rng([args.seed, k]), params, pool)
+            scene = renderer(np.random.default_rng([args.seed, k]), params, pool)
             cv2.imwrite(str(args.out / f"{k:06d}.png"), to_uint8(scene.rgb)[:, :, ::-1])
             cv2.imwrite(str(args.out / f"{k:06d}_ids.png"), scene.ids.numpy().astype(np.uint8))
-            truth = {
-                "id": k,
-                "widths_px": [round(w, 2) for w in scene.widths_px],
-                "centerlines_xyz": [np.round(c[::8], 2).tolist() for c in scene.centerlines],
-            }
-            lines.write(json.dumps(truth) + "\n")
+            lines.write(json.dumps({"id": k, **truth_record(scene)}) + "\n")
+
+
+def truth_record(scene: Labelled, stride: int = 8) -> dict[str, Any]:
+    """What ``scenes.jsonl`` says of a scene: pixels and radians, every ``stride``-th sample of the centerlines
+    (x, y, height); sample numbers of crossings count in the shortened centerlines."""
+    crossings = [
+        asdict(c)
+        | {"xy": [round(v, 2) for v in c.xy]}
+        | {"over_sample": c.over_sample // stride, "under_sample": c.under_sample // stride}
+        for c in scene.crossings
+    ]
+    return {
+        "widths_px": [round(w, 2) for w in scene.widths_px],
+        "centerlines_xyz": [np.round(c[::stride], 3).tolist() for c in scene.centerlines],
+        "visible": [v[::stride].astype(int).tolist() for v in scene.visible],
+        "crossings": crossings,
+        "camera": {
+            "K": scene.camera.K.tolist(),
+            "T_camera_world": scene.camera.T_camera_world.tolist(),
+            "parallax": scene.camera.parallax,
+        },
+    }
+
+
+def _renderer(name: str) -> Callable[[np.random.Generator, SceneParams, TexturePool], Labelled]:
+    if name == "path_traced":
+        from models.synthesis.path_traced import render_path_traced  # an optional extra
+
+        return render_path_traced
+    return render_scene
 
 
 def main() -> None:
@@ -80,6 +109,8 @@ def main() -> None:
     rendering.add_argument("--width", type=int, default=640)
     rendering.add_argument("--height", type=int, default=360)
     rendering.add_argument("--textures", type=Path, help="a pack or a folder; without it backgrounds are noise")
+    rendering.add_argument("--renderer", choices=("composited", "path_traced"), default="composited",
+                           help="path_traced needs requirements/photoreal.in")  # fmt: skip
     rendering.add_argument("--style", choices=get_args(Style), default="mixed")
     rendering.add_argument("--clutter", type=float, default=0.8, help="share of pictures with clutter")
     rendering.set_defaults(run=render)

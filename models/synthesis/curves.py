@@ -55,14 +55,22 @@ def interpolate(control: FloatArray, spacing: float) -> FloatArray:
     return np.asarray(sum(b * padded[k + i] for i, b in enumerate(basis)) / 6.0, np.float32)
 
 
-def random_curve(rng: np.random.Generator, size: tuple[int, int], width_px: float, spacing: float = 0.7) -> FloatArray:
-    """One DLO over a picture of ``size`` (height, width): (m, 3) dense points, from border or from inside."""
+def random_curve(
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    width_px: float,
+    *,
+    start: tuple[NDArray[np.floating], float] | None = None,
+    spacing: float = 0.7,
+) -> FloatArray:
+    """One DLO over a picture of ``size`` (height, width): (m, 3) dense points, from ``start`` (x, y and heading
+    in rad), else from the border or from inside."""
     height, width = size
     step = rng.uniform(0.10, 0.28) * max(size)
     loopy = rng.random() < 0.3
     params = CurveParams(
         step_px=(0.7 * step, 1.3 * step),
-        turn_rad=rng.uniform(0.35, 0.6) if loopy else rng.uniform(0.02, 0.3),
+        turn_rad=rng.uniform(0.35, 0.75) if loopy else rng.uniform(0.02, 0.3),
         wander_rad=rng.uniform(0.0, 0.15),
         n_control=int(np.clip(rng.uniform(0.5, 2.6) * max(size) / step, 4, 26)),
     )
@@ -70,32 +78,63 @@ def random_curve(rng: np.random.Generator, size: tuple[int, int], width_px: floa
     step_floor = 3.0 * width_px
     if step < step_floor:
         params = CurveParams((step_floor, 1.4 * step_floor), params.turn_rad, params.wander_rad, params.n_control)
-    if rng.random() < 0.65:
-        start, heading = _from_border(rng, height, width, width_px)
-    else:
-        start = (rng.uniform(0.05, 0.95) * width, rng.uniform(0.05, 0.95) * height)
-        heading = rng.uniform(-np.pi, np.pi)
-    return interpolate(propagate(rng, np.asarray(start, np.float32), heading, params), spacing)
+    if start is None and rng.random() < 0.65:
+        start = _from_border(rng, height, width, width_px)
+    elif start is None:
+        start = rng.uniform((0.05 * width, 0.05 * height), (0.95 * width, 0.95 * height)), rng.uniform(-np.pi, np.pi)
+    return interpolate(propagate(rng, start[0].astype(np.float32), start[1], params), spacing)
 
 
-def parallel_curve(rng: np.random.Generator, curve: FloatArray, gap_px: float) -> FloatArray:
-    """A neighbor that runs beside ``curve`` at about ``gap_px`` and strays a little (m, 3)."""
-    normal = normals(curve)
-    drift = interpolate(rng.normal(0.0, 0.25 * abs(gap_px), (6, 1)).astype(np.float32), 1.0)
+def parallel_curve(
+    rng: np.random.Generator, curve: FloatArray, gap_px: float | NDArray[np.floating], stray: float = 0.25
+) -> FloatArray:
+    """A neighbor that runs beside ``curve`` at about ``gap_px`` (one value or (m,)) and strays from it by
+    ``stray`` of the gap: (m, 3)."""
+    typical = float(np.abs(gap_px).mean())
+    drift = interpolate(rng.normal(0.0, stray * typical, (6, 1)).astype(np.float32), 1.0)
     wave = np.interp(np.linspace(0, 1, len(curve)), np.linspace(0, 1, len(drift)), drift[:, 0])
     beside = curve.copy()
-    beside[:, :2] += normal * (gap_px + wave)[:, None]
+    beside[:, :2] += normals(curve) * (np.asarray(gap_px) + wave)[:, None]
+    beside[:, 2] = np.clip(curve[:, 2] + rng.normal(0.0, 0.15), 0.0, 1.0)
     return beside.astype(np.float32)
+
+
+def coil(rng: np.random.Generator, size: tuple[int, int], width_px: float, spacing: float = 0.7) -> FloatArray:
+    """A cable wound up in two to five turns of drifting center and radius, with both ends leading away: (m, 3)."""
+    turns = rng.uniform(1.5, 4.5)
+    steps = int(turns * 14)
+    radius = max(rng.uniform(0.12, 0.35) * min(size), 3.0 * width_px) * (1 + rng.normal(0, 0.04, steps))
+    angle = rng.uniform(-np.pi, np.pi) + rng.choice([-1, 1]) * np.linspace(0, turns * 2 * np.pi, steps)
+    center = np.array([rng.uniform(0.2, 0.8) * size[1], rng.uniform(0.2, 0.8) * size[0]])
+    drift = np.cumsum(rng.normal(0, 0.12 * width_px, (steps, 2)), 0)
+    ring = center + drift + (radius * np.array([np.cos(angle), rng.uniform(0.6, 1.0) * np.sin(angle)])).T
+    before, after = ring[0] - ring[1], ring[-1] - ring[-2]
+    tail = np.arange(1, int(rng.integers(2, 9)))[:, None]
+    xy = np.concatenate([ring[0] + before * tail[::-1], ring, ring[-1] + after * tail])
+    z = np.clip(np.linspace(0, 1, len(xy)) + rng.normal(0, 0.25, len(xy)), 0, 1)[:, None]
+    return interpolate(np.concatenate([xy, z], 1).astype(np.float32), spacing)
 
 
 def normals(curve: FloatArray) -> FloatArray:
     """Unit normals (m, 2) of the x, y part of ``curve`` (m, ≥ 2)."""
-    tangent = np.gradient(curve[:, :2], axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-9)
-    return np.stack([-tangent[:, 1], tangent[:, 0]], 1).astype(np.float32)
+    x, y = curve[:, 0].astype(np.float32), curve[:, 1].astype(np.float32)
+    dx, dy = np.empty_like(x), np.empty_like(y)
+    for step, line in ((dx, x), (dy, y)):
+        step[1:-1] = line[2:] - line[:-2]
+        step[0], step[-1] = line[1] - line[0], line[-1] - line[-2]
+    length = np.maximum(np.hypot(dx, dy), 1e-9)
+    return np.stack([-dy / length, dx / length], 1)
 
 
-def _from_border(rng: np.random.Generator, height: int, width: int, margin: float) -> tuple[tuple[float, float], float]:
+def axes(angle_rad: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit vectors along ``angle_rad`` and across it."""
+    along = np.array([np.cos(angle_rad), np.sin(angle_rad)])
+    return along, np.array([-along[1], along[0]])
+
+
+def _from_border(
+    rng: np.random.Generator, height: int, width: int, margin: float
+) -> tuple[NDArray[np.floating], float]:
     side = rng.choice(4, p=np.array([width, height, width, height]) / (2 * (width + height)))
     along = rng.uniform(0.03, 0.97)
     start = [
@@ -105,4 +144,4 @@ def _from_border(rng: np.random.Generator, height: int, width: int, margin: floa
         (-margin, along * height),
     ][side]
     inward = (0.5, 1.0, -0.5, 0.0)[side] * np.pi
-    return start, float(inward + rng.normal(0.0, 0.45))
+    return np.asarray(start), float(inward + rng.normal(0.0, 0.45))

@@ -32,14 +32,14 @@ def jpeg(rgb: Tensor, step: float) -> Tensor:
     luma = padded.mean(0, keepdim=True)
     planes = torch.cat([luma, padded - luma])
     c, h, w = planes.shape
-    blocks = planes.view(c, h // 8, 8, w // 8, 8).permute(0, 1, 3, 2, 4)
+    blocks = planes.view(c, h // 8, 8, w // 8, 8).permute(0, 1, 3, 2, 4).reshape(c, -1, 64)
     basis = _cosines(rgb.device)
+    transform = torch.kron(basis, basis)  # rows and columns in one product of matrices
     frequency = torch.arange(8, device=rgb.device)
-    quantum = step * (1 + 0.5 * (frequency[:, None] + frequency[None]))
-    weight = torch.tensor([1.0, 2.0, 2.0, 2.0], device=rgb.device).view(4, 1, 1, 1, 1)
-    coefficients = basis @ blocks @ basis.T
-    restored = basis.T @ (torch.round(coefficients / (quantum * weight)) * quantum * weight) @ basis
-    planes = restored.permute(0, 1, 3, 2, 4).reshape(c, h, w)
+    quantum = (step * (1 + 0.5 * (frequency[:, None] + frequency[None]))).view(64)
+    quantum = quantum * torch.tensor([1.0, 2.0, 2.0, 2.0], device=rgb.device).view(4, 1, 1)
+    restored = (torch.round(blocks @ transform.T / quantum) * quantum) @ transform
+    planes = restored.view(c, h // 8, w // 8, 8, 8).permute(0, 1, 3, 2, 4).reshape(c, h, w)
     return (planes[1:] + planes[:1])[:, :height, :width]
 
 
@@ -75,18 +75,21 @@ def _defocus(rgb: Tensor, sigma: float) -> Tensor:
 
 
 def _motion(rgb: Tensor, angle: float, length: float) -> Tensor:
+    """Mean of five pictures moved by whole pixels along ``angle``, ``length`` px in all."""
     h, w = rgb.shape[1:]
+    room = int(np.ceil(length)) + 1
+    padded = F.pad(rgb[None], (room,) * 4, mode="replicate")[0]
     moved = torch.zeros_like(rgb)
     for t in np.linspace(-0.5, 0.5, 5):
-        dx, dy = 2 * t * length * np.cos(angle) / w, 2 * t * length * np.sin(angle) / h
-        theta = torch.tensor([[1, 0, dx], [0, 1, dy]], dtype=torch.float32, device=rgb.device)[None]
-        grid = F.affine_grid(theta, [1, 3, h, w], align_corners=False)
-        moved += F.grid_sample(rgb[None], grid, padding_mode="border", align_corners=False)[0]
+        x, y = room + round(t * length * np.cos(angle)), room + round(t * length * np.sin(angle))
+        moved += padded[:, y : y + h, x : x + w]
     return moved / 5
 
 
 def _expose(rgb: Tensor, rng: Rng) -> Tensor:
     gain = float(np.exp(rng.normal(0.0, 0.28)))
+    if rng.random() < 0.08:
+        gain *= float(rng.uniform(1.4, 2.2))  # over-exposed: bright cables and tables burn out
     tint = torch.as_tensor(np.exp(rng.normal(0.0, 0.06, 3)).astype(np.float32), device=rgb.device)
     gamma = float(np.exp(rng.normal(0.0, 0.2)))
     rgb = (rgb * gain * tint[:, None, None]).clamp(1e-4, 1) ** gamma

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from models.synthesis.cables import paint_cable, random_color, random_light, random_look
+from models.synthesis import truth
+from models.synthesis.bundles import Course, Layout, random_layout, wired
+from models.synthesis.cables import Cable, paint_cables
 from models.synthesis.canvas import Canvas
-from models.synthesis.clutter import Style, occluder, paint_clutter, terminal
-from models.synthesis.curves import FloatArray, parallel_curve, random_curve
+from models.synthesis.clutter import Style, occluder, paint_clutter
+from models.synthesis.curves import FloatArray
+from models.synthesis.ends import terminal, tie
+from models.synthesis.looks import Color, Look, random_color, random_light, random_look
 from models.synthesis.optics import photograph
+from models.synthesis.panels import terminal_row
+from models.synthesis.stacking import Stack
 from models.synthesis.textures import TexturePool
 
 
@@ -24,7 +30,7 @@ class SceneParams:
     of which ``style``."""
 
     size: tuple[int, int] = (192, 320)
-    width_share: tuple[float, float] = (0.008, 0.085)
+    width_share: tuple[float, float] = (0.008, 0.095)
     max_cables: int = 6
     empty_share: float = 0.1
     clutter: float = 0.8
@@ -33,13 +39,18 @@ class SceneParams:
 
 @dataclass(frozen=True)
 class Labelled:
-    """``rgb`` (3, H, W) float 0 to 1; ``ids`` (H, W) int16, 0 background, k the k-th cable where it is seen;
-    ``centerlines`` per cable (m, 3) x, y, height; ``widths_px`` per cable."""
+    """``rgb`` (3, H, W) float 0 to 1; ``ids`` (H, W) int16, 0 background, k the k-th cable where it is seen.
+    Per cable ``centerlines`` (m, 3) x, y, height (of two strands that cross, the one on top has the larger),
+    ``widths_px``, ``visible`` (m,) whether a sample is in the picture and on top. ``crossings`` in the picture,
+    self-crossings too; ``camera`` with what it is worth."""
 
     rgb: Tensor
     ids: Tensor
     centerlines: tuple[FloatArray, ...]
     widths_px: tuple[float, ...]
+    visible: tuple[NDArray[np.bool_], ...]
+    crossings: tuple[truth.Crossing, ...]
+    camera: truth.Camera
 
 
 def render_scene(
@@ -50,17 +61,17 @@ def render_scene(
     canvas = Canvas(pool.sample(rng, params.size, device).contiguous())
     if rng.random() < params.clutter:
         paint_clutter(canvas, rng, params.style)
-    curves, widths = _cables(rng, params)
-    # Colors are often the background's own: contrast is not what makes a cable.
-    colors = _colors(rng, len(curves), canvas)
-    light = random_light(rng)
-    for k, (curve, width, color) in enumerate(zip(curves, widths, colors, strict=True), start=1):
-        half = np.full(len(curve), width / 2, np.float32)
-        paint_cable(canvas, curve, half, random_look(rng, color, width), light, k, rng)
-        _finish_ends(canvas, rng, curve, width)
+    layout = _layout(canvas, rng, params)
+    cables = random_cables(rng, layout, canvas.rgb)
+    plan = paint_cables(canvas, cables, random_light(rng), rng)
+    for cable, course in zip(cables, layout.courses, strict=True):
+        _finish_ends(canvas, rng, cable, course)
+    for at, heading, half in layout.ties:
+        tie(canvas, rng, at, heading, half)
     if rng.random() < 0.12:
         occluder(canvas, rng)
-    return Labelled(photograph(canvas.rgb, rng), canvas.ids, tuple(curves), tuple(widths))
+    rgb = photograph(canvas.rgb, rng)
+    return _labelled(rgb, canvas, layout, plan, truth.random_camera(rng, params.size))
 
 
 def to_uint8(rgb: Tensor) -> NDArray[np.uint8]:
@@ -68,42 +79,89 @@ def to_uint8(rgb: Tensor) -> NDArray[np.uint8]:
     return np.asarray((rgb.clamp(0, 1) * 255).round().byte().permute(1, 2, 0).cpu().numpy())
 
 
-def _cables(rng: np.random.Generator, params: SceneParams) -> tuple[list[FloatArray], list[float]]:
+def random_cables(rng: np.random.Generator, layout: Layout, ground: Tensor) -> list[Cable]:
+    """Looks for the courses of a layout over ``ground`` (3, H, W), some of whose colors they take."""
+    # Colors are often the background's own: contrast is not what makes a cable.
+    colors = _colors(rng, len(layout.courses), ground)
+    looks = [random_look(rng, c, width) for c, (_, width) in zip(colors, layout.courses, strict=True)]
+    if layout.trunk is not None:
+        looks[layout.trunk] = _wrapping(rng, looks[layout.trunk])
+    return [_cable(rng, course, look) for course, look in zip(layout.courses, looks, strict=True)]
+
+
+def _labelled(rgb: Tensor, canvas: Canvas, layout: Layout, plan: Stack, camera: truth.Camera) -> Labelled:
+    owner = torch.tensor([0, *(p.cable + 1 for p in plan.pieces)], dtype=torch.int16, device=rgb.device)
+    on_top = canvas.ids.cpu().numpy()
+    curves = [np.column_stack([c[:, :2], z]) for (c, _), z in zip(layout.courses, plan.heights, strict=True)]
+    return Labelled(
+        rgb=rgb,
+        ids=owner[canvas.ids.long()],
+        centerlines=tuple(curves),
+        widths_px=tuple(width for _, width in layout.courses),
+        visible=tuple(truth.visible(plan, curve, k, on_top) for k, curve in enumerate(curves)),
+        crossings=truth.crossings(plan, on_top),
+        camera=camera,
+    )
+
+
+def _layout(canvas: Canvas, rng: np.random.Generator, params: SceneParams) -> Layout:
     if rng.random() < params.empty_share:
-        return [], []
-    low, high = np.log(params.width_share)
-    typical = float(np.exp(rng.uniform(low, high)))
-    curves: list[FloatArray] = []
-    widths: list[float] = []
-    for _ in range(rng.integers(1, params.max_cables + 1)):
-        share = np.clip(typical * np.exp(rng.normal(0.0, 0.25)), *params.width_share)
-        width = float(share * params.size[1])
-        if curves and rng.random() < 0.15:
-            gap = (width + widths[-1]) / 2 * rng.uniform(1.0, 1.8) * rng.choice([-1, 1])
-            curves.append(parallel_curve(rng, curves[-1], gap))
-        else:
-            curves.append(random_curve(rng, params.size, width))
-        widths.append(width)
-    return curves, widths
+        return Layout(())
+    if rng.random() < 0.1 * params.clutter:
+        return _out_of_terminals(canvas, rng, params)
+    return random_layout(rng, params.size, params.width_share, params.max_cables)
 
 
-def _colors(rng: np.random.Generator, n: int, canvas: Canvas) -> list[tuple[float, float, float]]:
+def _out_of_terminals(canvas: Canvas, rng: np.random.Generator, params: SceneParams) -> Layout:
+    """A terminal row near an edge of the picture, its wire holes and the cables towards the middle."""
+    height, width = params.size
+    pitch, count = rng.uniform(0.03, 0.12) * width, int(rng.integers(1, params.max_cables + 1))
+    heading = rng.uniform(-np.pi, np.pi)
+    inward = np.array([np.cos(heading), np.sin(heading)])
+    center = np.array([width / 2, height / 2]) - inward * (width, height) * rng.uniform(0.25, 0.5)
+    # The holes are on the side away from the screws, which is where the cables leave.
+    holes = terminal_row(canvas, rng, center, heading + np.pi / 2, pitch, count)
+    return wired(rng, params.size, holes.astype(np.float32), heading, pitch)
+
+
+def _colors(rng: np.random.Generator, n: int, ground: Tensor) -> list[Color]:
     identical = random_color(rng) if rng.random() < 0.3 else None
     colors = []
     for _ in range(n):
         color = identical or random_color(rng)
-        if rng.random() < 0.15:
-            y, x = rng.integers(canvas.height), rng.integers(canvas.width)
-            seen = canvas.rgb[:, y, x].cpu().numpy()
+        if rng.random() < 0.18:
+            y, x = rng.integers(ground.shape[1]), rng.integers(ground.shape[2])
+            seen = ground[:, y, x].cpu().numpy()
             red, green, blue = np.clip(seen + rng.normal(0, 0.04, 3), 0, 1).tolist()
             color = (red, green, blue)
         colors.append(color)
     return colors
 
 
-def _finish_ends(canvas: Canvas, rng: np.random.Generator, curve: FloatArray, width: float) -> None:
-    for end, inner in ((curve[0], curve[6]), (curve[-1], curve[-7])) if len(curve) > 12 else ():
+def _wrapping(rng: np.random.Generator, look: Look) -> Look:
+    """Tape, conduit or a braided sleeve, mostly black."""
+    color: Color = (0.06, 0.06, 0.07) if rng.random() < 0.6 else look.color
+    pattern = ("tape", "corrugated", "braid")[rng.integers(3)]
+    return replace(look, color=color, second=(0.2, 0.2, 0.2), pattern=pattern, opacity=1.0)  # type: ignore[arg-type]
+
+
+def _cable(rng: np.random.Generator, course: Course, look: Look) -> Cable:
+    """Now and then with stripped ends, thinner than the insulation."""
+    curve, width = course
+    half = np.full(len(curve), width / 2, np.float32)
+    bare = [int(rng.uniform(1.0, 4.0) * width) if rng.random() < 0.1 else 0 for _ in range(2)]
+    first, last = (min(n, len(curve) // 4) for n in bare)
+    half[:first] *= 0.6
+    half[len(half) - last :] *= 0.6
+    return Cable(curve, half, look, (first, last))
+
+
+def _finish_ends(canvas: Canvas, rng: np.random.Generator, cable: Cable, course: Course) -> None:
+    curve, width = course
+    if len(curve) <= 12:
+        return
+    for end, inner, bare in ((curve[0], curve[6], cable.bare[0]), (curve[-1], curve[-7], cable.bare[1])):
         inside = 0 <= end[0] < canvas.width and 0 <= end[1] < canvas.height
-        if inside and rng.random() < 0.4:
+        if inside and not bare and rng.random() < 0.4:
             heading = float(np.arctan2(end[1] - inner[1], end[0] - inner[0]))
             terminal(canvas, rng, end[:2], heading, width / 2)

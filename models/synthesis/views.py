@@ -9,7 +9,8 @@ and given noise. Only NumPy and OpenCV; everything random comes from the generat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ _TABLE_M = 1.2
 """Side of the square of table that has a texture, around the origin."""
 _TEXELS = 1536
 _SUPER = 2
+_SHADOW_EDGE_M = 0.0015
 _NEAREST_M = 0.02
 _MOST_SAMPLES = 20_000
 
@@ -52,7 +54,21 @@ class Scene3D:
 
     cables: tuple[Cable3D, ...]
     texture: ByteArray
-    optics: Optics = Optics()
+    optics: Optics = field(default_factory=Optics)
+
+    @cached_property
+    def table(self) -> Float32Array:
+        """(``_TEXELS``, ``_TEXELS``, 3) 0 to 1: the texture with the cables' shadows, the same from everywhere."""
+        texture = cv2.resize(self.texture, (_TEXELS, _TEXELS), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+        cover = np.zeros(texture.shape[:2], np.uint8)
+        light = np.asarray(self.optics.light)
+        for cable in self.cables:
+            onto = cable.points_m[:, :2] - cable.points_m[:, 2:] * light[:2] / light[2]
+            pixels = (onto / _TABLE_M + 0.5) * _TEXELS - 0.5
+            thick = max(1, round(2 * cable.radius_m * _TEXELS / _TABLE_M))
+            cv2.polylines(cover, [np.rint(pixels * 16).astype(np.int32)], False, 255, thick, cv2.LINE_AA, 4)
+        soft = cv2.GaussianBlur(cover.astype(np.float32) / 255, (0, 0), _SHADOW_EDGE_M * _TEXELS / _TABLE_M)
+        return np.asarray(texture * (1 - self.optics.shadow * soft)[:, :, None], np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,25 +139,15 @@ def _enlarged(camera: Camera) -> Camera:
 
 
 def _table(scene: Scene3D, camera: Camera) -> Float32Array:
-    """(H, W, 3) float32 view of the texture with the cables' shadows."""
-    texture = cv2.resize(scene.texture, (_TEXELS, _TEXELS), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
-    cover = np.zeros(texture.shape[:2], np.uint8)
+    """(H, W, 3) the table as the camera sees it, through the homography of its plane."""
     scale = _TEXELS / _TABLE_M
-    light = np.asarray(scene.optics.light)
-    for cable in scene.cables:
-        onto = cable.points_m[:, :2] - cable.points_m[:, 2:] * light[:2] / light[2]
-        pixels = (onto / _TABLE_M + 0.5) * _TEXELS - 0.5
-        thick = max(1, round(2 * cable.radius_m * scale))
-        cv2.polylines(cover, [np.rint(pixels * 16).astype(np.int32)], False, 255, thick, cv2.LINE_AA, 4)
-    soft = cv2.GaussianBlur(cover.astype(np.float32) / 255, (0, 0), 0.0015 * scale)
-    texture *= (1 - scene.optics.shadow * soft)[:, :, None]
     # texel to table (meters, z = 0) to pixel
     corner = 0.5 / scale - _TABLE_M / 2
     to_table = np.array([[1 / scale, 0, corner], [0, 1 / scale, corner], [0, 0, 1]])
     pose = np.concatenate([camera.rotation.T[:, :2], -(camera.rotation.T @ camera.center)[:, None]], axis=1)
     homography = camera.intrinsics.matrix @ pose @ to_table
     size = (camera.intrinsics.width, camera.intrinsics.height)
-    seen = cv2.warpPerspective(texture, homography, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    seen = cv2.warpPerspective(scene.table, homography, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
     return np.asarray(seen, np.float32)
 
 

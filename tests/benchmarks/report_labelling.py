@@ -61,3 +61,6 @@ def clicks(data: dict[str, Any]) -> str:
         "are a pixel off in places: the network's whole foreground has IoU 81 % with them.\n\n"
         + table(["", "floor", "aim", "measured"], rows)
     )
+
+
+SECTIONS = {"labelling": batches, "tracked": tracked, "clicks": clicks}

@@ -26,6 +26,7 @@ class FakeService:
 
     def __init__(self) -> None:
         self.finished: AnyJob = samples.instances_job()
+        self.file = samples.OVERLAY
         self.refusal: Problem | None = None
         self.slow = False
         self.requests: list[str] = []

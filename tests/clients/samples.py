@@ -22,6 +22,7 @@ from dlo_client.contracts import (
     NoopResult,
     Point,
     Problem,
+    SceneStatus,
     Spline,
     StrandPosition,
 )
@@ -58,6 +59,7 @@ def two_cables() -> InstancesResult:
         width=WIDTH,
         height=HEIGHT,
         method="rt_dlo",
+        status=SceneStatus(code="ok", limit=0.8, reasons=[]),
         threshold=0.5,
         instances=[
             _straight(1, (10.0, 60.0), (159.0, 60.0), ["free", "border"]),

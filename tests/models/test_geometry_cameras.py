@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.geometry.cameras import Camera, CameraError, Intrinsics, check_pose, epipolar_lines, look_at
+from models.geometry.cameras import Camera, CameraError, Intrinsics, check_pose, epipolar_lines
 
 PLAIN = Intrinsics(640, 480, 600.0, 500.0, 320.0, 240.0)
 LENSES = [
@@ -20,6 +20,17 @@ def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, intrinsics: Intrinsics = 
     pose = np.eye(4)
     pose[:3, 3] = x, y, z
     return Camera(intrinsics, pose)
+
+
+def look_at(center: np.ndarray, target: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Pose at ``center``, ``target`` in the middle of the picture, image y along ``down`` as nearly as it can."""
+    forward = target - center
+    right = np.cross(down, forward)
+    axes = [right, np.cross(forward, right), forward]
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([axis / np.linalg.norm(axis) for axis in axes], axis=1)
+    pose[:3, 3] = center
+    return pose
 
 
 def test_a_point_lands_where_the_pinhole_says():

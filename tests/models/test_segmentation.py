@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import onnx
+import onnxruntime
 import pytest
 import torch
 
+from models.inference import WEIGHTS, load, manifest
 from models.segmentation.network_compact import CompactNetwork, foreground_loss
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from models.segmentation.train import Training, TrainParams, learning_rate, validate
+from models.segmentation.train_initial import unfold
+from models.segmentation.train_int8 import compare, quantize
 from models.synthesis.scenes import SceneParams
-from models.synthesis.textures import TexturePool
+from models.synthesis.textures import TexturePool, load_pool
 
 SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5, 0.8, 4.0)
 
@@ -148,3 +155,42 @@ def test_validation_reports_and_draws(tmp_path):
     assert set(metrics) == {"dice", "false"}
     assert 0 <= metrics["dice"] <= 1
     assert (tmp_path / "validation.png").exists()
+
+
+def test_an_exported_network_can_be_trained_further():
+    """Batch normalizations are folded away in the file: unfolded, the function is the same, in training mode
+    with the statistics of the same pictures too."""
+    network = CompactNetwork()
+    file = WEIGHTS / "foreground_compact.onnx"
+    pictures = torch.randn(1, 3, 64, 96, generator=torch.Generator().manual_seed(0))
+    assert unfold(file, network, [pictures]) == 66
+    exported = load("foreground_compact")(pictures.numpy())
+    with torch.no_grad():
+        assert np.abs(network.eval()(pictures).numpy() - exported).max() < 2e-3
+        assert np.abs(network.train()(pictures).numpy() - exported).max() < 0.1
+    with pytest.raises(ValueError, match="lateral"):
+        unfold(file, CompactNetwork(24), [pictures])
+
+
+def test_the_eight_bit_network_sees_what_the_full_one_sees():
+    settings = ForegroundInput.from_manifest(manifest()["foreground_compact"].preprocess)
+    full, small = load("foreground_compact"), load("foreground_compact_int8")
+    assert small.spec.bytes < 0.4 * full.spec.bytes
+    assert small.spec.preprocess == full.spec.preprocess
+    assert compare(full, small, load_pool(None), 6)["differing_pixels"] < 0.03
+    for size in ((32, 32), (224, 320)):
+        assert small(np.zeros((1, 3, *size), np.float32)).shape == (1, 1, *size)
+    assert settings.long_side == 640
+
+
+def test_quantizing_leaves_the_last_convolution_as_it_is(tmp_path):
+    spec = manifest()["foreground_compact"]
+    settings = replace(ForegroundInput.from_manifest(spec.preprocess), long_side=128)
+    quantize(WEIGHTS / spec.file, tmp_path / "small.onnx", settings, load_pool(None), 2)
+    graph = onnx.load(tmp_path / "small.onnx").graph
+    quantized = {o for n in graph.node if n.op_type == "DequantizeLinear" for o in n.output}
+    fed = [[i in quantized for i in n.input[:2]] for n in graph.node if n.op_type == "Conv"]
+    assert fed[0] == [True, True]
+    assert fed[-1][1] is False, "its weights"
+    session = onnxruntime.InferenceSession(tmp_path / "small.onnx", providers=["CPUExecutionProvider"])
+    assert session.run(None, {"input": np.zeros((1, 3, 64, 64), np.float32)})[0].shape == (1, 1, 64, 64)

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from models.synthesis.cables import Light, Look, paint_cable
-from models.synthesis.canvas import Canvas, shift
-from models.synthesis.clutter import PAINTERS, mural
-from models.synthesis.curves import CurveParams, interpolate, parallel_curve, propagate
+from models.synthesis.canvas import Canvas, blur
+from models.synthesis.clutter import PAINTERS
+from models.synthesis.curves import CurveParams, coil, interpolate, parallel_curve, propagate
+from models.synthesis.ends import terminal, tie
+from models.synthesis.looks import _PATTERN, Light, Look, appearance
 from models.synthesis.optics import jpeg
-from models.synthesis.ribbons import rasterize, strands
+from models.synthesis.paint import mural
+from models.synthesis.ribbons import rasterize, strand
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool, pack
 
@@ -24,10 +26,6 @@ def straight(x0: float, y0: float, x1: float, y1: float, height: float = 0.5) ->
     t = np.linspace(0, 1, 200)[:, None]
     xy = (1 - t) * (x0, y0) + t * (x1, y1)
     return np.concatenate([xy, np.full((200, 1), height)], 1).astype(np.float32)
-
-
-def look(color: tuple[float, float, float]) -> Look:
-    return Look(color, color, "plain", 10.0, gloss=0.0, shininess=4.0, grain=0.0, opacity=1.0)
 
 
 def test_spline_passes_through_its_control_points():
@@ -56,7 +54,7 @@ def test_parallel_neighbor_keeps_about_its_gap():
 
 def test_a_horizontal_ribbon_covers_exactly_its_width():
     """Width 6 about y = 20: rows 17 to 23 are touched, the outer two half covered."""
-    ribbon = rasterize(straight(-5, 20, 45, 20), np.full(200, 3.0, np.float32), (40, 40), CPU)
+    ribbon = rasterize(strand(straight(-5, 20, 45, 20), np.full(200, 3.0, np.float32), CPU), (40, 40))
     column = ribbon.index % 40 == 20
     rows = (ribbon.index[column] // 40).tolist()
     alpha = dict(zip(rows, ribbon.alpha[column].tolist(), strict=True))
@@ -65,33 +63,72 @@ def test_a_horizontal_ribbon_covers_exactly_its_width():
     assert sum(alpha.values()) == pytest.approx(6.0, abs=0.05)
 
 
-def test_the_later_cable_owns_the_crossing():
-    canvas = Canvas(torch.zeros(3, 60, 60))
-    rng = np.random.default_rng(0)
-    half = np.full(200, 4.0, np.float32)
-    paint_cable(canvas, straight(0, 30, 60, 30), half, look((1.0, 0.0, 0.0)), FLAT, 1, rng)
-    paint_cable(canvas, straight(30, 0, 30, 60), half, look((0.0, 0.0, 1.0)), FLAT, 2, rng)
-    assert canvas.ids[30, 30] == 2
-    assert canvas.ids[30, 10] == 1
-    assert canvas.rgb[2, 30, 30] > 0.8
-    assert canvas.rgb[0, 30, 30] < 0.05
+@pytest.mark.parametrize("pattern", ["plain", *_PATTERN])
+def test_every_pattern_gives_finite_colors_and_opaque_middles(pattern):
+    ribbon = rasterize(strand(straight(0, 20, 60, 20), np.full(200, 6.0, np.float32), CPU), (40, 60))
+    look = Look((0.8, 0.2, 0.1), (0.1, 0.2, 0.9), pattern, 12.0, gloss=0.5, shininess=30.0, grain=0.0, opacity=1.0)
+    color, alpha = appearance(ribbon, look, FLAT, 0, np.random.default_rng(0))
+    assert color.expand(3, len(alpha)).shape == (3, len(ribbon.index))
+    assert torch.isfinite(color).all()
+    assert float(alpha[ribbon.offset.abs() < 0.5].min()) == 1.0
 
 
-def test_a_self_crossing_shows_its_higher_strand():
-    """The strand with the larger height is on top, though it comes first along the curve."""
-    curve = np.concatenate([straight(30, 0, 30, 60, height=0.9), straight(0, 30, 60, 30, height=0.1)])
-    runs = strands(curve, 8)
-    assert curve[runs[0], 2].mean() < curve[runs[-1], 2].mean()
-    ribbon = rasterize(curve, np.full(400, 4.0, np.float32), (60, 60), CPU)
-    center = ribbon.sample[ribbon.index == 30 * 60 + 30]
-    assert curve[int(center), 2] == pytest.approx(0.9)
+def test_a_transparent_cable_shows_the_ground_more_in_its_middle_than_at_its_rim():
+    ribbon = rasterize(strand(straight(0, 20, 60, 20), np.full(200, 8.0, np.float32), CPU), (40, 60))
+    look = Look((1, 1, 1), (1, 1, 1), "plain", 12.0, gloss=0.0, shininess=4.0, grain=0.0, opacity=0.5)
+    _, alpha = appearance(ribbon, look, FLAT, 0, np.random.default_rng(0))
+    assert float(alpha[ribbon.offset.abs() < 0.1].max()) < 0.55
+    assert float(alpha[(ribbon.offset.abs() > 0.85) & (ribbon.alpha == 1)].min()) > 0.55
 
 
-def test_shift_moves_and_fills_with_zeros():
-    plane = torch.arange(12.0).view(3, 4)
-    assert torch.equal(shift(plane, 1, 0)[:, 1:], plane[:, :-1])
-    assert torch.equal(shift(plane, 0, -1)[:-1], plane[1:])
-    assert float(shift(plane, 9, 0).abs().sum()) == 0
+def test_a_coil_turns_around_more_than_once():
+    curve = coil(np.random.default_rng(2), (192, 320), 8.0)
+    heading = np.unwrap(np.arctan2(*np.diff(curve[:, 1::-1], axis=0).T))
+    assert abs(heading[-1] - heading[0]) > 2 * np.pi
+
+
+@pytest.mark.parametrize("radius", [1, 3, 4, 9])
+def test_blur_keeps_the_mean_and_spreads(radius):
+    plane = torch.zeros(64, 96)
+    plane[30:34, 46:50] = 1.0
+    soft = blur(plane, radius)
+    assert soft.shape == plane.shape
+    assert float(soft.sum()) == pytest.approx(16.0, rel=0.05)
+    assert float(soft.max()) < 1.0
+
+
+def test_drops_have_their_area_and_the_later_covers():
+    canvas = Canvas(torch.zeros(3, 40, 40))
+    colors = torch.tensor([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    canvas.drops(torch.tensor([[20.0, 20.0], [21.0, 20.0]]), torch.tensor([5.0, 3.0]), colors)
+    assert canvas.rgb[1, 20, 21] == 1.0
+    assert canvas.rgb[0, 20, 21] == 0.0
+    assert canvas.rgb[0, 20, 16] == 1.0
+    assert float(canvas.rgb.sum()) == pytest.approx(np.pi * 25, rel=0.06)
+
+
+def test_a_lattice_has_as_many_parts_as_it_says():
+    from skimage.measure import label
+
+    canvas = Canvas(torch.zeros(3, 60, 90))
+    canvas.lattice((45, 30), (5, 3), (12.0, 14.0), 0.0, (4.0, 5.0), (1.0, 1.0, 1.0))
+    assert label(canvas.rgb[0].numpy() > 0.5).max() == 15
+    assert float(canvas.rgb[0].sum()) == pytest.approx(15 * 8 * 10, rel=0.05)
+
+
+def test_a_polygon_is_filled_inside_only():
+    canvas = Canvas(torch.zeros(3, 40, 40))
+    canvas.polygon([(10, 10), (30, 10), (30, 20), (10, 20)], (1.0, 1.0, 1.0))
+    assert float(canvas.rgb[0].sum()) == pytest.approx(200, rel=0.05)
+    assert canvas.rgb[0, 15, 20] == 1.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_connectors_and_ties_take_the_label_away(seed):
+    canvas = Canvas(torch.full((3, 120, 160), 0.5))
+    canvas.ids[:] = 7
+    (tie if seed % 4 == 0 else terminal)(canvas, np.random.default_rng(seed), np.array([80.0, 60.0]), 0.3, 6.0)
+    assert 0 < int((canvas.ids == 0).sum()) < 120 * 160 / 2
 
 
 def test_fine_jpeg_changes_almost_nothing_and_coarse_jpeg_does():

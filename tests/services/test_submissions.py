@@ -296,3 +296,54 @@ class TestIdempotencyKey:
     def test_key_out_of_range(self, client, problem):
         response = client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k" * 256})
         problem(response, 422, field="Idempotency-Key")
+
+
+class TestWebhook:
+    URL = "https://cell.example:8443/ended?cell=3"
+
+    @pytest.fixture
+    def service_settings(self, service_settings):
+        allowed = {"webhook_hosts": ("plc", "cell.example:8443"), "webhook_secret": "a secret of some length"}
+        return service_settings.model_copy(update=allowed)
+
+    @pytest.mark.parametrize("url", [URL, "http://plc:81", "http://plc"])
+    def test_an_allowed_host_is_taken(self, client, queued, url):
+        assert queued(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url})).webhook_url == url
+
+    @pytest.mark.parametrize(
+        "url",
+        [
+            "https://cell.example/ended",
+            "http://169.254.0.1/",
+            "http://plc.evil.example/",
+            "http://plc@evil.example/",
+            "http://evil.example/@plc",
+            "http://[::1]/",
+            "http://[plc/",
+            "http://[1.2]/",
+            "ftp://plc/",
+            "plc",
+            "",
+        ],
+    )
+    def test_another_is_refused(self, client, problem, url):
+        problem(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url}), 422, field="webhook_url")
+
+
+class TestPlanShape:
+    STATE = {"kind": "plan_shape", "target_m": [[0, 0], [0.3, 0.1]], "object": {"mass_kg": 0.05}}
+
+    def test_points_need_no_picture(self, client, queued):
+        """It was refused: every request with an image field had to name a picture."""
+        request = queued(client.post("/v1/jobs", json=self.STATE | {"state_m": [[0, 0], [0.3, 0]]}))
+        assert request.image is None
+
+    def test_a_homography_needs_one(self, client, problem, send, queued):
+        given = self.STATE | {"homography": [[0.001, 0, 0], [0, 0.001, 0], [0, 0, 1]]}
+        problem(client.post("/v1/jobs", json=given), 422, field="image")
+        assert queued(send(given, samples.encoded())).image is not None
+
+    @pytest.mark.parametrize("state", [[[0, 0]], [[0, 0], [0, 0]], [[0, 0], ["x", 0]], "line"])
+    def test_a_state_that_is_no_line_is_named(self, client, problem, state):
+        found = problem(client.post("/v1/jobs", json=self.STATE | {"state_m": state}), 422)
+        assert found["errors"][0]["field"].startswith("state_m")

@@ -19,7 +19,7 @@ from dlo_client.contracts import (
     Target,
 )
 
-from models.geometry.cameras import Camera
+from models.geometry.cameras import Camera, Intrinsics
 from models.reconstruction.curves import distances
 from models.synthesis.arm import camera_above
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable, render
@@ -228,7 +228,7 @@ def test_a_section_elsewhere_cannot_be_continued(tools, views, outcome):
 
 def test_next_view_alone(tools, outcome):
     cameras = [CameraPose(intrinsics=intrinsics(c), T_world_camera=c.T_world_camera.tolist()) for c in ROW[:3]]
-    request = NextViewRequest(curve=outcome.result.curve, cameras=cameras, views=4, nearest_m=0.2)
+    request = NextViewRequest(curve=outcome.result.curve, cameras=cameras, pictures=4, nearest_m=0.2)
     plan = stages.run(request, tools).result.next_view
     assert len(plan.T_world_camera) == 4
     assert plan.delta_z_m < 0
@@ -240,3 +240,24 @@ def test_next_view_alone(tools, outcome):
 
 def _lowered(pose):
     return (*pose[:2], (*pose[2][:3], -1.0), pose[3])
+
+
+def test_a_large_picture_from_a_bent_lens(tools, truth):
+    """Thresholds in pixels hold for a camera of 1600 × 1200, and the lens is undone."""
+    lens = Intrinsics(1600, 1200, 1500.0, 1500.0, 799.5, 599.5, (-0.2, 0.06, 0.0, 0.0))
+    cameras = [camera_above(np.array([x, 0.0]), 0.25, lens) for x in (-0.03, 0.0, 0.03)]
+    rng = np.random.default_rng(9)
+    scene = Scene3D((Cable3D(truth, RADIUS_M, (0.8, 0.1, 0.1)),), noise_texture(rng))
+    views = []
+    for camera in cameras:
+        made = view(tools, render(scene, camera, rng).rgb, camera)
+        bent = made.intrinsics.model_copy(update={"distortion": list(lens.distortion)})
+        views.append(made.model_copy(update={"intrinsics": bent}))
+    x, y = cameras[1].project_to_picture(truth[1000:1001])[0]
+    target = Target(view=1, xy=(float(x), float(y)))
+    outcome = stages.run(ReconstructRequest(views=views, target=target), tools)
+    error_mm = 1000 * distances(np.array(outcome.result.curve.points_m), truth)
+    assert error_mm.mean() < 0.5
+    assert [v.status for v in outcome.result.views] == ["used"] * 3
+    drawn = cv2.imdecode(np.frombuffer(outcome.files["overlay_1.png"][1], np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+    assert np.abs(drawn[round(y), round(x)].astype(int) - (255, 214, 10)).max() < 60

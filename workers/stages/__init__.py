@@ -9,21 +9,37 @@ import cv2
 import numpy as np
 from dlo_client.contracts import (
     AnyRequest,
+    DisentangleRequest,
+    EstimateParametersRequest,
     InstancesRequest,
     LabelTrackedRequest,
     MergeCurvesRequest,
     NetworkInfo,
     NextViewRequest,
     NoopRequest,
+    PlanShapeRequest,
     ReconstructRequest,
     SegmentRequest,
+    TopologyRequest,
 )
 
 from models import inference
 from models.inference import NetworkSpec, Runtime
 from workers.blobs import FolderBlobs
 from workers.settings import Settings
-from workers.stages import instances, label_tracked, merge_curves, next_view, noop, reconstruct, segment
+from workers.stages import (
+    estimate_parameters,
+    instances,
+    label_tracked,
+    merge_curves,
+    next_view,
+    noop,
+    plan_disentangle,
+    plan_shape,
+    reconstruct,
+    segment,
+    topology,
+)
 from workers.stages.outcome import Outcome, Tools
 
 
@@ -36,12 +52,20 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
             return segment.run(request, tools)
         case InstancesRequest():
             return instances.run(request, tools)
+        case PlanShapeRequest():
+            return plan_shape.run(request, tools)
+        case EstimateParametersRequest():
+            return estimate_parameters.run(request, tools)
         case ReconstructRequest():
             return reconstruct.run(request, tools)
         case NextViewRequest():
             return next_view.run(request)
         case MergeCurvesRequest():
             return merge_curves.run(request)
+        case TopologyRequest():
+            return topology.run(request, tools)
+        case DisentangleRequest():
+            return plan_disentangle.run(request, tools)
         case LabelTrackedRequest():
             return label_tracked.run(request, tools)
         case _:

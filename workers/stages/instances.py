@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from dlo_client.contracts import (
@@ -14,20 +16,20 @@ from dlo_client.contracts import (
     MaskRLE,
     ModelUsed,
     Point,
+    SceneStatus,
     Spline,
     StrandPosition,
 )
-from dlo_client.contracts import RtDloParams as RequestedParams
+from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
 from numpy.typing import NDArray
 
 from models.geometry import rle
 from models.geometry.polylines import resample
-from models.inference import default_name
 from models.instances import scene as found
 from models.instances.drawing import palette
 from models.instances.overlay import overlay
-from models.instances.rt_dlo import RtDloParams, extract
 from models.segmentation.segment import foreground_mask
+from workers.stages.instance_methods import extract_with
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
 from workers.stages.pictures import indexed_png, png, read_mask, read_rgb
 from workers.stages.segment import foreground, mask_png, model_used
@@ -35,6 +37,8 @@ from workers.stages.segment import foreground, mask_png, model_used
 MASK_THRESHOLD = 0.5
 _ABOVE_ZERO = 1e-6
 _DECIMALS = 2
+_SURE = 0.8
+"""What is less likely right makes the whole answer unsure."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,10 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         mask = read_mask(request.mask, "mask", tools) if request.mask is not None else None
         _check(image, mask)
     tools.progress(0.1)
-    seen = perceive(image, tools, mask=mask, model=request.model, threshold=request.threshold, params=request.params)
+    seen = perceive(
+        image, tools, mask=mask, model=request.model, threshold=request.threshold,
+        method=request.method, params=request.params,
+    )  # fmt: skip
     tools.progress(0.8)
     with watch.step("encode"):
         masks = rle.encode_labels(seen.scene.labels, len(seen.scene.instances))
@@ -72,6 +79,7 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         threshold=seen.threshold,
         instances=instances,
         crossings=[_crossing(k, item) for k, item in enumerate(seen.scene.crossings, start=1)],
+        status=_status(seen.scene),
         models=seen.models,
     )
     return Outcome(result, files, watch.timings_ms | seen.timings_ms)
@@ -84,7 +92,8 @@ def perceive(
     mask: NDArray[np.float32] | None = None,
     model: str | None = None,
     threshold: float | None = None,
-    params: RequestedParams | None = None,
+    method: InstanceMethod = DEFAULT_METHOD,
+    params: MethodParams | None = None,
 ) -> Perception:
     """The whole chain on arrays: ``image`` (H, W, 3) and/or ``mask`` (H, W) probability."""
     watch, models = Stopwatch(), []
@@ -99,11 +108,10 @@ def perceive(
             models.append(model_used(spec))
         else:
             raise InvalidInput("image", "an image or a mask is needed")
-    orientation = tools.network(default_name("orientation"))
-    models.append(model_used(orientation.spec))
+    extract, networks = extract_with(method, params, tools)
+    models += [model_used(network.spec) for network in networks]
     with watch.step("instances"):
-        chosen = RtDloParams(**params.model_dump()) if params else RtDloParams()
-        scene = extract(cable, image, chosen, orientation)
+        scene = extract(cable, image)
     timings = watch.timings_ms | {f"instances.{name}": ms for name, ms in scene.timings_ms.items()}
     return Perception(scene, probability, applied, models, timings)
 
@@ -132,11 +140,22 @@ def _gray(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.repeat(np.rint(probability * 120).astype(np.uint8)[:, :, None], 3, axis=2)
 
 
+def _status(scene: found.Scene) -> SceneStatus:
+    unsure = [i for i in scene.instances if i.score < _SURE]
+    doubtful = [c for c in scene.crossings if min(c.score, c.existence) < _SURE]
+    reasons = Counter(reason for instance in unsure for reason in instance.reasons)
+    code: Literal["ok", "unsure", "none_found"] = "unsure" if unsure or doubtful else "ok"
+    return SceneStatus(
+        code=code if scene.instances else "none_found", limit=_SURE, reasons=[r for r, _ in reasons.most_common()]
+    )
+
+
 def _instance(number: int, item: found.Instance, mask: MaskRLE, points: int | None) -> Instance:
     centerline = item.centerline_xy if points is None else resample(item.centerline_xy, points)
     return Instance(
         id=number,
         score=round(item.score, 4),
+        reasons=list(item.reasons),
         centerline_xy=_points(centerline),
         width_px=round(item.width_px, _DECIMALS),
         length_px=round(item.length_px, _DECIMALS),
@@ -158,6 +177,7 @@ def _crossing(number: int, item: found.Crossing) -> Crossing:
         over=StrandPosition(instance=item.over.instance, u=round(item.over.u, 4)),
         under=StrandPosition(instance=item.under.instance, u=round(item.under.u, 4)),
         score=round(item.score, 4),
+        existence=round(item.existence, 4),
     )
 
 

@@ -14,7 +14,7 @@ def run(request: NextViewRequest) -> Outcome:
     curve = curves3d.decode(request.curve, "curve")
     cameras = [curves3d.camera(c, f"cameras.{k}") for k, c in enumerate(request.cameras)]
     params = PlanParams(
-        views=request.views,
+        views=request.pictures,
         optimise=request.optimise,
         baseline_m=request.baseline_m,
         baseline_at_most_m=request.baseline_at_most_m,

@@ -39,6 +39,17 @@ def read_mask(source: ImageSource, field: str, tools: Tools) -> NDArray[np.float
     return np.asarray(np.clip(values / full, 0.0, 1.0), np.float32)
 
 
+def read_depth_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.float32]:
+    """Distance to the camera (H, W) in meters from 16-bit gray in millimeters; 0 is unknown.
+
+    Raises InvalidInput naming ``field``, also for a picture of 8 bits or of colors.
+    """
+    picture = _decode(source, field, tools)
+    if picture.mode not in _WIDE_GRAY:
+        raise InvalidInput(field, "should be 16-bit gray, in millimeters", "invalid_depth")
+    return np.asarray(picture).astype(np.float32) / 1000.0
+
+
 def png(array: NDArray[np.uint8]) -> bytes:
     """(H, W) gray or (H, W, 3) RGB."""
     pixels = cv2.cvtColor(array, cv2.COLOR_RGB2BGR) if array.ndim == 3 else array

@@ -10,10 +10,15 @@ _MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
 
 def main() -> None:
     try:
-        from dlo_client import labelling_commands, reconstruction_commands  # noqa: F401  they register themselves
+        from dlo_client import (  # noqa: F401  they register their commands
+            harness_commands,
+            labelling_commands,
+            reconstruction_commands,
+            shape_commands,
+        )
         from dlo_client.commands import app
     except ModuleNotFoundError as error:
-        if error.name not in ("typer", "rich"):
+        if error.name not in ("typer", "rich", "PIL"):
             raise
         sys.exit(_MISSING.format(name=error.name))
     app()

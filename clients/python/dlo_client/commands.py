@@ -18,7 +18,7 @@ from dlo_client.client import Client
 from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE, Connection
 from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
 from dlo_client.contracts.base import ResultT
-from dlo_client.contracts.requests import InstanceMethod
+from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
 from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized
 from dlo_client.printing import (
     print_error,
@@ -59,7 +59,7 @@ def instances(
     context: typer.Context,
     images: Images,
     out: Out = None,
-    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = "rt_dlo",
+    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = DEFAULT_METHOD,
     threshold: Threshold = None,
     points: Annotated[
         int | None, typer.Option(min=2, max=2000, help="Centerline points an instance; default: every 5 px.")
@@ -73,7 +73,7 @@ def instances(
         points_per_instance=points,
         files=[] if out is None else ["instances", "overlay"],
     )
-    _process(context.obj, request, images, out, print_job_as_json if as_json else print_instances)
+    process(context.obj, request, images, out, print_job_as_json if as_json else print_instances)
 
 
 @app.command()
@@ -86,7 +86,7 @@ def segment(
 ) -> None:
     """Tell cable from background: the share of cable pixels, and mask.png in the folder."""
     request = SegmentRequest(threshold=threshold)
-    _process(context.obj, request, images, out, print_job_as_json if as_json else print_segment)
+    process(context.obj, request, images, out, print_job_as_json if as_json else print_segment)
 
 
 @app.command()
@@ -128,18 +128,19 @@ def readable() -> Iterator[None]:
         raise typer.Exit(1) from error
 
 
-def _process(
+def process(
     client: Client,
     request: JobRequest[ResultT],
     images: Sequence[Path],
     out: Path | None,
     show: Show[ResultT],
+    masks: bool = False,
 ) -> None:
-    """One job a picture; the exit code says at the end whether all went well."""
+    """One job a picture, or a mask where ``masks`` says so; the exit code tells at the end whether all went well."""
     failed = False
     for image, stem in zip(images, stems(images), strict=True):
         try:
-            job = client.run(request, image)
+            job = client.run(request, mask=image) if masks else client.run(request, image)
             show(image, job, save(client, job, out, stem) if out else [])
         except OSError as error:
             failed = True

@@ -17,7 +17,7 @@ from dlo_client.client import Client
 from dlo_client.commands import app, readable
 from dlo_client.connection import CONNECTION, Connection
 from dlo_client.contracts import CameraView, InstancesRequest, LabelTrackedRequest, Stroke
-from dlo_client.contracts.requests import InstanceMethod
+from dlo_client.contracts.methods import InstanceMethod
 from dlo_client.labelling import (
     BatchStopped,
     LabelOptions,

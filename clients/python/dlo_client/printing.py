@@ -84,6 +84,25 @@ def print_networks(networks: Iterable[NetworkInfo]) -> None:
     _console().print(table)
 
 
+def print_lines(lines: Iterable[str]) -> None:
+    for line in lines:
+        _line(_console(), line)
+
+
+def print_rows(
+    head: str, columns: Sequence[str], rows: Sequence[Sequence[str]], job: Job[Any], saved: Sequence[Path]
+) -> None:
+    """A line, a table if there are rows, then what the job's steps took and what was saved."""
+    out = _console()
+    _line(out, head)
+    if rows:
+        table = _table(list(columns), right=[])
+        for row in rows:
+            table.add_row(*row)
+        out.print(table)
+    _print_foot(out, job, saved)
+
+
 def print_error(text: str) -> None:
     _line(_console(stderr=True), f"error: {text}")
 

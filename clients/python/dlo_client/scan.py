@@ -175,7 +175,7 @@ class Scan:
         request = NextViewRequest(
             curve=section.result.curve,
             cameras=[CameraPose(intrinsics=self._intrinsics, T_world_camera=pose) for pose in section.poses],
-            views=options.views,
+            pictures=options.views,
             optimise=options.optimise,
             baseline_m=options.baseline_m,
             baseline_at_most_m=options.baseline_at_most_m,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -73,5 +73,5 @@ def _extract(
         "edges": 1e3 * (after_edges - after_vertices),
         "paths": 1e3 * (perf_counter() - after_edges),
     }
-    scene = assemble(chains, mask, distances, image)
-    return Scene(scene.instances, scene.crossings, scene.labels, {**timings, **scene.timings_ms})
+    scene = assemble(chains, mask, distances, image, method="rt_dlo")
+    return replace(scene, timings_ms={**timings, **scene.timings_ms})

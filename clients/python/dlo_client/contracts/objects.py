@@ -31,11 +31,29 @@ class MaskRLE(Reply):
     counts: str
 
 
+Reason = Literal["gap", "border", "parallel", "low_contrast", "blur"]
+"""Why an answer is unsure: foreground is missing along the way (``gap``); it ends at the picture's edge near another
+one (``border``); it runs along another one without background between (``parallel``); the picture hardly tells it
+from what lies beside it (``low_contrast``); its edges are not sharp (``blur``)."""
+
+
+class SceneStatus(Reply):
+    """Whether the whole answer can be relied on. ``unsure``: some instance or crossing is less likely right than
+    ``limit``; ``none_found``: no DLO was seen. ``reasons`` are those of all unsure instances, most frequent first."""
+
+    code: Literal["ok", "unsure", "none_found"]
+    limit: Probability
+    reasons: list[Reason]
+
+
 class Instance(Reply):
     """One DLO as it appears in the picture."""
 
     id: int = Field(ge=1, description="also its value in instances.png")
-    score: Probability = Field(description="confidence that this is one true DLO; not yet calibrated")
+    score: Probability = Field(
+        description="probability that it matches one true DLO above IoU 0.5; calibrated on rendered scenes"
+    )
+    reasons: list[Reason] = Field(default=[], description="what makes it unsure; may be empty")
     centerline_xy: list[Point] = Field(description="ordered, at equal arc length, end to end")
     width_px: float = Field(gt=0)
     length_px: float = Field(ge=0)
@@ -60,5 +78,6 @@ class Crossing(Reply):
     over: StrandPosition
     under: StrandPosition
     score: Probability = Field(
-        description="confidence in the order; 0.5 when it is not known (no picture, or no difference seen)"
+        description="probability that the order is right; 0.5 when it is not known (no picture, no difference seen)"
     )
+    existence: Probability = Field(default=1.0, description="probability that two strands cross here at all")

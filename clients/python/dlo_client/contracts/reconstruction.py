@@ -169,7 +169,7 @@ class NextViewRequest(JobRequest[NextViewResult]):
     cameras: list[CameraPose] = Field(
         min_length=1, max_length=16, description="those that `curve` was seen with; the last is where the camera stands"
     )
-    views: int = Field(default=3, ge=2, le=16, description="how many pictures will be taken")
+    pictures: int = Field(default=3, ge=2, le=16, description="how many will be taken")
     optimise: Optimise = Field(default="bz", description="baseline, distance, both, or neither")
     baseline_m: float = Field(default=0.05, gt=0, le=10, description="where it is not optimised, first to last pose")
     baseline_at_most_m: float = Field(default=1.0, gt=0, le=10)

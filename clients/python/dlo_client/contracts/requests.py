@@ -5,14 +5,21 @@ To add a kind: a pair here, a file in ``workers/stages``, a ``case`` there.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from dlo_client.contracts.base import Contract, Probability, Reply
+from dlo_client.contracts.base import Probability, Reply
 from dlo_client.contracts.images import ImageSource
 from dlo_client.contracts.labelling import LabelTrackedRequest, LabelTrackedResult
-from dlo_client.contracts.objects import Crossing, Instance
+from dlo_client.contracts.manipulation import (
+    EstimateParametersRequest,
+    EstimateParametersResult,
+    PlanShapeRequest,
+    PlanShapeResult,
+)
+from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
+from dlo_client.contracts.objects import Crossing, Instance, SceneStatus
 from dlo_client.contracts.reconstruction import (
     MergeCurvesRequest,
     MergeCurvesResult,
@@ -22,6 +29,7 @@ from dlo_client.contracts.reconstruction import (
     ReconstructResult,
 )
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult, TopologyRequest, TopologyResult
 
 
 class NoopResult(Reply):
@@ -54,15 +62,6 @@ class SegmentRequest(JobRequest[SegmentResult]):
     threshold: Probability | None = Field(default=None, description="default: the network's own")
 
 
-class RtDloParams(Contract):
-    """Parameters of RT-DLO (thesis section 3.5, Table 3.5)."""
-
-    sampling_ratio: float = Field(default=0.15, gt=0, le=1, description="alpha: share of maxima kept as vertices")
-    neighbors: int = Field(default=8, ge=2, le=64, description="K_nn")
-    min_similarity: float = Field(default=0.1, ge=0, lt=1, description="mu: weakest edge accepted")
-
-
-InstanceMethod = Literal["rt_dlo"]
 InstanceFile = Literal["instances", "overlay", "mask"]
 
 
@@ -74,6 +73,7 @@ class InstancesResult(Reply):
     threshold: Probability
     instances: list[Instance]
     crossings: list[Crossing]
+    status: SceneStatus
     models: list[ModelUsed]
 
 
@@ -87,14 +87,30 @@ class InstancesRequest(JobRequest[InstancesResult]):
     kind: Literal["instances"] = "instances"
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     mask: ImageSource | None = Field(default=None, description="or a `mask` part")
-    method: InstanceMethod = "rt_dlo"
+    method: InstanceMethod = DEFAULT_METHOD
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
-    params: RtDloParams | None = None
+    params: MethodParams | None = Field(default=None, description="those of `method`")
     points_per_instance: int | None = Field(
         default=None, ge=2, le=2000, description="default: one point about every 5 px"
     )
     files: list[InstanceFile] = Field(default=["instances", "overlay"], max_length=3)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _params_of_the_method(cls, data: Any) -> Any:
+        """Parameters and method name each other: either may be left out where the other says it."""
+        params = data.get("params") if isinstance(data, dict) else None
+        if isinstance(params, dict):
+            method = data.get("method", params.get("method", DEFAULT_METHOD))
+            return {**data, "method": method, "params": {"method": method, **params}}
+        return data if params is None else {"method": getattr(params, "method", DEFAULT_METHOD), **data}
+
+    @model_validator(mode="after")
+    def _one_method(self) -> InstancesRequest:
+        if self.params is not None and self.params.method != self.method:
+            raise ValueError(f"`params` are those of {self.params.method}, the method is {self.method}")
+        return self
 
     @model_validator(mode="after")
     def _one_foreground(self) -> InstancesRequest:
@@ -110,6 +126,10 @@ AnyRequest = Annotated[
     | ReconstructRequest
     | NextViewRequest
     | MergeCurvesRequest
+    | TopologyRequest
+    | DisentangleRequest
+    | PlanShapeRequest
+    | EstimateParametersRequest
     | LabelTrackedRequest,
     Field(discriminator="kind"),
 ]
@@ -120,7 +140,23 @@ AnyResult = Annotated[
     | ReconstructResult
     | NextViewResult
     | MergeCurvesResult
+    | TopologyResult
+    | DisentangleResult
+    | PlanShapeResult
+    | EstimateParametersResult
     | LabelTrackedResult,
     Field(discriminator="kind"),
 ]
-JobKind = Literal["noop", "segment", "instances", "reconstruct", "next_view", "merge_curves", "label_tracked"]
+JobKind = Literal[
+    "noop",
+    "segment",
+    "instances",
+    "reconstruct",
+    "next_view",
+    "merge_curves",
+    "topology",
+    "plan_disentangle",
+    "plan_shape",
+    "estimate_parameters",
+    "label_tracked",
+]

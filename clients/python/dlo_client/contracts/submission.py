@@ -18,6 +18,17 @@ class JobRequest(Contract, Generic[ResultT]):
     priority: Priority = "interactive"
     timeout_s: float = Field(default=60.0, gt=0, le=3600, description="from acceptance to the end of the job")
     label: str | None = Field(default=None, max_length=200, description="echoed in the job")
+    webhook_url: str | None = Field(
+        default=None,
+        max_length=2000,
+        pattern=r"^https?://([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:\d{1,5})?(/\S*)?$",
+        description="the ended job is POSTed there, signed; its host must be one that the service allows",
+    )
+
+    @property
+    def needs_picture(self) -> bool:
+        """Whether an ``image`` (or ``mask``) field of this kind has to name a picture."""
+        return True
 
 
 class ModelUsed(Reply):

@@ -1,0 +1,231 @@
+"""Kinds of thesis chapter 5: where to grasp a DLO and where to place it, and what it is made of.
+
+Lengths are meters on the table, in one right-handed frame that the client chooses; angles are radians, counted from
+x to y. Points of a DLO are ordered from one end to the other; edge k joins points k and k + 1.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from dlo_client.contracts.base import Contract, Reply
+from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+
+Meters = Annotated[float, Field(ge=-1e3, le=1e3)]
+Point2 = tuple[Meters, Meters]
+Row3 = tuple[Meters, Meters, Meters]
+
+_LEAST_LENGTH_M = 1e-3
+
+
+def _is_a_line(points: list[Point2]) -> list[Point2]:
+    steps = [((bx - ax) ** 2 + (by - ay) ** 2) ** 0.5 for (ax, ay), (bx, by) in pairwise(points)]
+    if sum(steps) < _LEAST_LENGTH_M:
+        raise ValueError("the points all lie at one place: a DLO is longer than 1 mm")
+    return points
+
+
+Shape = Annotated[list[Point2], Field(min_length=2, max_length=2000), AfterValidator(_is_a_line)]
+"""A DLO on the table, end to end; any number of points."""
+
+
+class DloObject(Contract):
+    """What is known of the DLO: its mass, and its length if it is not to be taken from its state."""
+
+    mass_kg: float = Field(gt=0, le=10)
+    length_m: float | None = Field(default=None, gt=0, le=100)
+
+
+class MoveAction(Contract):
+    """Grip the middle of an edge, move it by dx, dy, turn it about its middle by dtheta, let go."""
+
+    edge: int = Field(ge=0, lt=2000)
+    dx_m: Meters
+    dy_m: Meters
+    dtheta_rad: float = Field(ge=-3.15, le=3.15)
+
+
+class Experience(Contract):
+    """An action and what it did; ``edge`` counts along ``before``."""
+
+    before: Shape
+    action: MoveAction
+    after: Shape
+
+
+class RopeParameters(Contract):
+    """Bending k_b (N m/rad a joint) and damping k_d (N s/m a node) of the model of 16 nodes (eq. 5.1 to 5.3)."""
+
+    k_b: float = Field(gt=0, le=100)
+    k_d: float = Field(gt=0, le=1000)
+
+
+class PlanLimits(Contract):
+    """What an action has to keep to; what is left out does not bind."""
+
+    workspace_m: tuple[Point2, Point2] | None = Field(default=None, description="lowest and highest x, y for all")
+    keep_out_m: list[Annotated[list[Point2], Field(min_length=3, max_length=64)]] = Field(
+        default_factory=list, max_length=32, description="polygons that neither gripper nor DLO may enter"
+    )
+    base_xy_m: Point2 | None = Field(default=None, description="foot of the robot, for its reach")
+    reach_m: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]] | None = Field(
+        default=None, description="least and largest distance of pick and place to the base"
+    )
+    max_displacement_m: float | None = Field(default=None, gt=0, description="along x and along y; at most 0.1")
+    max_rotation_rad: float | None = Field(default=None, ge=0, description="at most 0.785")
+    no_grasp_edges: list[Annotated[int, Field(ge=0, lt=2000)]] = Field(default_factory=list, max_length=2000)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> PlanLimits:
+        if self.workspace_m and any(a >= b for a, b in zip(*self.workspace_m, strict=True)):
+            raise ValueError("workspace_m: the first corner is the lower one in x and in y")
+        if (self.base_xy_m is None) != (self.reach_m is None):
+            raise ValueError("base_xy_m and reach_m belong together")
+        if self.reach_m and self.reach_m[0] >= self.reach_m[1]:
+            raise ValueError("reach_m: the least distance comes first")
+        return self
+
+
+class GripPose(Reply):
+    """Where the gripper goes: the middle of the edge, and the direction of the edge."""
+
+    xy_m: tuple[float, float]
+    angle_rad: float
+
+
+class PlannedAction(Reply):
+    """An action that the service proposes."""
+
+    edge: int = Field(description="counted along `state_m`")
+    dx_m: float
+    dy_m: float
+    dtheta_rad: float
+    pick: GripPose
+    place: GripPose
+    error_after_m: float = Field(description="mean distance of corresponding points to the target, as predicted")
+    error_at_end_m: float = Field(description="the same after the whole horizon")
+    converged: bool = Field(description="the optimizer came to rest")
+    checks: list[PlanCheck]
+
+
+class PlanCheck(Reply):
+    """A limit that was checked; a proposed action has passed them all."""
+
+    name: Literal["displacement", "rotation", "workspace", "reach", "keep_out", "grasp"]
+    passed: bool
+
+
+PlanCode = Literal["ok", "done", "no_gain", "no_action", "target_outside"]
+
+
+class PlanStatus(Reply):
+    """``ok``: there is an action. ``done``: the state is the target already. ``no_gain``: no action brings the DLO
+    nearer. ``no_action``: every action breaks a limit. ``target_outside``: the target itself breaks one."""
+
+    code: PlanCode
+    message: str
+
+
+class PlanWarning(Reply):
+    """Something that makes the answer less sure; ``field`` is what it is about."""
+
+    code: Literal[
+        "mass_untrained", "length_untrained", "lengths_differ", "self_crossing", "history_contradicts",
+        "parameters_untrained", "limits_reduced", "other_dlo",
+    ]  # fmt: skip
+    field: str
+    message: str
+
+
+class UsedParameters(Reply):
+    """``k_b`` and ``k_d`` that were planned with, and where they come from; ``sigma`` are the standard deviations of
+    their natural logarithms. Slow motions show the ratio k_b / k_d far better than either."""
+
+    k_b: float
+    k_d: float
+    sigma: tuple[float, float] | None = None
+    source: Literal["request", "history", "mid_range"]
+
+
+class PlanShapeResult(Reply):
+    kind: Literal["plan_shape"] = "plan_shape"
+    status: PlanStatus
+    action: PlannedAction | None
+    alternatives: list[PlannedAction] = Field(description="other edges, best first")
+    state_m: list[tuple[float, float]] = Field(description="as given, or as seen in the picture, in the target's order")
+    predicted_m: list[tuple[float, float]] | None = Field(description="the DLO after `action`")
+    error_before_m: float
+    error_after_m: float | None
+    converged: bool = Field(description="the state is within the tolerance of the target")
+    parameters: UsedParameters
+    valid_for_s: float = Field(description="counted from the job's `ended_at`; then look again")
+    warnings: list[PlanWarning]
+    models: list[ModelUsed]
+
+
+class PlanShapeRequest(JobRequest[PlanShapeResult]):
+    """State and target to the pick-and-place that brings the DLO closest to the target.
+
+    The state is given as points, or as a picture of the table with the homography that takes its pixels to the table;
+    then the service finds the DLO, and the target decides which of its ends is which.
+    """
+
+    kind: Literal["plan_shape"] = "plan_shape"
+    state_m: Shape | None = None
+    image: ImageSource | None = Field(default=None, description="instead of state_m; or an `image` part")
+    homography: tuple[Row3, Row3, Row3] | None = Field(
+        default=None, description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters"
+    )
+    model: ModelName | None = Field(default=None, description="foreground network for the picture")
+    target_m: Shape
+    object: DloObject
+    parameters: RopeParameters | None = Field(default=None, description="default: estimated from the history")
+    history: list[Experience] = Field(default_factory=list, max_length=100)
+    horizon: int = Field(default=1, ge=1, le=4, description="actions looked ahead")
+    limits: PlanLimits = Field(default_factory=PlanLimits)
+    tolerance_m: float = Field(default=0.01, gt=0, le=1, description="mean distance at which the target is reached")
+    scale_target: bool = Field(default=False, description="give the target the state's length, about its middle")
+    alternatives: int = Field(default=3, ge=0, le=14)
+    valid_for_s: float = Field(default=10.0, gt=0, le=3600)
+
+    @property
+    def needs_picture(self) -> bool:
+        return self.state_m is None
+
+    @model_validator(mode="after")
+    def _one_state(self) -> PlanShapeRequest:
+        if self.state_m is not None and (self.image is not None or self.homography is not None):
+            raise ValueError("`state_m` and a picture exclude each other")
+        if self.state_m is None and self.homography is None:
+            raise ValueError("`state_m` is missing; or give an image and its homography")
+        if self.state_m is not None and self.model is not None:
+            raise ValueError("`model` has no meaning beside state_m: there is no picture")
+        return self
+
+
+class EstimateParametersResult(Reply):
+    kind: Literal["estimate_parameters"] = "estimate_parameters"
+    k_b: float
+    k_d: float
+    sigma: tuple[float, float] = Field(description="standard deviations of the natural logarithms of k_b and k_d")
+    ratio_sigma: float = Field(description="the same of k_b / k_d, which is what slow motions show")
+    loss_m: float = Field(description="mean distance of a point that is left with these parameters")
+    loss_mid_range_m: float = Field(description="the same with the middle of the trained range")
+    sample_errors_m: list[float] = Field(description="one for each item of the history")
+    warnings: list[PlanWarning]
+    models: list[ModelUsed]
+
+
+class EstimateParametersRequest(JobRequest[EstimateParametersResult]):
+    """Actions and what they did to the parameters that explain it best (eq. 5.10)."""
+
+    kind: Literal["estimate_parameters"] = "estimate_parameters"
+    history: list[Experience] = Field(min_length=1, max_length=100)
+    object: DloObject
+
+
+PlannedAction.model_rebuild()

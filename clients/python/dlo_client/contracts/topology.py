@@ -1,0 +1,298 @@
+"""Branched DLOs (wire harnesses): their topology, the drawing it may be compared with, and how to disentangle them.
+
+Indices (``sections``, ``branch_point``, …) are the ids of the result they stand in; ids count from 1.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from dlo_client.contracts.base import Contract, Point, Probability, Reply
+from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+
+Name = Annotated[str, Field(min_length=1, max_length=100)]
+LengthUnit = Literal["px", "mm", "cm", "m", "in"]
+EndKind = Literal["branch", "free", "border"]
+TopologyStatus = Literal["branched", "plain", "closed", "empty", "too_complex"]
+_COORDINATE = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class SeenPoint(Contract):
+    """A point in space as it appears in the picture: where, and how far from the camera."""
+
+    xy: tuple[_COORDINATE, _COORDINATE]
+    depth_m: float = Field(gt=0, le=1000)
+
+
+class DrawnBranch(Contract):
+    """One branch of a drawing: between the points ``a`` and ``b``, which other branches share by name."""
+
+    name: Name
+    a: Name
+    b: Name
+    length: float = Field(gt=0, le=1e9, description="in the drawing's unit")
+
+
+class HarnessDrawing(Contract):
+    """The harness as it was designed: a tree of branches. ``connectors`` names points that carry one."""
+
+    unit: LengthUnit = "mm"
+    branches: list[DrawnBranch] = Field(min_length=1, max_length=64)
+    connectors: list[Name] = Field(default_factory=list, max_length=65)
+    px_per_unit: float | None = Field(default=None, gt=0, le=1e6, description="default: estimated from the match")
+
+    @model_validator(mode="after")
+    def _is_a_tree(self) -> HarnessDrawing:
+        names = [b.name for b in self.branches]
+        if len(set(names)) < len(names):
+            raise ValueError("`branches`: two branches have the same name")
+        group = {p: p for b in self.branches for p in (b.a, b.b)}
+
+        def root(point: str) -> str:
+            while group[point] != point:
+                point = group[point]
+            return point
+
+        for branch in self.branches:
+            if root(branch.a) == root(branch.b):
+                raise ValueError(f"`branches`: {branch.name} closes a cycle; a harness drawing is a tree")
+            group[root(branch.a)] = root(branch.b)
+        if len({root(p) for p in group}) > 1:
+            raise ValueError("`branches`: the drawing is in several pieces; describe one harness a drawing")
+        unknown = [c for c in self.connectors if c not in group]
+        if unknown:
+            raise ValueError(f"`connectors`: no branch ends at {unknown[0]}")
+        return self
+
+
+class TopologyEdge(Reply):
+    """Nodes ``a`` and ``b`` (indices into ``nodes_xy``, from 0) follow one another on a section."""
+
+    a: int = Field(ge=0)
+    b: int = Field(ge=0)
+    score: Probability = Field(description="probability of the link")
+
+
+class SectionPlace(Reply):
+    """A place on a section: ``u`` from 0 at its first to 1 at its last point, by arc length."""
+
+    section: int = Field(ge=1)
+    u: Probability
+
+
+class Section(Reply):
+    """What lies between two branch-points or ends; it passes straight on over and under crossings."""
+
+    id: int = Field(ge=1)
+    points_xy: list[Point] = Field(description="ordered, at equal arc length")
+    width_px: float = Field(gt=0)
+    length_px: float = Field(ge=0)
+    end_widths_px: tuple[float, float] = Field(description="widest near either end: a connector shows there")
+    ends: tuple[EndKind, EndKind] = Field(description="at the first and at the last point")
+    branch_points: tuple[int | None, int | None] = Field(description="ids of the branch-points at its ends")
+    closed: bool = Field(description="a ring: the last point joins the first")
+    score: Probability = Field(description="share of the section that lies on foreground; the rest bridges gaps")
+    name: str | None = Field(default=None, description="of the drawn branch that it is, when a drawing was given")
+
+
+class BranchPoint(Reply):
+    """Where sections part. A section that comes back to it is listed twice."""
+
+    id: int = Field(ge=1)
+    xy: Point
+    sections: list[int]
+    score: Probability = Field(description="probability that this is a branch-point")
+    name: str | None = Field(default=None, description="of the drawn point that it is")
+
+
+class SectionCrossing(Reply):
+    """One section passes over another, or over itself."""
+
+    id: int = Field(ge=1)
+    xy: Point
+    over: SectionPlace
+    under: SectionPlace
+    score: Probability = Field(description="probability that this is a crossing and no branch-point")
+    order_score: Probability = Field(description="confidence in which is over; 0.5 when it is not known")
+
+
+class BranchMatch(Reply):
+    """A drawn branch and the sections that are it; ``cost`` 0 for a length as drawn, about 1 at a factor of e."""
+
+    name: str
+    sections: list[int]
+    length_px: float
+    expected_px: float
+    cost: float
+
+
+class DrawingMatch(Reply):
+    """The picture against the drawing. The scale is ``px_per_unit`` of the request, or estimated: the ratio of seen
+    to drawn length that makes most of the matched branches fit (``scale_from`` says which)."""
+
+    branches: list[BranchMatch]
+    missing: list[str] = Field(description="drawn branches that were not found")
+    extra: list[int] = Field(description="sections that are no drawn branch")
+    px_per_unit: float | None
+    scale_from: Literal["request", "estimate"]
+    ambiguous: bool = Field(description="another assignment fits nearly as well, e.g. branches of equal length")
+    cost: float = Field(description="mean cost of the matched branches; missing and extra ones count 1 each")
+
+
+class TopologyResult(Reply):
+    """The graph of what is seen. ``status``: ``branched``; ``plain`` without a branch-point; ``closed`` only rings;
+    ``empty``; ``too_complex`` for a mask that is no picture of DLOs."""
+
+    kind: Literal["topology"] = "topology"
+    width: int = Field(gt=0)
+    height: int = Field(gt=0)
+    status: TopologyStatus
+    message: str = Field(description="the status in words")
+    threshold: Probability
+    nodes_xy: list[Point] = Field(description="evenly spaced along the sections")
+    node_angles_rad: list[float] = Field(description="predicted direction of the strand at each node, 0 to pi")
+    node_branch_scores: list[Probability]
+    node_crossing_scores: list[Probability]
+    edges: list[TopologyEdge]
+    sections: list[Section]
+    branch_points: list[BranchPoint]
+    crossings: list[SectionCrossing]
+    match: DrawingMatch | None = None
+    models: list[ModelUsed]
+
+
+class _HarnessSource(Contract):
+    """Where the foreground comes from, and what else is seen."""
+
+    image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
+    mask: ImageSource | None = Field(default=None, description="or a `mask` part; white or 1 is DLO")
+    model: ModelName | None = Field(default=None, description="foreground network; default the best one")
+    threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
+    depth: ImageSource | None = Field(
+        default=None, description="16-bit gray, millimeters to the camera, 0 unknown, of the picture's size"
+    )
+    points: list[SeenPoint] = Field(default_factory=list, max_length=50_000, description="or points in space")
+
+    @model_validator(mode="after")
+    def _one_foreground(self) -> _HarnessSource:
+        if self.mask is not None and self.model is not None:
+            raise ValueError("`model` has no meaning beside `mask`: the mask is the foreground")
+        return self
+
+
+class TopologyRequest(_HarnessSource, JobRequest[TopologyResult]):
+    """Picture, or foreground mask, to the topology of the harnesses in it.
+
+    An ``image`` beside a ``mask`` helps to tell crossings from branch-points and shows which section is on top; so do
+    ``depth`` and ``points``. With a ``drawing`` the answer names the branches and says what is missing or extra.
+    """
+
+    kind: Literal["topology"] = "topology"
+    drawing: HarnessDrawing | None = None
+    files: list[Literal["overlay", "mask"]] = Field(default=["overlay"], max_length=2)
+
+
+class ArmBase(Contract):
+    """A robot arm's base in the picture's plane; it may lie outside the picture."""
+
+    name: Name
+    xy: tuple[_COORDINATE, _COORDINATE]
+    reach_px: float | None = Field(default=None, gt=0, description="default: it reaches everything")
+
+
+class HarnessState(Contract):
+    """What planning needs of a ``topology`` result; the result itself fits, its other fields are passed over."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    width: int = Field(gt=0, le=100_000)
+    height: int = Field(gt=0, le=100_000)
+    sections: list[Section] = Field(max_length=300)
+    branch_points: list[BranchPoint] = Field(max_length=300)
+    crossings: list[SectionCrossing] = Field(max_length=300)
+
+    @model_validator(mode="after")
+    def _ids_fit(self) -> HarnessState:
+        for what, items in (("sections", self.sections), ("branch_points", self.branch_points)):
+            if [i.id for i in items] != list(range(1, len(items) + 1)):
+                raise ValueError(f"`{what}`: ids count from 1 in order")
+        for section in self.sections:
+            if not 2 <= len(section.points_xy) <= 5000:
+                raise ValueError(f"`sections`: section {section.id} needs 2 to 5000 points")
+            if any(b is not None and not 1 <= b <= len(self.branch_points) for b in section.branch_points):
+                raise ValueError(f"`sections`: section {section.id} names a branch-point that is not there")
+        named = [(f"`branch_points`: {b.id}", s) for b in self.branch_points for s in b.sections]
+        named += [(f"`crossings`: {c.id}", p.section) for c in self.crossings for p in (c.over, c.under)]
+        for who, section_id in named:
+            if not 1 <= section_id <= len(self.sections):
+                raise ValueError(f"{who} names a section that is not there")
+        return self
+
+
+class GripperPose(Reply):
+    """``angle_rad`` is along the section, from x towards y; the gripper closes across it. ``arm``: who does it."""
+
+    xy: Point
+    angle_rad: float
+    arm: str | None = Field(default=None, description="name of the arm, when bases were given")
+
+
+class DisentangleAction(Reply):
+    """One arm holds, the other turns the piece beyond about that place: pick, follow the arc, place."""
+
+    rank: int = Field(ge=1)
+    crossing: int = Field(description="id of the crossing that it is for")
+    section: int = Field(description="id of the section that is moved")
+    about_branch_point: int | None = Field(description="id; null when a place along the section is held")
+    hold: GripperPose
+    pick: GripperPose
+    trajectory_xy: list[Point] = Field(description="arc of the moving gripper, from pick to place")
+    place: GripperPose
+    turn_rad: float
+    crossings_before: int
+    crossings_after: int = Field(description="counted in the simulation, the piece being rigid")
+    passes_over: list[int] = Field(description="sections that the piece is lifted over on its way")
+    clearance_px: float = Field(description="least distance to the other sections after the move")
+    score: Probability
+    why: str
+
+
+class DisentangleResult(Reply):
+    """``status``: ``planned``; ``no_crossing`` when there is nothing to do; ``no_action`` when nothing helps."""
+
+    kind: Literal["plan_disentangle"] = "plan_disentangle"
+    width: int
+    height: int
+    status: Literal["planned", "no_crossing", "no_action"]
+    message: str
+    actions: list[DisentangleAction] = Field(description="best first")
+    topology: TopologyResult | None = Field(description="what was seen, when a picture was given")
+    models: list[ModelUsed]
+
+
+class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
+    """A ``topology`` result, or a picture or mask, to ranked dual-arm actions that remove a crossing."""
+
+    kind: Literal["plan_disentangle"] = "plan_disentangle"
+    topology: HarnessState | None = Field(default=None, description="instead of a picture")
+    arms: list[ArmBase] = Field(default_factory=list, max_length=4, description="two or more, or none")
+    margin_px: float = Field(default=40.0, ge=0, le=1e5, description="how far outside the picture the piece may end")
+    at_most: int = Field(default=5, ge=1, le=50, description="actions proposed")
+    files: list[Literal["overlay"]] = Field(default=["overlay"], max_length=1)
+
+    @property
+    def needs_picture(self) -> bool:
+        return self.topology is None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> DisentangleRequest:
+        if len(self.arms) == 1:
+            raise ValueError("`arms` needs two bases or more: one arm holds, the other moves")
+        if len({a.name for a in self.arms}) < len(self.arms):
+            raise ValueError("`arms`: two have the same name")
+        if self.topology is not None and (self.mask or self.depth or self.points or self.model):
+            raise ValueError("`topology` already says what is there: only an `image` to draw on may stand beside it")
+        return self

@@ -1,0 +1,166 @@
+"""A skeleton's pixels as a graph: junctions, and the ordered pixel chains between them.
+
+Symbols: P skeleton pixels, C chains, J junctions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from skimage.morphology import skeletonize
+
+from models.geometry.arrays import BoolArray, FloatArray, IntArray
+
+_BORDER_PX = 12
+FREE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class PixelGraph:
+    """Chains of pixels between junctions.
+
+    ``xy``: ``(N, 2)`` the pixels of all chains, one chain after the other, each in order along it. ``bounds``:
+    ``(C + 1,)`` where each chain starts in ``xy``. ``ends``: ``(C, 2)`` junction at a chain's first and last
+    pixel, ``FREE`` for none. ``closed``: ``(C,)`` a ring without any junction. ``junction_xy``: ``(J, 2)`` middles.
+    """
+
+    xy: IntArray
+    bounds: IntArray
+    ends: IntArray
+    closed: BoolArray
+    junction_xy: FloatArray
+
+
+def skeleton_of(mask: BoolArray) -> BoolArray:
+    """``(H, W)`` one pixel wide. What touches the picture's edge is thinned as if it went on beyond it."""
+    if not mask.size:
+        return np.zeros(mask.shape, dtype=bool)
+    size = _BORDER_PX
+    beyond = cv2.copyMakeBorder(mask.view(np.uint8), size, size, size, size, cv2.BORDER_REPLICATE)
+    thin: BoolArray = skeletonize(beyond.view(bool))
+    return np.ascontiguousarray(thin[size:-size, size:-size])
+
+
+def pixel_graph(skeleton: BoolArray) -> PixelGraph:
+    """The graph of an ``(H, W)`` skeleton.
+
+    Strategy: two pixels are neighbors if they touch by a side, or by a corner with no third pixel beside both.
+    A pixel with more than two neighbors belongs to a junction; junction pixels that touch are one junction.
+    Without them only paths and rings are left. Every path is ordered by pointer doubling: each pixel looks along
+    the path in both directions, and in log2 P rounds of array operations it knows both ends and its distance.
+    """
+    pixels, neighbors = _neighbors(skeleton)
+    degree = (neighbors >= 0).sum(axis=1)
+    is_junction = degree > 2
+    junction_of, junction_xy = _junctions(pixels, neighbors, is_junction)
+    two = _two_neighbors(neighbors, is_junction)
+    chain_of, place, ring = _ordered(two, ~is_junction)
+    order = np.lexsort((place, chain_of))
+    order = order[chain_of[order] >= 0]
+    starts = np.flatnonzero(np.diff(chain_of[order], prepend=-1))
+    bounds = np.append(starts, len(order)).astype(np.int64)
+    first, last = order[bounds[:-1]], order[bounds[1:] - 1]
+    ends = _end_junctions(first, last, neighbors, junction_of)
+    return PixelGraph(pixels[order], bounds, ends, ring[first], junction_xy)
+
+
+def _neighbors(skeleton: BoolArray) -> tuple[IntArray, IntArray]:
+    """``(P, 2)`` pixels (x, y) and ``(P, 8)`` indices of their neighbors, -1 for none; sides first."""
+    padded = np.pad(skeleton, 1)
+    width = padded.shape[1]
+    flat = np.flatnonzero(padded)
+    index = np.full(padded.size, -1, dtype=np.int32)
+    index[flat] = np.arange(len(flat), dtype=np.int32)
+    sides = np.array([-width, 1, width, -1])
+    corners = np.array([-width + 1, width + 1, width - 1, -width - 1])
+    near = index[flat[:, None] + sides]
+    far = index[flat[:, None] + corners]
+    # Corner k lies between sides k and k + 1: with either of them there, the two pixels are linked already.
+    far[(near >= 0) | (np.roll(near, -1, axis=1) >= 0)] = -1
+    pixels = np.stack((flat % width - 1, flat // width - 1), axis=1).astype(np.int64)
+    return pixels, np.concatenate((near, far), axis=1).astype(np.int64)
+
+
+def _junctions(pixels: IntArray, neighbors: IntArray, is_junction: BoolArray) -> tuple[IntArray, FloatArray]:
+    """``(P,)`` junction of every pixel, -1 for none, and ``(J, 2)`` their middles."""
+    of = np.full(len(pixels), -1, dtype=np.int64)
+    members = np.flatnonzero(is_junction)
+    if not len(members):
+        return of, np.zeros((0, 2))
+    local = np.full(len(pixels) + 1, -1, dtype=np.int64)
+    local[members] = np.arange(len(members))
+    linked = local[neighbors[members]]  # neighbor -1 reads the extra last entry, which stays -1
+    rows, columns = np.nonzero(linked >= 0)
+    table = csr_array((np.ones(len(rows), np.int8), (rows, linked[rows, columns])), (len(members), len(members)))
+    count, label = connected_components(table, directed=False)
+    of[members] = label
+    sums = np.stack([np.bincount(label, pixels[members, axis], count) for axis in (0, 1)], axis=1)
+    middles: FloatArray = sums / np.bincount(label, minlength=count)[:, None]
+    return of, middles
+
+
+def _two_neighbors(neighbors: IntArray, is_junction: BoolArray) -> IntArray:
+    """``(P, 2)``: the neighbors of path pixels that are path pixels, -1 where there is none."""
+    kept = np.where((neighbors >= 0) & ~is_junction[neighbors] & ~is_junction[:, None], neighbors, -1)
+    ranked = -np.partition(-kept, 1, axis=1)[:, :2] if len(kept) else kept[:, :2]
+    out: IntArray = np.sort(ranked, axis=1)[:, ::-1]
+    return np.ascontiguousarray(out)
+
+
+def _ordered(two: IntArray, is_path: BoolArray) -> tuple[IntArray, IntArray, BoolArray]:
+    """For every pixel: its chain's name (-1 off the paths), its place along it, and whether that is a ring."""
+    last, steps, least = _walk(two)
+    ring = is_path & (two[last >> 1, last & 1] >= 0).any(axis=1)
+    if ring.any():
+        cut = np.unique(least[ring])
+        two = two.copy()
+        other = two[cut, 0]
+        two[cut, 0] = -1
+        two[other] = np.where(two[other] == cut[:, None], -1, two[other])
+        last, steps, _ = _walk(two)
+    end = last >> 1
+    flip = end[:, 1] < end[:, 0]
+    chain = np.where(is_path, end.min(axis=1), -1)
+    return chain, np.where(flip, steps[:, 1], steps[:, 0]), ring
+
+
+def _walk(two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Where both directions from each pixel end (``2 * pixel + direction``), how far off, least pixel met."""
+    count = len(two)
+    own = np.arange(2 * count, dtype=np.int64).reshape(count, 2)
+    onward = 2 * two + (two[two, 0] == np.arange(count)[:, None])
+    following = np.where(two >= 0, onward, own).ravel()
+    steps = (two >= 0).astype(np.int64).ravel()
+    least = np.repeat(np.arange(count), 2)
+    for _ in range(max(1, int(np.ceil(np.log2(max(count, 2)))) + 1)):
+        steps = steps + steps[following]
+        least = np.minimum(least, least[following])
+        following = following[following]
+    return following.reshape(count, 2), steps.reshape(count, 2), least.reshape(count, 2).min(axis=1)
+
+
+def _end_junctions(first: IntArray, last: IntArray, neighbors: IntArray, junction_of: IntArray) -> IntArray:
+    """``(C, 2)`` junctions beside the first and last pixel of each chain."""
+    extended = np.append(junction_of, FREE)
+    at_first, at_last = (np.sort(extended[neighbors[pixel]], axis=1)[:, ::-1] for pixel in (first, last))
+    alone = first == last
+    # A chain of one pixel has both junctions beside that pixel.
+    return np.stack((at_first[:, 0], np.where(alone, at_last[:, 1], at_last[:, 0])), axis=1)
+
+
+def smoothed(points: FloatArray | IntArray, bounds: IntArray, half: int) -> FloatArray:
+    """``(N, 2)`` points of consecutive chains, each the mean of up to ``half`` neighbors to both sides.
+
+    The window shrinks towards a chain's ends, which stay where they are.
+    """
+    lengths = np.diff(bounds)
+    place = np.arange(len(points)) - np.repeat(bounds[:-1], lengths)
+    room = np.minimum(np.minimum(place, np.repeat(lengths, lengths) - 1 - place), half)
+    sums = np.concatenate((np.zeros((1, points.shape[1])), np.cumsum(points, axis=0, dtype=np.float64)))
+    here = np.arange(len(points))
+    out: FloatArray = (sums[here + room + 1] - sums[here - room]) / (2 * room + 1)[:, None]
+    return out

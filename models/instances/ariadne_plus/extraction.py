@@ -1,0 +1,177 @@
+"""The steps of Ariadne+ in order (thesis Fig. 3.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.polylines import arc_lengths, point_at
+from models.geometry.sampling import distance_map, read_nearest
+from models.instances.ariadne_plus.patches import (
+    CROSSING_PIXELS,
+    NODE_PIXELS,
+    AboveNetwork,
+    EmbeddingNetwork,
+    only,
+    patch,
+    reduction,
+    to_network,
+)
+from models.instances.ariadne_plus.paths import Appearance, find_paths, intersection_scores
+from models.instances.ariadne_plus.superpixels import Regions, region_graph
+from models.instances.assembly import Chain, Order, assemble
+from models.instances.crossings import Meeting, Strand, order_meetings, ordered
+from models.instances.resolution import at_working_size
+from models.instances.scene import Crossing, Scene
+
+_MAX_PIXELS = 700_000
+_SPACING_PX = 4.0
+
+
+@dataclass(frozen=True)
+class AriadnePlusParams:
+    """``superpixels``: how many the foreground is cut into (thesis 3.6.5: 50)."""
+
+    superpixels: int = 50
+
+
+@dataclass(frozen=True)
+class Networks:
+    """TripletNet and CrossNet."""
+
+    embedding: EmbeddingNetwork
+    above: AboveNetwork
+
+
+def extract(
+    mask: BoolArray,
+    image: ByteArray | None = None,
+    params: AriadnePlusParams | None = None,
+    networks: Networks | None = None,
+) -> Scene:
+    """The DLOs of a foreground mask.
+
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None. ``networks``: without them, or without an image, the
+    curvature alone scores intersections and the color's variance decides who lies on top.
+
+    Any mask is allowed, and the work is bounded: beyond 0.7 megapixels the mask is reduced; an intersection of more
+    than 24 branches keeps 24. Raises ``ValueError`` when the image is of another size than the mask.
+    """
+    if image is not None and image.shape != (*mask.shape, 3):
+        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
+    settings = params or AriadnePlusParams()
+    binary = np.ascontiguousarray(mask, dtype=bool)
+    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings, networks), _MAX_PIXELS)
+
+
+def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams, networks: Networks | None) -> Scene:
+    started = perf_counter()
+    distances = distance_map(mask)
+    regions = region_graph(mask, image, params.superpixels)
+    after_graph = perf_counter()
+    use = networks if image is not None else None
+    appearance = None if use is None or image is None else _appearance(regions, distances, image, use.embedding)
+    scores = intersection_scores(regions, appearance)
+    after_scores = perf_counter()
+    paths = find_paths(regions, scores)
+    chains = [c for path, ring in paths if (c := _chain(path, ring, regions, distances)) is not None]
+    timings = {
+        "superpixels": 1e3 * (after_graph - started),
+        "scores": 1e3 * (after_scores - after_graph),
+        "paths": 1e3 * (perf_counter() - after_scores),
+    }
+    order = order_meetings if use is None else _layout(use.above)
+    scene = assemble(chains, mask, distances, image, method="ariadne_plus", order=order)
+    return replace(scene, timings_ms={**timings, **scene.timings_ms})
+
+
+def _appearance(regions: Regions, distances: Float32Array, image: ByteArray, network: EmbeddingNetwork) -> Appearance:
+    """TripletNet's squared distances between the patches around nodes; one batch for all intersections' neighbors."""
+    wanted = sorted({n for k in np.flatnonzero(regions.is_intersection).tolist() for n in regions.neighbors[k]})
+    if not wanted:
+        return lambda nodes: np.zeros((len(nodes), len(nodes)))
+    widths = 2 * read_nearest(distances, regions.xy[wanted])
+    patches = [
+        patch(image, regions.xy[n], NODE_PIXELS, reduction(float(w))) for n, w in zip(wanted, widths, strict=True)
+    ]
+    row = {node: k for k, node in enumerate(wanted)}
+    embedded = network(to_network(patches)).astype(np.float64)
+
+    def between(nodes: list[int]) -> FloatArray:
+        mine = embedded[[row[n] for n in nodes]]
+        apart = mine[:, None] - mine[None]
+        out: FloatArray = np.einsum("ijk,ijk->ij", apart, apart)
+        return out
+
+    return between
+
+
+def _chain(path: list[int], ring: bool, regions: Regions, distances: Float32Array) -> Chain | None:
+    """The path's centroids as points every few pixels, moved onto the middle of the foreground.
+
+    Beyond the thesis: a curve through centroids of long superpixels leaves the middle of a bent DLO, and an
+    intersection's centroid belongs to all DLOs there, so no curve is led through it.
+    """
+    points = regions.xy[[node for node in path if not regions.is_intersection[node]]]
+    if not ring:
+        first, last = regions.tips[path[0]], regions.tips[path[-1]]
+        points = np.concatenate((first[None], points, last[None]))
+    points = points[np.concatenate(([True], np.hypot(*np.diff(points, axis=0).T) > 1.0))]
+    if len(points) < 2:
+        return None
+    closed = np.concatenate((points, points[:1])) if ring else points
+    lengths = arc_lengths(closed)
+    places = np.linspace(0, lengths[-1], max(4, round(float(lengths[-1]) / _SPACING_PX)))
+    dense = PchipInterpolator(lengths, closed)(places)
+    settled = _settled(dense, distances)
+    return Chain(settled[:-1] if ring else settled, ring)
+
+
+def _settled(points: FloatArray, distances: Float32Array) -> FloatArray:
+    """Every point moved across the curve to the largest distance from the background, then smoothed."""
+    step = np.gradient(points, axis=0)
+    normal = np.stack((-step[:, 1], step[:, 0]), axis=1) / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    reach = max(2.0, 1.5 * float(np.median(read_nearest(distances, points))))
+    offsets = np.linspace(-reach, reach, 13)
+    ahead = points[:, None] + offsets[None, :, None] * normal[:, None]
+    height = read_nearest(distances, ahead) - 0.02 * np.abs(offsets)
+    shift = offsets[height.argmax(axis=1)]
+    padded = np.pad(shift, 2, mode="edge")
+    shift = np.median(np.stack([padded[k : k + len(shift)] for k in range(5)]), axis=0)
+    out: FloatArray = points + shift[:, None] * normal
+    out[[0, -1]] = points[[0, -1]]
+    return out
+
+
+def _layout(above: AboveNetwork) -> Order:
+    """Order of all crossings by CrossNet in one batch (3.3.8)."""
+
+    def order(meetings: list[Meeting], strands: list[Strand], image: ByteArray | None) -> tuple[Crossing, ...]:
+        if not meetings or image is None:
+            return order_meetings(meetings, strands, image)
+        patches = [p for meeting in meetings for p in _masked(meeting, strands, image)]
+        chances = above(to_network(patches)).reshape(-1, 2).astype(np.float64)
+        found = []
+        for meeting, (a, b) in zip(meetings, chances, strict=True):
+            score = max(a, b) / max(a + b, 1e-9)
+            found.append(ordered(meeting, strands, bool(a >= b), float(np.clip(score, 0.5, 1.0))))
+        return tuple(found)
+
+    return order
+
+
+def _masked(meeting: Meeting, strands: list[Strand], image: ByteArray) -> list[ByteArray]:
+    """The patch of the crossing, once with only the one strand and once with only the other."""
+    pair = ((strands[meeting.a], meeting.at_a), (strands[meeting.b], meeting.at_b))
+    step = reduction((pair[0][0].width + pair[1][0].width) / 2)
+    whole = patch(image, meeting.xy, CROSSING_PIXELS, step)
+    reach = 0.8 * CROSSING_PIXELS * step
+    patches = []
+    for strand, at in pair:
+        line = point_at(strand.xy, strand.lengths, np.clip(at + np.linspace(-reach, reach, 33), 0, strand.lengths[-1]))
+        patches.append(only(whole, (line - meeting.xy) / step + (CROSSING_PIXELS - 1) / 2, strand.width / step))
+    return patches

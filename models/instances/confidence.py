@@ -1,0 +1,198 @@
+"""How sure an answer is: probabilities from a few measurements, calibrated on rendered scenes.
+
+Symbols: I instances, K crossings. Coefficients are those of logistic models, one set a method, in
+``confidence.toml``, which ``train_confidence.py`` writes.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.sampling import read_nearest
+from models.instances.crossings import Meeting
+from models.instances.scene import Crossing, Endpoint, Instance, Reason
+
+COEFFICIENTS = Path(__file__).with_name("confidence.toml")
+INSTANCE_FEATURES = (
+    "one",
+    "length",
+    "gap",
+    "doubt",
+    "free",
+    "odd_width",
+    "beside",
+    "low_contrast",
+    "no_image",
+    "short",
+)
+CROSSING_FEATURES = ("one", "slant", "strands")
+ORDER_FEATURES = ("contrast", "weak_contrast")
+SURE = 0.8
+"""Instances below this probability get the reasons for it."""
+_FADING_LEVELS = 20.0
+_FAINT_LEVELS = 12.0
+_SHARP = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Per instance ``(I,)``: ``gap`` share of the centerline off the foreground; ``doubt`` minus the log probability of
+    its joints; ``beside`` share that runs along another instance; ``contrast`` mean difference in gray levels to what
+    lies next to it and ``sharpness`` of its edges, 0 to 1 (both nan without a picture)."""
+
+    gap: FloatArray
+    doubt: FloatArray
+    beside: FloatArray
+    contrast: FloatArray
+    sharpness: FloatArray
+
+
+@cache
+def coefficients() -> dict[str, Any]:
+    """The calibration of every method; a method that is not in it has none."""
+    return tomllib.loads(COEFFICIENTS.read_text()) if COEFFICIENTS.exists() else {}
+
+
+def probability(features: FloatArray, method: str, part: str, names: Sequence[str]) -> FloatArray | None:
+    """``(n,)`` of ``(n, f)`` features; None without a calibration."""
+    table = coefficients().get(method, {}).get(part)
+    if table is None:
+        return None
+    out: FloatArray = 1 / (1 + np.exp(-np.clip(features @ np.array([table[n] for n in names]), -30, 30)))
+    return out
+
+
+def evidence_of(
+    instances: Sequence[Instance], doubts: Sequence[float], mask: BoolArray, image: ByteArray | None
+) -> Evidence:
+    """What can be said for and against each instance."""
+    gap = np.array([1 - read_nearest(mask, i.centerline_xy).mean() for i in instances])
+    contrast, sharpness = np.full(len(instances), np.nan), np.full(len(instances), np.nan)
+    if image is not None:
+        for k, instance in enumerate(instances):
+            contrast[k], sharpness[k] = _edges(instance, image)
+    return Evidence(gap, np.array(doubts, dtype=np.float64), _beside(instances), contrast, sharpness)
+
+
+def _beside(instances: Sequence[Instance]) -> FloatArray:
+    """Share of each centerline along which another instance's lies within both widths, in about its direction."""
+    out = np.zeros(len(instances))
+    if len(instances) < 2:
+        return out
+    points = np.concatenate([i.centerline_xy for i in instances])
+    steps = np.concatenate([np.gradient(i.centerline_xy, axis=0) for i in instances])
+    steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
+    owner = np.repeat(np.arange(len(instances)), [len(i.centerline_xy) for i in instances])
+    width = np.array([i.width_px for i in instances])
+    pairs = cKDTree(points).query_pairs(1.2 * float(np.median(width)) + 2, output_type="ndarray")
+    a, b = pairs.T
+    along = np.abs(np.einsum("ij,ij->i", steps[a], steps[b])) > 0.9
+    both = (owner[a] != owner[b]) & along
+    near = np.zeros(len(points), dtype=bool)
+    near[a[both]] = near[b[both]] = True
+    return np.bincount(owner, near, len(instances)) / np.bincount(owner, minlength=len(instances))
+
+
+def _edges(instance: Instance, image: ByteArray) -> tuple[float, float]:
+    """Contrast in gray levels over both edges, and the share of it that lies within three pixels."""
+    line = instance.centerline_xy[:: max(1, len(instance.centerline_xy) // 40)]
+    step = np.gradient(line, axis=0)
+    normal = np.stack((-step[:, 1], step[:, 0]), axis=1) / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    half = instance.width_px / 2
+    offsets = np.array([max(half - 4, 0.0), max(half - 1.5, 0.0), half + 1.5, half + 4])
+    signed = np.concatenate((offsets, -offsets))
+    places = np.rint(line[:, None] + signed[None, :, None] * normal[:, None]).astype(np.intp)
+    rows = np.clip(places[..., 1], 0, image.shape[0] - 1)
+    columns = np.clip(places[..., 0], 0, image.shape[1] - 1)
+    colors = image[rows, columns].astype(np.float64).reshape(len(line), 2, 4, 3)
+    whole = np.abs(colors[:, :, 3] - colors[:, :, 0]).mean()
+    inner = np.abs(colors[:, :, 2] - colors[:, :, 1]).mean()
+    return float(whole), float(min(1.0, inner / max(whole, 1.0)))
+
+
+def instance_features(
+    instances: Sequence[Instance], ends: Sequence[Sequence[Endpoint]], evidence: Evidence
+) -> FloatArray:
+    """``(I, 10)`` the measurements of :data:`INSTANCE_FEATURES`."""
+    width = np.array([i.width_px for i in instances])
+    length = np.array([i.length_px for i in instances])
+    typical = float(np.median(np.repeat(width, np.maximum(length / 10, 1).astype(int)))) if len(width) else 1.0
+    free = np.array([all(e.kind == "free" for e in these) and len(these) > 0 for these in ends], dtype=np.float64)
+    unseen = np.isnan(evidence.contrast)
+    faint = np.where(unseen, 0.0, np.exp(-np.nan_to_num(evidence.contrast) / _FADING_LEVELS))
+    columns = (
+        np.ones(len(width)), np.log(np.clip(length / width, 1, 60)), np.minimum(evidence.gap, 0.5),
+        np.minimum(evidence.doubt, 4.0), free, np.minimum(np.abs(np.log(width / typical)), 1.5),
+        evidence.beside, faint, unseen.astype(np.float64),
+        np.minimum(np.log(length.max(initial=1.0) / length), 3.0),
+    )  # fmt: skip
+    return np.stack(columns, axis=1)
+
+
+def reasons_of(instance: Instance, ends: Sequence[Endpoint], evidence: Evidence, k: int) -> tuple[Reason, ...]:
+    """Why instance ``k`` is unsure, most serious first."""
+    at_border = any(e.kind == "border" for e in ends)
+    found: list[tuple[bool, Reason]] = [
+        (evidence.gap[k] * instance.length_px > instance.width_px or evidence.doubt[k] > 0.7, "gap"),
+        (bool(evidence.beside[k] > 0.15), "parallel"),
+        (bool(evidence.contrast[k] < _FAINT_LEVELS), "low_contrast"),
+        (bool(evidence.sharpness[k] < _SHARP), "blur"),
+        (at_border and instance.length_px < 12 * instance.width_px, "border"),
+    ]
+    return tuple(reason for true, reason in found if true)
+
+
+def rated(
+    instances: Sequence[Instance],
+    ends: Sequence[Sequence[Endpoint]],
+    evidence: Evidence,
+    features: FloatArray,
+    method: str,
+) -> list[Instance]:
+    """The instances with their probabilities and, where those are low, the reasons."""
+    scores = probability(features, method, "instance", INSTANCE_FEATURES)
+    if scores is None or not instances:
+        return list(instances)
+    out = []
+    for k, (instance, score) in enumerate(zip(instances, scores.tolist(), strict=True)):
+        reasons = reasons_of(instance, ends[k], evidence, k) if score < SURE else ()
+        out.append(replace(instance, score=score, reasons=reasons))
+    return out
+
+
+def crossing_features(meetings: Sequence[Meeting], instances: Sequence[Instance]) -> FloatArray:
+    """``(K, 3)`` of :data:`CROSSING_FEATURES`: how shallow the angle is, and how sure both strands are."""
+    strands = [min(instances[m.a].score, instances[m.b].score) for m in meetings]
+    slant = [-np.log(max(m.sine, 0.05)) for m in meetings]
+    return np.stack((np.ones(len(meetings)), np.array(slant), np.array(strands)), axis=1)
+
+
+def order_features(crossings: Sequence[Crossing]) -> FloatArray:
+    """``(K, 2)`` of :data:`ORDER_FEATURES`: log odds of the order's raw scores, as they are and capped."""
+    scores = np.array([c.score for c in crossings], dtype=np.float64)
+    odds = np.log(scores / np.maximum(1 - scores, 1e-6))
+    return np.stack((np.minimum(odds, 6.0), np.minimum(odds, 1.0)), axis=1)
+
+
+def rated_crossings(
+    crossings: Sequence[Crossing], existence: FloatArray, order_seen: FloatArray, method: str
+) -> tuple[Crossing, ...]:
+    """The crossings with the probabilities that they are some, and that their order is right.
+
+    ``existence``, ``order_seen``: the features of both.
+    """
+    real = probability(existence, method, "crossing", CROSSING_FEATURES)
+    order = probability(order_seen, method, "order", ORDER_FEATURES)
+    if real is None or order is None:
+        return tuple(crossings)
+    pairs = zip(crossings, order.tolist(), real.tolist(), strict=True)
+    return tuple(replace(c, score=max(0.5, o), existence=r) for c, o, r in pairs)

@@ -1,0 +1,108 @@
+"""Where the picture has the edges of a DLO, compared with where the mask has them.
+
+Symbols: I instances, N sampled sections across all of them, M places across an edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from models.geometry.polylines import resample
+from models.geometry.sampling import read_nearest
+from models.instances.scene import Instance
+
+_INSIDE_PX, _OUTSIDE_PX = 4, 7
+"""How far a profile reaches to both sides of the mask's edge."""
+_MOST_SHIFT = 4
+"""Edges inside the mask's are not believed: foreground that a network is sure of stays."""
+_SPACING_PX = 4.0
+_AT_MOST = 120
+"""Sections across an instance."""
+_NOISE_LEVELS = 6.0
+_PRIOR = 0.004
+"""What a shift costs, times its square: shares of the color variance that the edge has to explain."""
+
+
+def edge_shifts(instances: Sequence[Instance], distances: Float32Array, image: ByteArray) -> FloatArray:
+    """``(I,)`` whole pixels by which each instance's edges in the picture lie outside its mask, 0 to 4.
+
+    Strategy: colors are read across both edges at many places. For every possible edge, the share of the colors'
+    variance that two means (inside, outside) explain is averaged over all places of the instance; the best one,
+    less a price for moving, is taken. Where an instance meets another, or the picture ends, nothing is read.
+    """
+    shifts = np.zeros(len(instances))
+    owner, points, normals, half = _sections(instances, distances)
+    if not len(owner):
+        return shifts
+    across = np.arange(-_INSIDE_PX, _OUTSIDE_PX + 1)
+    explained = np.zeros((len(instances), len(across) - 1))
+    weight = np.zeros(len(instances))
+    for side in (-1, 1):
+        reach = side * (half[:, None] + across)
+        places = points[:, None] + reach[..., None] * normals[:, None]
+        alone = _alone(places, half[:, None] + across, distances, image.shape)
+        share = _explained(_read(image, places))
+        np.add.at(explained, owner[alone], share[alone])
+        np.add.at(weight, owner[alone], 1)
+    return _best_shifts(explained / np.maximum(weight, 1)[:, None], weight > 8)
+
+
+def _best_shifts(explained: FloatArray, known: BoolArray) -> FloatArray:
+    """Entry k of the profile splits between places k and k + 1; the mask's own edge is after place ``_INSIDE_PX``."""
+    shift = np.arange(explained.shape[1]) - _INSIDE_PX
+    allowed = (shift >= 0) & (shift <= _MOST_SHIFT)
+    worth = np.where(allowed, explained - _PRIOR * shift**2, -np.inf)
+    out: FloatArray = np.where(known, shift[worth.argmax(axis=1)], 0.0)
+    return out
+
+
+def _sections(
+    instances: Sequence[Instance], distances: Float32Array
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Owner ``(N,)``, middle ``(N, 2)``, unit normal ``(N, 2)`` and half width of the mask ``(N,)``."""
+    owner, points, normals = [], [], []
+    for k, instance in enumerate(instances):
+        count = int(np.clip(instance.length_px / _SPACING_PX, 3, _AT_MOST))
+        line = resample(instance.centerline_xy, count)
+        step = np.gradient(line, axis=0)
+        step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+        owner.append(np.full(count, k))
+        points.append(line)
+        normals.append(np.stack((-step[:, 1], step[:, 0]), axis=1))
+    if not owner:
+        return np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
+    names, middle = np.concatenate(owner), np.concatenate(points)
+    widths = np.array([i.width_px for i in instances])[names]
+    half = read_nearest(distances, middle) - 0.5
+    usual = (half > 0.3 * widths) & (half < 0.75 * widths)
+    return names[usual], middle[usual], np.concatenate(normals)[usual], half[usual]
+
+
+def _alone(places: FloatArray, reach: FloatArray, distances: Float32Array, shape: tuple[int, ...]) -> BoolArray:
+    """``(N,)`` nothing but background lies outside the edge, and all of it is in the picture."""
+    outside = read_nearest(distances, places)[:, _INSIDE_PX + 2 :] > 0
+    inside = np.all((places >= 0) & (places <= np.array(shape[1::-1]) - 1), axis=(1, 2))
+    return inside & ~outside.any(axis=1)
+
+
+def _read(image: ByteArray, places: FloatArray) -> Float32Array:
+    whole = np.rint(places).astype(np.int64)
+    rows = np.clip(whole[..., 1], 0, image.shape[0] - 1)
+    columns = np.clip(whole[..., 0], 0, image.shape[1] - 1)
+    return image[rows, columns].astype(np.float32)
+
+
+def _explained(colors: Float32Array) -> Float32Array:
+    """``(N, M - 1)`` share of the variance of ``(N, M, 3)`` colors that a split after each place explains."""
+    count = colors.shape[1]
+    before = np.arange(1, count, dtype=np.float32)[None, :, None]
+    sums = np.cumsum(colors, axis=1)
+    total = sums[:, -1:]
+    left, right = sums[:, :-1], total - sums[:, :-1]
+    between = left**2 / before + right**2 / (count - before) - total**2 / count
+    variance = (colors**2).sum(axis=(1, 2)) - (total[:, 0] ** 2).sum(axis=1) / count
+    out: Float32Array = between.sum(axis=2) / (variance + 3 * count * _NOISE_LEVELS**2)[:, None]
+    return out

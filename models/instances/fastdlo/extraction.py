@@ -1,0 +1,104 @@
+"""The steps of FASTDLO in order (thesis Fig. 3.7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from models.geometry.pixel_graph import pixel_graph, skeleton_of
+from models.geometry.sampling import distance_map
+from models.instances.assembly import assemble
+from models.instances.fastdlo.similarity import SimilarityNetwork, features, probabilities
+from models.instances.resolution import at_working_size
+from models.instances.scene import Scene
+from models.instances.sections import Sections, pairs_at_junctions, sections_of
+from models.instances.strands import strands_of
+
+_MAX_PIXELS = 1_500_000
+_SHARED_RADII = 14.0
+"""Longest foreground that two strands of a shallow crossing share: one intersection, not two."""
+
+
+@dataclass(frozen=True)
+class FastDloParams:
+    """``min_probability``: t_c of Algorithm 3, the weakest connection made (the thesis names no number)."""
+
+    min_probability: float = 1e-4
+
+
+def extract(
+    mask: BoolArray,
+    image: ByteArray | None = None,
+    params: FastDloParams | None = None,
+    similarity: SimilarityNetwork | None = None,
+) -> Scene:
+    """The DLOs of a foreground mask.
+
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None (then width and direction decide).
+    ``similarity``: the network of 3.4.4; without it, connections follow the features' plain distance.
+
+    Any mask is allowed, and the work is bounded: beyond 1.5 megapixels the mask is reduced, at most 3 000 segments
+    and 255 instances remain. Raises ``ValueError`` when the image is of another size than the mask.
+    """
+    if image is not None and image.shape != (*mask.shape, 3):
+        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
+    settings = params or FastDloParams()
+    binary = np.ascontiguousarray(mask, dtype=bool)
+    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings, similarity), _MAX_PIXELS)
+
+
+def _extract(
+    mask: BoolArray, image: ByteArray | None, params: FastDloParams, similarity: SimilarityNetwork | None
+) -> Scene:
+    started = perf_counter()
+    distances = distance_map(mask)
+    sections = sections_of(pixel_graph(skeleton_of(mask)), distances, image, _SHARED_RADII)
+    after_skeleton = perf_counter()
+    pairs, probability = process_intersections(sections, similarity)
+    after_network = perf_counter()
+    partner = merge_informed(len(sections.node), pairs, probability, params.min_probability)
+    chains = strands_of(sections, partner, {})
+    timings = {
+        "skeleton": 1e3 * (after_skeleton - started),
+        "network": 1e3 * (after_network - after_skeleton),
+        "merging": 1e3 * (perf_counter() - after_network),
+    }
+    scene = assemble(chains, mask, distances, image, method="fastdlo")
+    return replace(scene, timings_ms={**timings, **scene.timings_ms})
+
+
+def process_intersections(sections: Sections, similarity: SimilarityNetwork | None) -> tuple[IntArray, FloatArray]:
+    """Algorithm 2: ``(m, 2)`` pairs of endpoints of the same intersection and their connection probability.
+
+    Features are relative to the endpoints of the same intersection; all go through the network in one batch.
+    The two ends of one segment are no pair: a loop is a segment with both ends at one crossing, and each of them
+    goes on elsewhere.
+    """
+    pairs = pairs_at_junctions(sections)
+    pairs = pairs[pairs[:, 0] >> 1 != pairs[:, 1] >> 1]
+    ends = np.unique(pairs)
+    if not len(ends):
+        return pairs, np.zeros(0)
+    rows = np.zeros((len(ends), 6), np.float32)
+    nodes = sections.node[ends]
+    for node in np.unique(nodes):
+        here = nodes == node
+        of = ends[here]
+        rows[here] = features(sections.color[of], sections.end_radius[of], sections.outward[of])
+    embedded = rows if similarity is None else similarity(rows)
+    place = np.searchsorted(ends, pairs)
+    apart = embedded[place[:, 0]].astype(np.float64) - embedded[place[:, 1]]
+    return pairs, probabilities(apart)
+
+
+def merge_informed(ends: int, pairs: IntArray, probability: FloatArray, least: float) -> IntArray:
+    """Algorithm 3: ``(ends,)`` partner of every endpoint, itself if it has none; best pairs first, each end once."""
+    partner = np.arange(ends)
+    for k in np.argsort(-probability, kind="stable"):
+        a, b = pairs[k].tolist()
+        if probability[k] > least and partner[a] == a and partner[b] == b:
+            partner[a], partner[b] = b, a
+    return partner

@@ -1,0 +1,78 @@
+"""The default method: sections of the skeleton, matched jointly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from models.geometry.pixel_graph import pixel_graph, skeleton_of
+from models.geometry.sampling import distance_map
+from models.instances.assembly import assemble
+from models.instances.resolution import at_working_size
+from models.instances.scene import Scene
+from models.instances.section_matching.cleaning import clean
+from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
+from models.instances.section_matching.matching import match
+from models.instances.sections import Sections, sections_of
+from models.instances.strands import Joint, strands_of
+
+
+@dataclass(frozen=True)
+class SectionMatchingParams:
+    """``hole_widths``: holes up to this squared, in typical widths, are filled; ``gap_widths``: longest gap to
+    bridge; ``stop_cost``: log odds against a DLO that ends at a crossing."""
+
+    hole_widths: float = 0.7
+    gap_widths: float = 20.0
+    stop_cost: float = 2.0
+
+
+def extract(mask: BoolArray, image: ByteArray | None = None, params: SectionMatchingParams | None = None) -> Scene:
+    """The DLOs of a foreground mask.
+
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None.
+    """
+    if image is not None and image.shape != (*mask.shape, 3):
+        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
+    settings = params or SectionMatchingParams()
+    binary = np.ascontiguousarray(mask, dtype=bool)
+    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings))
+
+
+def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingParams) -> Scene:
+    times = [perf_counter()]
+    cleaned = clean(mask, params.hole_widths)
+    distances = distance_map(cleaned.mask)
+    times.append(perf_counter())
+    graph = pixel_graph(skeleton_of(cleaned.mask))
+    times.append(perf_counter())
+    sections = sections_of(graph, distances, image)
+    links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
+    costs = costs_of(links)
+    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost))
+    chains = strands_of(sections, partner, _joints(links, costs, partner))
+    times.append(perf_counter())
+    scene = assemble(chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True)
+    names = ("cleaning", "skeleton", "matching")
+    timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
+    return replace(scene, timings_ms={**timings, **scene.timings_ms})
+
+
+def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[int, int], Joint]:
+    """The links taken: the section along which two ends go on together with another DLO, and the doubt."""
+    taken = np.flatnonzero(partner[links.pairs[:, 0]] == links.pairs[:, 1])
+    doubts = np.logaddexp(0.0, costs[taken])
+    shared = np.where(links.kind[taken] >= SHARED, links.via[taken], -1)
+    rows = zip(links.pairs[taken].tolist(), shared.tolist(), doubts.tolist(), strict=True)
+    return {(a, b): Joint(via, doubt) for (a, b), via, doubt in rows}
+
+
+def _stops(sections: Sections, shape: tuple[int, ...], at_crossing: float) -> FloatArray:
+    """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the border."""
+    margin = np.minimum(sections.tip, np.array(shape[::-1]) - 1 - sections.tip).min(axis=1)
+    free = np.where(margin <= np.maximum(sections.end_radius, 2.0), -2.0, 0.0)
+    out: FloatArray = np.where(sections.node >= 0, at_crossing, free)
+    return out

@@ -1,0 +1,219 @@
+"""Which section ends may belong to one DLO, and how likely that is.
+
+Symbols: E ends, m candidate links. A link's cost is minus the logarithm of its odds, from a logistic model of a
+few measurements whose weights are fitted on scenes that the repository draws (``train_links.py``).
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from models.geometry.polylines import bridge
+from models.geometry.sampling import read_nearest
+from models.instances.sections import Sections, pairs_at_junctions
+
+KINDS = ("junction", "gap", "shared", "absorbed")
+JUNCTION, GAP, SHARED, ABSORBED = range(4)
+"""Kinds of link: two ends at one crossing; over a gap; along a section that two DLOs share; that section's own
+two ends, which says that it is shared and no strand of its own."""
+FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
+"""``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where it does."""
+_NOISE_LEVELS = 8.0
+
+WEIGHTS_FILE = Path(__file__).with_name("link_weights.toml")
+
+_SHARED_RADII = 16.0
+_SHARED_THICK = 1.3
+"""A section may be shared if it is short or this much thicker than what leads to it."""
+_SAMPLES = 16
+_NEAREST = 24
+"""At most so many ends of a crossing, or across gaps, are considered for each end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """``pairs``: ``(m, 2)`` ends; ``kind``: ``(m,)``; ``features``: ``(m, 9)``; ``via``: ``(m,)`` the shared section
+    or -1."""
+
+    pairs: IntArray
+    kind: IntArray
+    features: FloatArray
+    via: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+def candidate_links(sections: Sections, mask: BoolArray, image: ByteArray | None, gap_widths: float) -> Links:
+    """All links worth weighing."""
+    crossing, gap = pairs_at_junctions(sections), _over_gaps(sections, gap_widths)
+    shared, via = _along_shared(sections)
+    absorbed = np.unique(via)
+    pairs = np.concatenate((crossing, gap, shared, np.stack((2 * absorbed, 2 * absorbed + 1), axis=1)))
+    sizes = [len(crossing), len(gap), len(shared), len(absorbed)]
+    kind = np.repeat([JUNCTION, GAP, SHARED, ABSORBED], sizes)
+    through = np.concatenate((np.full(sizes[0] + sizes[1], -1), via, absorbed)).astype(np.int64)
+    features = _measure(sections, pairs, kind, through, mask, image)
+    return Links(pairs, kind, features, through)
+
+
+@cache
+def _weights() -> FloatArray:
+    """``(4, 9)`` weights of each kind of link."""
+    table = tomllib.loads(WEIGHTS_FILE.read_text())
+    return np.array([[table[kind][feature] for feature in FEATURES] for kind in KINDS])
+
+
+def costs_of(links: Links) -> FloatArray:
+    """``(m,)`` minus the log odds that a link is right."""
+    out: FloatArray = np.einsum("ij,ij->i", links.features, _weights()[links.kind])
+    return out
+
+
+def _over_gaps(sections: Sections, gap_widths: float) -> IntArray:
+    """Pairs of near ends, at least one of them free, that face each other."""
+    if len(sections) == 0:
+        return np.zeros((0, 2), np.int64)
+    free = np.flatnonzero((sections.node < 0) & ~np.repeat(sections.closed, 2))
+    every = np.flatnonzero(~np.repeat(sections.closed, 2))
+    if len(free) == 0:
+        return np.zeros((0, 2), np.int64)
+    reach = 2 * gap_widths * float(np.median(sections.radius))
+    k = min(_NEAREST, len(every))
+    near = np.asarray(cKDTree(sections.tip[every]).query(sections.tip[free], k, distance_upper_bound=reach)[1])
+    a, b = np.repeat(free, k), np.append(every, -1)[near.reshape(-1)]
+    pairs = np.stack((np.minimum(a, b), np.maximum(a, b)), axis=1)[(b >= 0) & (a != b)]
+    pairs = np.unique(pairs, axis=0).reshape(-1, 2)
+    link = sections.tip[pairs[:, 1]] - sections.tip[pairs[:, 0]]
+    leaving = np.einsum("ij,ij->i", sections.outward[pairs[:, 0]], link)
+    arriving = -np.einsum("ij,ij->i", sections.outward[pairs[:, 1]], link)
+    facing = np.einsum("ij,ij->i", sections.outward[pairs[:, 0]], sections.outward[pairs[:, 1]])
+    return pairs[(leaving > 0) & (arriving > 0) & (facing < 0.3)]
+
+
+def _along_shared(sections: Sections) -> tuple[IntArray, IntArray]:
+    """Pairs of ends at the two nodes of a section that two DLOs may share, and that section."""
+    nodes = sections.node.reshape(-1, 2)
+    candidates = np.flatnonzero((nodes >= 0).all(axis=1) & (nodes[:, 0] != nodes[:, 1]))
+    at: dict[int, list[int]] = {}
+    for end in np.flatnonzero(sections.node >= 0).tolist():
+        at.setdefault(int(sections.node[end]), []).append(end)
+    pairs, via = [], []
+    for section in candidates.tolist():
+        here, there = ([e for e in at[int(n)] if e >> 1 != section] for n in nodes[section])
+        if len(here) > _NEAREST or len(there) > _NEAREST or min(len(here), len(there)) < 2:
+            continue
+        leading = float(np.median(sections.end_radius[here + there]))
+        thick = sections.radius[section] > _SHARED_THICK * leading
+        if thick or sections.length[section] <= _SHARED_RADII * leading:
+            found = [(a, b) for a in here for b in there if a >> 1 != b >> 1]
+            pairs += found
+            via += [section] * len(found)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2), np.array(via, dtype=np.int64)
+
+
+def _measure(
+    sections: Sections, pairs: IntArray, kind: IntArray, via: IntArray, mask: BoolArray, image: ByteArray | None
+) -> FloatArray:
+    """``(m, 9)`` the measurements of :data:`FEATURES`; lengths in radii, angles in radians, colors in 100 levels."""
+    if not len(pairs):
+        return np.zeros((0, len(FEATURES)))
+    a, b = pairs.T
+    link = sections.tip[b] - sections.tip[a]
+    length = np.hypot(*link.T)
+    radius = np.maximum(sections.end_radius[a], sections.end_radius[b])
+    toward, onward = (link / np.maximum(length, 1e-9)[:, None],) * 2
+    toward, onward, length = _through(sections, pairs, kind, via, toward, onward, length)
+    leaving = _angle(sections.outward[a], toward)
+    arriving = _angle(onward, -sections.outward[b])
+    turn = _angle(sections.outward[a], -sections.outward[b])
+    known = length**2 / (length**2 + (1.5 * radius + 2) ** 2)
+    points, off = _between(sections, a, b, mask)
+    color = sections.color[a] - sections.color[b]
+    brightness = color.mean(axis=1)
+    chroma = np.sqrt(((color - brightness[:, None]) ** 2).sum(axis=1))
+    width = np.log(sections.end_radius[a] / sections.end_radius[b])
+    shared = kind >= SHARED
+    gap = np.where(shared, 0.0, np.minimum(length * off.mean(axis=1) / radius, 40.0) / 4)
+    seen = _likeness(sections, a, b, points, off, image)
+    columns = (
+        np.ones(len(pairs)), np.minimum(turn**2, 4.0), known * np.minimum(leaving**2 + arriving**2, 6.0),
+        np.minimum(width**2, 2.0), np.minimum(chroma / 100, 1.0), np.minimum(abs(brightness) / 100, 1.0),
+        gap * (1 - seen), np.minimum(length / radius, 40.0) / 8, gap * seen,
+    )  # fmt: skip
+    features = np.stack(columns, axis=1)
+    own = kind == ABSORBED
+    features[own] = 0.0
+    features[own, 0] = 1.0
+    features[own, 3] = _thickening(sections, via[own])
+    features[own, 7] = np.minimum(length[own] / radius[own], 40.0) / 8
+    return features
+
+
+def _through(
+    sections: Sections, pairs: IntArray, kind: IntArray, via: IntArray,
+    toward: FloatArray, onward: FloatArray, length: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Directions into and out of the way between the ends, and its length; along a shared section its own."""
+    shared = np.flatnonzero(kind == SHARED)
+    section = via[shared]
+    starts_here = sections.node[2 * section] == sections.node[pairs[shared, 0]]
+    near, far = 2 * section + ~starts_here, 2 * section + starts_here
+    toward, onward, length = toward.copy(), onward.copy(), length.copy()
+    toward[shared], onward[shared] = -sections.outward[near], sections.outward[far]
+    whole = kind >= SHARED
+    length[whole] = sections.length[via[whole]]
+    return toward, onward, length
+
+
+def _angle(a: FloatArray, b: FloatArray) -> FloatArray:
+    out: FloatArray = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
+    return out
+
+
+def _between(sections: Sections, a: IntArray, b: IntArray, mask: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """``(m, 16, 2)`` points from tip to tip, leaving both ends in their directions, and ``(m, 16)`` which of them are
+    off the foreground."""
+    points = bridge(
+        sections.tip[a], sections.tip[b], sections.outward[a], -sections.outward[b], np.linspace(0, 1, _SAMPLES)
+    )
+    return points, read_nearest(mask, points) == 0
+
+
+def _likeness(
+    sections: Sections, a: IntArray, b: IntArray, points: FloatArray, off: BoolArray, image: ByteArray | None
+) -> FloatArray:
+    """``(m,)`` 0 to 1: how far the picture in the gap looks like the ends rather than like what lies beside them.
+
+    A half where there is no gap or no picture.
+    """
+    if image is None:
+        return np.full(len(a), 0.5)
+    own = np.minimum(_away(image, points, sections.color[a]), _away(image, points, sections.color[b]))
+    beside = (sections.beside[a] + sections.beside[b]) / 2
+    contrast = np.abs(beside - (sections.color[a] + sections.color[b]) / 2).mean(axis=1)
+    like = np.exp(-((own / (0.4 * contrast + _NOISE_LEVELS)[:, None]) ** 2))
+    counted = off.sum(axis=1)
+    return np.where(counted > 0, (like * off).sum(axis=1) / np.maximum(counted, 1), 0.5)
+
+
+def _away(image: ByteArray, points: FloatArray, colors: FloatArray) -> FloatArray:
+    """``(m, 16)`` mean absolute difference of the picture at the points to ``(m, 3)`` colors."""
+    rows = np.clip(np.rint(points[..., 1]), 0, image.shape[0] - 1).astype(np.intp)
+    columns = np.clip(np.rint(points[..., 0]), 0, image.shape[1] - 1).astype(np.intp)
+    out: FloatArray = np.abs(image[rows, columns] - colors[:, None]).mean(axis=2)
+    return out
+
+
+def _thickening(sections: Sections, shared: IntArray) -> FloatArray:
+    """Logarithm of a shared section's radius over that of the thinner of its neighbors' medians."""
+    nodes = sections.node[2 * shared]
+    out = np.zeros(len(shared))
+    for k, (section, node) in enumerate(zip(shared.tolist(), nodes.tolist(), strict=True)):
+        around = np.flatnonzero((sections.node == node) & (np.arange(len(sections.node)) >> 1 != section))
+        out[k] = np.log(sections.radius[section] / np.median(sections.end_radius[around]))
+    return np.clip(out, -1.0, 1.0)

@@ -1,0 +1,101 @@
+"""A shipped network back to one that can be trained further, when its checkpoint is gone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from pathlib import Path
+
+import onnx
+import torch
+from onnx import numpy_helper
+from torch import Tensor, nn
+
+
+def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor]) -> int:
+    """Give ``network`` the weights of its own exported ``file``; returns how many convolutions were taken.
+
+    The exporter folds each batch normalization into the convolution before it. Here the folded weights go back
+    into the convolution, and the normalization gets the statistics that ``pictures`` (normalized, (B, 3, H, W))
+    produce and the scale and shift that undo them: the same function, in training mode too.
+
+    Raises ValueError when the file is of another network.
+    """
+    graph = onnx.load(file).graph
+    values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
+    weights, biases = {}, {}
+    for node in graph.node:
+        if node.op_type == "Conv":
+            weights[node.input[1]] = values[node.input[1]]
+            if len(node.input) > 2:
+                biases[node.input[1]] = values[node.input[2]]
+    pairs = _normalized(network)
+    with torch.no_grad():
+        for name, conv in _convolutions(network).items():
+            _set(conv, name, weights, biases if name not in pairs else {})
+    for name, norm in pairs.items():
+        _pass_through(norm, biases[f"{name}.weight"])
+    _calibrate(network, pairs, pictures)
+    return len(weights)
+
+
+def _convolutions(network: nn.Module) -> dict[str, nn.Conv2d]:
+    return {name: m for name, m in network.named_modules() if isinstance(m, nn.Conv2d)}
+
+
+def _normalized(network: nn.Module) -> dict[str, nn.BatchNorm2d]:
+    """The normalization that follows each convolution in its sequence, by the convolution's name."""
+    pairs = {}
+    for prefix, sequence in network.named_modules():
+        if isinstance(sequence, nn.Sequential):
+            named = list(sequence.named_children())
+            for (name, first), (_, second) in pairwise(named):
+                if isinstance(first, nn.Conv2d) and isinstance(second, nn.BatchNorm2d):
+                    pairs[f"{prefix}.{name}"] = second
+    return pairs
+
+
+def _set(conv: nn.Conv2d, name: str, weights: dict[str, Tensor], biases: dict[str, Tensor]) -> None:
+    found = weights.get(f"{name}.weight")
+    if found is None or found.shape != conv.weight.shape:
+        raise ValueError(f"the file has no {name}.weight of shape {tuple(conv.weight.shape)}")
+    conv.weight.copy_(found)
+    if conv.bias is not None:
+        conv.bias.copy_(biases[f"{name}.weight"])
+
+
+@torch.no_grad()
+def _pass_through(norm: nn.BatchNorm2d, bias: Tensor) -> None:
+    assert norm.running_mean is not None
+    assert norm.running_var is not None
+    norm.running_mean.zero_()
+    norm.running_var.fill_(1.0)
+    norm.weight.fill_((1.0 + norm.eps) ** 0.5)
+    norm.bias.copy_(bias)
+
+
+@torch.no_grad()
+def _calibrate(network: nn.Module, pairs: dict[str, nn.BatchNorm2d], pictures: Iterable[Tensor]) -> None:
+    sums: dict[str, list[Tensor]] = {name: [] for name in pairs}
+    convolutions = _convolutions(network)
+
+    def watch(name: str) -> None:
+        convolutions[name].register_forward_hook(
+            lambda _m, _i, out: sums[name].append(torch.stack([out.mean((0, 2, 3)), out.square().mean((0, 2, 3))]))
+        )
+
+    for name in pairs:
+        watch(name)
+    network.eval()
+    for picture in pictures:
+        network(picture)
+    for name, norm in pairs.items():
+        convolutions[name]._forward_hooks.clear()
+        mean, square = torch.stack(sums[name]).mean(0)
+        variance = (square - mean.square()).clamp(min=1e-8)
+        assert norm.running_mean is not None
+        assert norm.running_var is not None
+        norm.running_mean.copy_(mean)
+        norm.running_var.copy_(variance)
+        norm.weight.copy_((variance + norm.eps).sqrt())
+        norm.bias.add_(mean)

@@ -1,0 +1,131 @@
+"""What moves when a section is turned about a place that is held: the piece beyond it, rigid (thesis 6.7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.geometry.arrays import FloatArray
+from models.geometry.polylines import arc_lengths, point_at
+from models.topology.scene import Topology
+
+_STEP_PX = 8.0
+
+
+@dataclass(frozen=True)
+class Pivot:
+    """A place that is held: on ``section`` at arc length ``at``; the piece towards ``side`` (+1: the section's last
+    point, -1: its first) turns about it. ``branch``: the branch-point there, or -1."""
+
+    section: int
+    at: float
+    side: int
+    branch: int
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """``moving`` and ``resting``: polylines ``(n, 2)`` with the index of their section; ``center`` (2,)."""
+
+    center: FloatArray
+    moving: tuple[tuple[int, FloatArray], ...]
+    resting: tuple[tuple[int, FloatArray], ...]
+    leaves_view: bool
+
+
+def body_of(topology: Topology, pivot: Pivot) -> Body | None:
+    """The body beyond a pivot, or None where it is also held elsewhere: it is part of a closed cycle."""
+    section = topology.sections[pivot.section]
+    lengths = arc_lengths(section.xy)
+    far = section.branches[1 if pivot.side > 0 else 0]
+    near = section.branches[0 if pivot.side > 0 else 1]
+    downstream = _beyond(topology, pivot.section, far)
+    if downstream is None or (pivot.branch >= 0 and _touches(topology, downstream, near)):
+        return None
+    if far >= 0 and near >= 0 and far == near:
+        return None
+    first, second = _cut(section.xy, lengths, pivot.at)
+    moved, kept = (second, first) if pivot.side > 0 else (first, second)
+    moving = [(pivot.section, moved)] + [(k, _coarse(topology.sections[k].xy)) for k in downstream]
+    resting = [(pivot.section, kept)] if len(kept) > 1 else []
+    others = set(range(len(topology.sections))) - set(downstream) - {pivot.section}
+    resting += [(k, _coarse(topology.sections[k].xy)) for k in sorted(others)]
+    ends = [topology.sections[pivot.section].ends[1 if pivot.side > 0 else 0]]
+    ends += [e for k in downstream for e in topology.sections[k].ends]
+    center = point_at(section.xy, lengths, np.array([pivot.at]))[0]
+    return Body(center, tuple(moving), tuple(resting), "border" in ends)
+
+
+def _beyond(topology: Topology, section: int, branch: int) -> list[int] | None:
+    """The sections that hang on a branch-point, without going back over ``section``; None if one leads back to it."""
+    if branch < 0:
+        return []
+    found: list[int] = []
+    waiting, seen = [branch], {branch}
+    while waiting:
+        here = waiting.pop()
+        for k in topology.branch_points[here].sections:
+            if k == section or k in found:
+                continue
+            found.append(k)
+            for end in topology.sections[k].branches:
+                if end >= 0 and end not in seen:
+                    seen.add(end)
+                    waiting.append(end)
+    back = set(topology.sections[section].branches) - {branch, -1}
+    return None if back & seen else found
+
+
+def _touches(topology: Topology, sections: list[int], branch: int) -> bool:
+    return branch >= 0 and any(branch in topology.sections[k].branches for k in sections)
+
+
+def _cut(xy: FloatArray, lengths: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
+    """The polyline before and after an arc length, coarse; one of them is empty at its ends."""
+    total = float(lengths[-1])
+    return _piece(xy, lengths, 0.0, at), _piece(xy, lengths, at, total)
+
+
+def _piece(xy: FloatArray, lengths: FloatArray, start: float, stop: float) -> FloatArray:
+    if stop - start < 1e-6:
+        return np.zeros((0, 2))
+    count = max(2, round((stop - start) / _STEP_PX) + 1)
+    return point_at(xy, lengths, np.linspace(start, stop, count))
+
+
+def _coarse(xy: FloatArray) -> FloatArray:
+    lengths = arc_lengths(xy)
+    return _piece(xy, lengths, 0.0, float(lengths[-1]))
+
+
+def turned(xy: FloatArray, center: FloatArray, angle: float) -> FloatArray:
+    """``(…, 2)`` points turned about ``center`` by ``angle`` radians, from x towards y."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return center + (xy - center) @ np.array([[cosine, sine], [-sine, cosine]])
+
+
+def segments(parts: tuple[tuple[int, FloatArray], ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Starts and ends ``(m, 2)`` of all segments, and the section of each ``(m,)``."""
+    lines = [(k, xy) for k, xy in parts if len(xy) > 1]
+    if not lines:
+        return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
+    starts, ends = np.concatenate([xy[:-1] for _, xy in lines]), np.concatenate([xy[1:] for _, xy in lines])
+    return starts, ends, np.repeat([float(k) for k, _ in lines], [len(xy) - 1 for _, xy in lines])
+
+
+def intersections(
+    first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
+) -> tuple[np.ndarray, np.ndarray, FloatArray]:
+    """Indices of the segments of both sets that cross, and where ``(c, 2)``; all pairs at once."""
+    (p, p2), (q, q2) = first, second
+    if not len(p) or not len(q):
+        return np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2))
+    r, s = (p2 - p)[:, None], (q2 - q)[None]
+    between = q[None] - p[:, None]
+    area = r[..., 0] * s[..., 1] - r[..., 1] * s[..., 0]
+    safe = np.where(area == 0, 1.0, area)
+    t = (between[..., 0] * s[..., 1] - between[..., 1] * s[..., 0]) / safe
+    u = (between[..., 0] * r[..., 1] - between[..., 1] * r[..., 0]) / safe
+    i, j = np.nonzero((area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1))
+    return i, j, p[i] + t[i, j][:, None] * (p2 - p)[i]

@@ -1,0 +1,167 @@
+"""The steps of thesis chapter 6 in order: mask to topology."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from time import perf_counter
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.polylines import arc_lengths
+from models.topology.encodings import encode
+from models.topology.graph import Graph, TooComplexError, initialize
+from models.topology.order import Surface, ordered, picture
+from models.topology.scene import Predictions, Status, Topology
+from models.topology.sites import Site
+from models.topology.solver import Judge, solve
+from models.topology.walks import branch_points_of, crossings_of, final_links, sections_of, walk_all
+
+MAX_PIXELS = 1_500_000
+_LEAST_SHARE = 0.35
+"""Share of a reduced pixel that must be foreground."""
+
+
+class TopologyNetwork(Protocol):
+    """Patches, node features, edges and edge features to links, orientations and classes (probabilities)."""
+
+    def run(self, *inputs: NDArray) -> tuple[NDArray, ...]: ...
+
+
+def extract(
+    mask: BoolArray,
+    network: TopologyNetwork,
+    judge: Judge,
+    image: ByteArray | None = None,
+    surfaces: Sequence[Surface] = (),
+) -> Topology:
+    """The topology of the DLOs and harnesses in a mask.
+
+    ``mask``: ``(H, W)``; ``image``: ``(H, W, 3)`` RGB or None: its colors help to tell crossings from branch-points
+    and show which strand is on top; ``surfaces``: further things seen (depth), in the pixels of ``mask``.
+
+    Any mask is allowed: above 1.5 megapixels it is reduced; noise gives the status ``too_complex`` and an empty
+    answer. Raises ValueError when the image is of another size than the mask.
+    """
+    if image is not None and image.shape != (*mask.shape, 3):
+        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
+    factor = int(np.ceil(np.sqrt(mask.size / MAX_PIXELS)))
+    if factor <= 1:
+        return _extract(np.ascontiguousarray(mask, dtype=bool), network, judge, image, surfaces)
+    size = (max(1, mask.shape[1] // factor), max(1, mask.shape[0] // factor))
+    scale = np.array(mask.shape[::-1]) / np.array(size)
+    share = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
+    small = None if image is None else cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    seen = [replace(s, read=_scaled(s.read, scale)) for s in surfaces]
+    return _enlarged(_extract(share >= 255 * _LEAST_SHARE, network, judge, small, seen), mask.shape, scale)
+
+
+def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
+    """What the network says of a graph."""
+    if not len(graph.xy):
+        return Predictions(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+    encoded = encode(graph)
+    links, orientations, classes = network.run(encoded.patches, encoded.nodes, encoded.edges, encoded.edge_features)
+    angles = np.deg2rad(np.argmax(orientations, axis=1).astype(np.float64))
+    return Predictions(links.astype(np.float64), angles, classes.astype(np.float64))
+
+
+def _extract(
+    mask: BoolArray, network: TopologyNetwork, judge: Judge, image: ByteArray | None, surfaces: Sequence[Surface]
+) -> Topology:
+    started = perf_counter()
+    try:
+        graph = initialize(mask)
+    except TooComplexError:
+        return _nothing(mask.shape, "too_complex", {"graph": 1e3 * (perf_counter() - started)})
+    after_graph = perf_counter()
+    if not graph.web.strands:
+        return _nothing(mask.shape, "empty", {"graph": 1e3 * (after_graph - started)})
+    predictions = predict(graph, network)
+    after_network = perf_counter()
+    solution = solve(graph, predictions, judge, None if image is None else _tint(image))
+    walks = walk_all(solution)
+    sections = sections_of(walks, solution, graph)
+    after_solver = perf_counter()
+    seen = [*([] if image is None else [picture(image)]), *surfaces]
+    crossings = ordered(crossings_of(walks, solution), sections, seen)
+    branches = branch_points_of(solution, sections)
+    links, scores = final_links(walks, graph, predictions)
+    closed = all(s.closed for s in sections)
+    status: Status = "branched" if branches else "closed" if sections and closed else "plain" if sections else "empty"
+    timings = {
+        "graph": 1e3 * (after_graph - started),
+        "networks": 1e3 * (after_network - after_graph),
+        "solver": 1e3 * (after_solver - after_network),
+        "output": 1e3 * (perf_counter() - after_solver),
+    }
+    return Topology(
+        (mask.shape[0], mask.shape[1]), status, tuple(sections), tuple(branches), tuple(crossings), graph.xy,
+        predictions.angles, predictions.classes, links, scores, timings,
+    )  # fmt: skip
+
+
+def _nothing(shape: tuple[int, ...], status: Status, timings: dict[str, float]) -> Topology:
+    return Topology(
+        (shape[0], shape[1]), status, (), (), (), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)),
+        np.zeros((0, 2), np.int64), np.zeros(0), timings,
+    )  # fmt: skip
+
+
+_COLOR_UNIT = 25.0
+"""Gray levels by which the colors of two strands must differ to be two colors."""
+_COLOR_WEIGHT = 1.5
+
+
+def _tint(image: ByteArray) -> Callable[[Site], float]:
+    """Colors at a site as log odds for a crossing: its pairs should look alike, more than the other way to pair."""
+    seen = picture(image)
+
+    def odds(site: Site) -> float:
+        colors = []
+        for arm in site.arms:
+            along = arm.xy + np.linspace(0.5, 2.5, 5)[:, None] * arm.width * arm.heading
+            colors.append(np.median(seen.read(along), axis=0))
+        alike = [sum(_apart(colors, i, j) for i, j in pairs) for pairs in (site.pairs, site.rivals)]
+        return _COLOR_WEIGHT * float(np.tanh((alike[1] - alike[0]) / _COLOR_UNIT))
+
+    return odds
+
+
+def _apart(colors: list[FloatArray], i: int, j: int) -> float:
+    return float(np.sqrt(np.mean((colors[i] - colors[j]) ** 2)))
+
+
+def _scaled(read: Callable[[FloatArray], FloatArray], scale: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    return lambda places: read((places + 0.5) * scale - 0.5)
+
+
+def _enlarged(topology: Topology, shape: tuple[int, ...], scale: FloatArray) -> Topology:
+    """The topology in the pixels of the picture as it was sent; ``scale`` is (x, y)."""
+
+    def moved(xy: FloatArray | tuple[float, float]) -> FloatArray:
+        out: FloatArray = (np.asarray(xy) + 0.5) * scale - 0.5
+        return out
+
+    def point(xy: tuple[float, float]) -> tuple[float, float]:
+        x, y = moved(xy).tolist()
+        return x, y
+
+    size = float(scale.mean())
+    sections = []
+    for section in topology.sections:
+        xy = moved(section.xy)
+        length = float(arc_lengths(xy)[-1])
+        sections.append(replace(section, xy=xy, width=section.width * size, length=length))
+    return replace(
+        topology,
+        size=(shape[0], shape[1]),
+        sections=tuple(sections),
+        branch_points=tuple(replace(b, xy=point(b.xy)) for b in topology.branch_points),
+        crossings=tuple(replace(c, xy=point(c.xy)) for c in topology.crossings),
+        nodes_xy=moved(topology.nodes_xy),
+    )

@@ -1,0 +1,111 @@
+"""Graph initialization: nodes of constant density along the strands, and candidate edges (thesis 6.4).
+
+Symbols: N nodes, E undirected candidate edges ``(i, j)`` with ``i < j``. The first K nodes are the web's knots.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from models.geometry.polylines import arc_lengths, point_at
+from models.geometry.sampling import distance_map
+from models.topology.skeleton import Web, find_web
+from models.topology.web import cleaned, tidied
+
+NEIGHBORS = 8
+"""K_nn of thesis 6.4.3."""
+_SPACING_WIDTHS = 1.1
+_LEAST_SPACING_PX = 8.0
+_MAX_NODES = 2_000
+_MAX_STRANDS = 800
+
+
+class TooComplexError(ValueError):
+    """The mask is no picture of DLOs: its skeleton has more strands than any harness."""
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """What is known before anything is learned.
+
+    ``xy``: ``(N, 2)``; ``radii``: ``(N,)`` half widths; ``spacing`` px between neighbors; ``edges``: ``(2, E)``;
+    ``traced``: ``(E,)`` bool, the nodes are neighbors on a strand; ``chains``: for each strand of ``web`` its nodes in
+    order, both knots included; ``distances``: ``(H, W)``.
+    """
+
+    xy: FloatArray
+    radii: FloatArray
+    spacing: float
+    edges: IntArray
+    traced: BoolArray
+    chains: tuple[IntArray, ...]
+    web: Web
+    distances: Float32Array
+
+
+def initialize(mask: BoolArray) -> Graph:
+    """The graph of ``(H, W)`` foreground. Raises TooComplexError for masks of noise.
+
+    Nodes lie on the medial lines, evenly: their density is the same for every mask by construction, while thinning
+    the maxima of the distance transform (6.4.2) leaves it to chance.
+    """
+    foreground = tidied(mask)
+    distances = distance_map(foreground)
+    raw = find_web(foreground, distances)
+    if len(raw.strands) > 5 * _MAX_STRANDS:
+        raise TooComplexError(f"{len(raw.strands)} strands")
+    web = cleaned(raw, distances)
+    if len(web.strands) > _MAX_STRANDS:
+        raise TooComplexError(f"{len(web.strands)} strands")
+    return sample(web, distances)
+
+
+def sample(web: Web, distances: Float32Array) -> Graph:
+    """Nodes along the strands of the web, and edges: the 8 nearest and the neighbors on a strand."""
+    spacing = _spacing(web)
+    xy = [web.knots_xy]
+    chains = []
+    count = len(web.knots_xy)
+    for strand in web.strands:
+        lengths = arc_lengths(strand.xy)
+        steps = max(2 if strand.a == strand.b else 1, round(lengths[-1] / spacing))
+        inner = point_at(strand.xy, lengths, lengths[-1] * np.arange(1, steps) / steps)
+        chains.append(np.array([strand.a, *range(count, count + len(inner)), strand.b]))
+        xy.append(inner)
+        count += len(inner)
+    nodes = np.concatenate(xy)
+    edges, traced = _edges(nodes, chains)
+    return Graph(nodes, _read_radii(distances, nodes), spacing, edges, traced, tuple(chains), web, distances)
+
+
+def _spacing(web: Web) -> float:
+    if not web.strands:
+        return _LEAST_SPACING_PX
+    radii = np.concatenate([s.radii for s in web.strands])
+    length = sum(s.length for s in web.strands)
+    wanted = max(_LEAST_SPACING_PX, _SPACING_WIDTHS * (2 * float(np.median(radii)) - 1))
+    return max(wanted, length / (_MAX_NODES - len(web.knots_xy)))
+
+
+def _read_radii(distances: Float32Array, xy: FloatArray) -> FloatArray:
+    limit = np.array(distances.shape[::-1]) - 1
+    columns, rows = np.clip(np.rint(xy), 0, limit).astype(np.int64).T
+    return np.maximum(distances[rows, columns].astype(np.float64) - 0.5, 0.5)
+
+
+def _edges(xy: FloatArray, chains: list[IntArray]) -> tuple[IntArray, BoolArray]:
+    count = len(xy)
+    if count < 2:
+        return np.zeros((2, 0), np.int64), np.zeros(0, bool)
+    _, nearest = cKDTree(xy).query(xy, min(NEIGHBORS + 1, count))
+    near = np.stack((np.repeat(np.arange(count), nearest.shape[1]), nearest.ravel()))
+    along = np.concatenate([np.stack((c[:-1], c[1:])) for c in chains], axis=1) if chains else near[:, :0]
+    keys_along = np.unique(np.minimum(*along) * count + np.maximum(*along))
+    keys = np.unique(np.concatenate((np.minimum(*near) * count + np.maximum(*near), keys_along)))
+    first, second = np.divmod(keys, count)
+    proper = first != second
+    return np.stack((first, second))[:, proper].astype(np.int64), np.isin(keys, keys_along)[proper]

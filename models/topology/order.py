@@ -1,0 +1,121 @@
+"""Which strand lies on top at a crossing: from the picture, a depth map, or points in space (thesis 6.7, line 4).
+
+One rule for all three: what is seen along the upper strand runs through the crossing unchanged; along the lower one it
+is interrupted. Nothing seen, or no difference: the order stays unknown (score 0.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from models.geometry.arrays import ByteArray, Float32Array, FloatArray
+from models.geometry.polylines import arc_lengths, point_at
+from models.topology.scene import Crossing, Place, Section
+
+_IMAGE_NOISE = 4.0
+"""Gray levels that mean nothing."""
+_DEPTH_NOISE_M = 0.001
+_SHARPNESS = 1.5
+"""How fast the score follows the ratio of the deviations."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Something seen over the picture: ``read`` takes ``(…, 2)`` places to ``(…, C)`` values, NaN where nothing is
+    known; ``noise`` is a standard deviation that means nothing."""
+
+    read: Callable[[FloatArray], FloatArray]
+    noise: float
+
+
+def picture(image: ByteArray) -> Surface:
+    """Colors ``(H, W, 3)``."""
+    return Surface(lambda places: image[_pixels(places, image.shape)].astype(np.float64), _IMAGE_NOISE)
+
+
+def depth_map(depth_m: Float32Array) -> Surface:
+    """``(H, W)`` meters to the camera; 0 and NaN are unknown."""
+
+    def read(places: FloatArray) -> FloatArray:
+        values = depth_m[_pixels(places, depth_m.shape)].astype(np.float64)
+        return np.where(values > 0, values, np.nan)[..., None]
+
+    return Surface(read, _DEPTH_NOISE_M)
+
+
+def points(xy: FloatArray, depth_m: FloatArray, reach_px: float = 6.0) -> Surface:
+    """Points in space as they appear in the picture: ``(n, 2)`` pixels and ``(n,)`` meters to the camera."""
+    tree = cKDTree(xy)
+
+    def read(places: FloatArray) -> FloatArray:
+        away, nearest = tree.query(places, distance_upper_bound=reach_px)
+        known = np.isfinite(away)
+        values = np.full(away.shape, np.nan)
+        values[known] = depth_m[nearest[known]]
+        return values[..., None]
+
+    return Surface(read, _DEPTH_NOISE_M)
+
+
+def ordered(crossings: Sequence[Crossing], sections: Sequence[Section], surfaces: Sequence[Surface]) -> list[Crossing]:
+    """The crossings with the upper strand as ``over``; all surfaces count, weighted by what they can tell."""
+    return [_order(c, sections, surfaces) for c in crossings]
+
+
+def _order(crossing: Crossing, sections: Sequence[Section], surfaces: Sequence[Surface]) -> Crossing:
+    one, other = crossing.over, crossing.under
+    odds = sum(_log_odds(one, other, sections, s) for s in surfaces)
+    score = 1 / (1 + float(np.exp(-abs(odds))))
+    if odds >= 0:
+        return replace(crossing, order_score=score)
+    return replace(crossing, over=other, under=one, order_score=score)
+
+
+def _log_odds(one: Place, other: Place, sections: Sequence[Section], surface: Surface) -> float:
+    """Positive if ``one`` runs through unchanged while ``other`` does not; 0 if the surface does not tell."""
+    first = _deviation(one, sections[one.section], sections[other.section].width, surface)
+    second = _deviation(other, sections[other.section], sections[one.section].width, surface)
+    if first is None or second is None:
+        return 0.0
+    return _SHARPNESS * float(np.log(second / first))
+
+
+def _deviation(place: Place, section: Section, other_width: float, surface: Surface) -> float | None:
+    """Mean squared deviation, noise included, of what is seen in the crossing from what is seen before and after;
+    None where too little is seen."""
+    lengths = arc_lengths(section.xy)
+    at = place.u * lengths[-1]
+    half = 0.5 * other_width + 1
+    arm = max(6.0, 1.5 * section.width)
+    inner = np.linspace(at - half, at + half, 9)
+    before, after = np.linspace(at - half - arm, at - half - 2, 6), np.linspace(at + half + 2, at + half + arm, 6)
+    center, left, right = (_profile(section, lengths, s, surface) for s in (inner, before, after))
+    if any(np.isnan(part).all(axis=0).any() for part in (center, left, right)):
+        return None
+    share = np.linspace(0, 1, len(inner))[:, None]
+    expected = (1 - share) * np.nanmean(left, axis=0) + share * np.nanmean(right, axis=0)
+    return float(np.nanmean((center - expected) ** 2)) + surface.noise**2
+
+
+def _profile(section: Section, lengths: FloatArray, at: FloatArray, surface: Surface) -> FloatArray:
+    """``(n, C)`` along the section, averaged over the middle of its width so that highlights count little."""
+    along = np.clip(at, 0, lengths[-1])
+    places = point_at(section.xy, lengths, along)
+    ahead = point_at(section.xy, lengths, np.clip(along + 3, 0, lengths[-1]))
+    behind = point_at(section.xy, lengths, np.clip(along - 3, 0, lengths[-1]))
+    step = ahead - behind
+    normal = step[:, ::-1] * [-1, 1] / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    lanes = places + np.linspace(-0.25, 0.25, 3)[:, None, None] * section.width * normal
+    values = surface.read(lanes)
+    known = np.isfinite(values).sum(axis=0)
+    out: FloatArray = np.where(known > 0, np.nansum(values, axis=0) / np.maximum(known, 1), np.nan)
+    return out
+
+
+def _pixels(places: FloatArray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    whole = np.rint(places).astype(np.int64)
+    return np.clip(whole[..., 1], 0, shape[0] - 1), np.clip(whole[..., 0], 0, shape[1] - 1)

@@ -1,0 +1,83 @@
+"""The topology of what a picture shows: sections, branch-points, crossings, and the graph they were read from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from models.geometry.arrays import FloatArray, IntArray
+
+EndKind = Literal["branch", "free", "border"]
+Status = Literal["branched", "plain", "closed", "empty", "too_complex"]
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What lies between two branch-points or free ends. ``xy``: ``(n, 2)``; ``width`` px; ``ends``: kinds at the first
+    and the last point; ``branches``: indices of the branch-points there or -1; ``closed``: a ring; ``score``: share
+    of it on foreground; ``end_widths``: the largest near either end, px: a connector shows there."""
+
+    xy: FloatArray
+    width: float
+    length: float
+    ends: tuple[EndKind, EndKind]
+    branches: tuple[int, int]
+    closed: bool = False
+    score: float = 1.0
+    end_widths: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class BranchPoint:
+    """``sections``: indices of those that meet here; ``score``: probability that this is one."""
+
+    xy: tuple[float, float]
+    sections: tuple[int, ...]
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A place on a section: ``u`` from 0 to 1 by arc length."""
+
+    section: int
+    u: float
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Two places lie over one another. ``score``: probability that it is a crossing; ``order_score``: of ``over`` being
+    above, 0.5 when unknown."""
+
+    xy: tuple[float, float]
+    over: Place
+    under: Place
+    score: float
+    order_score: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Everything found. ``nodes_xy``: ``(N, 2)``; ``node_angles``: ``(N,)`` radians; ``node_classes``: ``(N, 2)``
+    probabilities (branch-point, crossing); ``links``: ``(L, 2)`` the final graph's edges with ``link_scores``."""
+
+    size: tuple[int, int]
+    status: Status
+    sections: tuple[Section, ...]
+    branch_points: tuple[BranchPoint, ...]
+    crossings: tuple[Crossing, ...]
+    nodes_xy: FloatArray
+    node_angles: FloatArray
+    node_classes: FloatArray
+    links: IntArray
+    link_scores: FloatArray
+    timings_ms: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """What the networks say: ``links`` ``(E,)`` probabilities, ``angles`` ``(N,)`` radians, ``classes`` ``(N, 2)``."""
+
+    links: FloatArray
+    angles: FloatArray
+    classes: FloatArray

@@ -1,0 +1,182 @@
+"""Places where strands meet, and the evidence there: is it a branch-point or a crossing (thesis 6.6.2, extended)?
+
+The thesis decides by the number of arms. Here every joint of four arms, and every two joints of three arms that a short
+strand joins, is a *site* that may be a crossing; widths, angles, how far apart the joints are and what the classifier
+says of the nodes there are its evidence, which a small network turns into a probability.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.geometry.arrays import FloatArray
+from models.geometry.polylines import arc_lengths, point_at
+from models.topology.scene import Predictions
+from models.topology.skeleton import Strand, Web
+
+EVIDENCE = 17
+"""Numbers that describe a site, see :func:`evidence`."""
+_LONGEST_MIDDLE = 9.0
+"""A middle strand of more widths than this is a bundle, no crossing."""
+_ARM_WIDTHS = 2.5
+"""Over how many widths an arm's direction is taken, from the joint's disc on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """One strand as it leaves a site: ``end`` 0 or 1 of strand ``strand``; ``xy`` where it leaves the joint's disc,
+    ``heading`` (2,) outward, ``width`` px, ``knot``."""
+
+    strand: int
+    end: int
+    knot: int
+    xy: FloatArray
+    heading: FloatArray
+    width: float
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """``arms`` by angle, counter-clockwise in the picture's axes; ``middle``: index of the strand between two joints,
+    or None. ``pairs``: the arms (indices) that a crossing would join; ``rivals``: the other way to pair them."""
+
+    knots: tuple[int, ...]
+    arms: tuple[Arm, ...]
+    middle: int | None
+    xy: FloatArray
+    pairs: tuple[tuple[int, int], tuple[int, int]]
+    rivals: tuple[tuple[int, int], tuple[int, int]]
+
+
+def ends_at(web: Web) -> dict[int, list[tuple[int, int]]]:
+    """``(strand, end)`` of all strands at each knot."""
+    found: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    for k, strand in enumerate(web.strands):
+        found[strand.a].append((k, 0))
+        found[strand.b].append((k, 1))
+    return found
+
+
+def measure_arm(web: Web, strand: int, end: int) -> Arm:
+    """Direction and width of a strand where it leaves its knot."""
+    whole = web.strands[strand]
+    seen = whole if end == 0 else whole.reversed()
+    lengths = arc_lengths(seen.xy)
+    total = float(lengths[-1])
+    width = _width_beyond(seen, lengths)
+    start = min(float(seen.radii[0]), 0.4 * total)
+    stop = min(start + _ARM_WIDTHS * width + 4, total)
+    near, far = point_at(seen.xy, lengths, np.array([start, stop]))
+    heading = (far - near) / max(float(np.hypot(*(far - near))), 1e-9)
+    return Arm(strand, end, seen.a, near, heading, width)
+
+
+def _width_beyond(seen: Strand, lengths: FloatArray) -> float:
+    """Typical width outside the joint's disc, near it."""
+    radius = float(seen.radii[0])
+    outside = (lengths >= min(1.2 * radius, 0.5 * lengths[-1])) & (lengths <= 1.2 * radius + 60)
+    return max(1.0, 2 * float(np.median(seen.radii[outside] if outside.any() else seen.radii)) - 1)
+
+
+def crossing_sites(web: Web) -> list[Site]:
+    """Every place that might be a crossing of two strands."""
+    at = ends_at(web)
+    sites = []
+    for knot, ends in at.items():
+        if len(ends) == 4:
+            sites.append(_single(web, knot, ends))
+    for k, strand in enumerate(web.strands):
+        three = strand.a != strand.b and len(at[strand.a]) == 3 and len(at[strand.b]) == 3
+        width = max(1.0, 2 * float(np.median(strand.radii)) - 1)
+        if three and strand.length <= _LONGEST_MIDDLE * width + 8:
+            sites.append(_double(web, k, at))
+    return sites
+
+
+def _single(web: Web, knot: int, ends: list[tuple[int, int]]) -> Site:
+    arms = tuple(
+        sorted((measure_arm(web, s, e) for s, e in ends), key=lambda a: np.arctan2(a.heading[1], a.heading[0]))
+    )
+    rivals = (((0, 1), (2, 3)), ((1, 2), (3, 0)))
+    smoother = min(rivals, key=lambda pairs: sum(bend(arms[i], arms[j]) for i, j in pairs))
+    return Site((knot,), arms, None, web.knots_xy[knot], ((0, 2), (1, 3)), smoother)
+
+
+def _double(web: Web, middle: int, at: dict[int, list[tuple[int, int]]]) -> Site:
+    strand = web.strands[middle]
+    axis = web.knots_xy[strand.b] - web.knots_xy[strand.a]
+    first = [measure_arm(web, s, e) for s, e in at[strand.a] if s != middle]
+    last = [measure_arm(web, s, e) for s, e in at[strand.b] if s != middle]
+    # By side of the axis: a crossing joins the arms on opposite sides, two branch-points those on the same side.
+    first.sort(key=lambda a: _side(a, web.knots_xy[strand.a], axis))
+    last.sort(key=lambda a: _side(a, web.knots_xy[strand.b], axis))
+    lengths = arc_lengths(strand.xy)
+    center = point_at(strand.xy, lengths, np.array([lengths[-1] / 2]))[0]
+    return Site((strand.a, strand.b), (*first, *last), middle, center, ((0, 3), (1, 2)), ((0, 2), (1, 3)))
+
+
+def _side(arm: Arm, knot_xy: FloatArray, axis: FloatArray) -> float:
+    reach = arm.xy + 2 * arm.width * arm.heading - knot_xy
+    return float(axis[0] * reach[1] - axis[1] * reach[0])
+
+
+def bend(one: Arm, other: Arm) -> float:
+    """How much a strand through both arms turns in all, radians: 0 straight, up to 2 pi."""
+    chord = other.xy - one.xy
+    size = float(np.hypot(*chord))
+    if size < 1e-6:
+        return _angle(-one.heading, other.heading)
+    chord = chord / size
+    return _angle(-one.heading, chord) + _angle(chord, other.heading)
+
+
+def _angle(a: FloatArray, b: FloatArray) -> float:
+    return float(np.arccos(np.clip(a @ b, -1, 1)))
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    return vector / max(float(np.hypot(*vector)), 1e-9)
+
+
+def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Predictions) -> FloatArray:
+    """``(17,)``: length and widths of the middle, turns and width changes of both ways to pair, opening angles,
+    lengths of the arms, and the classifier's word on the nodes nearby."""
+    arms = site.arms
+    widths = np.array([a.width for a in arms])
+    through = [bend(arms[i], arms[j]) for i, j in site.pairs]
+    rival = [bend(arms[i], arms[j]) for i, j in site.rivals]
+    change = [abs(np.log(arms[i].width / arms[j].width)) for i, j in site.pairs]
+    rival_change = [abs(np.log(arms[i].width / arms[j].width)) for i, j in site.rivals]
+    openings = [_angle(arms[i].heading, arms[j].heading) for i, j in ((0, 1), (2, 3))]
+    first, second = (_unit(arms[i].heading - arms[j].heading) for i, j in site.pairs)
+    crossing = float(np.arccos(min(1.0, abs(float(first @ second)))))
+    branch, cross = _classes_near(site, nodes_xy, predictions, float(widths.max()))
+    return np.array([
+        *_middle(site, web, widths), max(through), sum(through), max(rival), sum(rival), max(change), sum(change),
+        sum(rival_change), min(openings), max(openings), crossing, branch, cross,
+        float(widths.min() / widths.max()),
+    ])  # fmt: skip
+
+
+def _middle(site: Site, web: Web, widths: FloatArray) -> tuple[float, float, float, float]:
+    """Length of the middle strand and its least, typical and largest width, in typical widths of the arms."""
+    scale = float(widths.mean())
+    if site.middle is None:
+        knot = 2 * max(float(web.strands[a.strand].radii[0 if a.end == 0 else -1]) for a in site.arms)
+        return 0.0, knot / scale, knot / scale, knot / scale
+    strand = web.strands[site.middle]
+    least, typical, most = (2 * float(f(strand.radii)) / scale for f in (np.min, np.median, np.max))
+    return strand.length / scale, least, typical, most
+
+
+def _classes_near(
+    site: Site, nodes_xy: FloatArray, predictions: Predictions, width: float
+) -> tuple[float, float]:  # fmt: skip
+    """Strongest class scores among the nodes within a width of the site's center, or of its nearest node."""
+    away = np.hypot(*(nodes_xy - site.xy).T)
+    near = away <= max(1.2 * width, float(away.min()) + 1e-6)
+    branch, cross = predictions.classes[near].max(axis=0).tolist()
+    return branch, cross

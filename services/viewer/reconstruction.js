@@ -1,0 +1,150 @@
+// The page of the 3D reconstruction: sends pictures and cameras, or opens a finished job, and shows what came back.
+
+import { Api, ProblemError } from "./api.js";
+import { byId, showProblem } from "./panels.js";
+import { Space } from "./space.js";
+
+const COLORS = ["#e0a800", "#40a4d8", "#d85a98", "#4fae4f", "#d8803c", "#9a7fd8"];
+const api = new Api();
+const space = new Space(byId("space"));
+let pictures = [];
+let cameras = null;
+
+async function run() {
+  byId("progress").hidden = false;
+  byId("progress").removeAttribute("value");
+  try {
+    const request = { kind: "reconstruct", method: byId("method").value, views: cameras };
+    await open(await api.run(request, pictures, (job) => (byId("progress").value = job.progress)));
+  } catch (error) {
+    report(error);
+  } finally {
+    byId("progress").hidden = true;
+  }
+}
+
+async function open(job) {
+  if (job.problem) throw new ProblemError(job.problem);
+  if (job.result?.kind !== "reconstruct") throw new ProblemError(wrong(`Job ${job.id} holds no reconstruction`));
+  showProblem(null);
+  byId("job").value = job.id;
+  const { result } = job;
+  const views = result.views.map((view) => ({ ...view, kind: view.status }));
+  const next = (result.next_view?.T_world_camera ?? []).map((pose) => ({
+    T_world_camera: pose, intrinsics: views[0].intrinsics, kind: "next",
+  }));
+  const curves = [result.curve, ...result.others.map(({ curve }) => curve)];
+  space.show(curves.map((curve, i) => ({ ...curve, color: COLORS[i % COLORS.length] })), [...views, ...next]);
+  const found = `${(100 * result.curve.length_m).toFixed(1)} cm of cable from ${views.length} views`;
+  byId("space").setAttribute("aria-label", found);
+  showFacts(result);
+  await showViews(job, views);
+}
+
+function showFacts(result) {
+  const { curve, next_view: next } = result;
+  const mm = (meters) => `${(1000 * meters).toFixed(2)} mm`;
+  const mean = curve.sigma_m.reduce((sum, value) => sum + value, 0) / curve.sigma_m.length;
+  const facts = {
+    length: `${(1000 * curve.length_m).toFixed(1)} mm`,
+    radius: curve.radius_m === null ? "not known" : mm(curve.radius_m),
+    "standard deviation": mm(mean),
+    reprojection: `${result.reprojection_px.toFixed(2)} px`,
+    ends: result.ends.join(", "),
+    "other cables": String(result.others.length),
+  };
+  if (result.overlap !== null) facts["known before"] = `${Math.round(100 * result.overlap)} %`;
+  if (next) {
+    facts["next baseline"] = mm(next.baseline_m);
+    facts["next distance"] = `${next.delta_z_m > 0 ? "+" : ""}${mm(next.delta_z_m)}`;
+    facts["then expected"] = `${mm(next.expected_sigma_m)} (${Math.round(100 * next.gain)} % less)`;
+  }
+  const entries = Object.entries(facts).flatMap(([name, value]) => [element("dt", name), element("dd", value)]);
+  byId("facts").replaceChildren(...entries);
+  byId("warnings").replaceChildren(...result.warnings.map((text) => element("li", text)));
+}
+
+async function showViews(job, views) {
+  const names = new Set(job.files.map(({ name }) => name));
+  const items = views.map((view, number) => {
+    const item = element("li");
+    item.tabIndex = 0;
+    item.classList.toggle("dropped", view.status === "dropped");
+    const image = element("img");
+    image.alt = `${view.name} with the reprojected curve`;
+    const error = view.reprojection_px === null ? view.status : `${view.reprojection_px.toFixed(2)} px`;
+    item.append(image, element("p", `${view.name}: ${error}`));
+    if (view.reason) item.append(Object.assign(element("p", view.reason), { className: "reason" }));
+    for (const [event, shown] of [["pointerenter", view], ["focus", view], ["pointerleave", null], ["blur", null]]) {
+      item.addEventListener(event, () => {
+        space.highlighted = shown;
+        space.draw();
+      });
+    }
+    return { item, image, file: `overlay_${number}.png` };
+  });
+  byId("views").replaceChildren(...items.map(({ item }) => item));
+  const shown = items.filter(({ file }) => names.has(file));
+  await Promise.all(shown.map(async ({ image, file }) => {
+    image.src = URL.createObjectURL(await api.file(job.id, file));
+    await image.decode();
+    URL.revokeObjectURL(image.src);
+  }));
+}
+
+async function readCameras(file) {
+  cameras = null;
+  try {
+    const given = JSON.parse(await file.text());
+    cameras = Array.isArray(given) ? given : given.views;
+    if (!Array.isArray(cameras)) throw new Error("it holds no list");
+    cameras = cameras.map(({ image, ...camera }) => camera);
+    showProblem(null);
+  } catch (error) {
+    showProblem(wrong(`${file.name}: ${error.message}`));
+  }
+  allow();
+}
+
+function allow() {
+  byId("run").disabled = !(pictures.length >= 2 && cameras);
+}
+
+function report(error) {
+  showProblem(error.problem ?? { title: "The service cannot be reached", detail: error.message, errors: [] });
+}
+
+const wrong = (title) => ({ title, detail: "", errors: [] });
+
+function element(tag, text = "") {
+  return Object.assign(document.createElement(tag), { textContent: text });
+}
+
+function openById(id) {
+  api.json(`v1/jobs/${encodeURIComponent(id)}`).then(open).catch(report);
+}
+
+function listen() {
+  byId("files").addEventListener("change", (event) => {
+    pictures = [...event.target.files];
+    allow();
+  });
+  byId("cameras").addEventListener("change", (event) => event.target.files[0] && readCameras(event.target.files[0]));
+  byId("form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    run();
+  });
+  byId("key").addEventListener("change", (event) => (api.key = event.target.value.trim()));
+  byId("job").addEventListener("change", (event) => event.target.value && openById(event.target.value.trim()));
+  byId("layers").addEventListener("change", () => {
+    space.shown = new Set([...byId("layers").querySelectorAll("input:checked")].map(({ name }) => name));
+    space.enlarged = Number(byId("enlarged").value);
+    space.draw();
+  });
+  byId("top").addEventListener("click", () => space.look(0, Math.PI / 2));
+  byId("side").addEventListener("click", () => space.look(0, 0));
+}
+
+listen();
+const asked = new URLSearchParams(location.search).get("job");
+if (asked) openById(asked);

@@ -1,0 +1,242 @@
+"""The planner: its network, its parameters, its time, and tasks in two simulators.
+
+    python -m tests.benchmarks.bench_planner [--held-out FILE] [--ropes 40] [--skip-mujoco]
+
+``--held-out``: samples of ``models.manipulation.train_data`` with another seed (made when it is missing). Tasks: U, A,
+S and I from a straight line x three ropes x two surfaces with hidden parameters, at most ten actions, reached below
+10 mm; in the own simulator and, with the extra of ``requirements/dynamics.in``, in MuJoCo, which no network has seen.
+Prints tables and writes ``build/bench/planner.json``.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+from dlo_client.simulated_table import TARGETS, target_shape
+
+from models.inference import Runtime, default_name, load
+from models.manipulation.actions import best_actions, onto_target
+from models.manipulation.dynamics import NODES, Dynamics, shape_distance
+from models.manipulation.limits import Limits
+from models.manipulation.parameters import MID_RANGE, History, estimate
+from models.manipulation.planning import plan
+from models.manipulation.scaling import MOVE_SCALE
+from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate
+from models.manipulation.train_data import Samples, generate, nearly_straight
+from tests.benchmarks.ropes import ROPES, SURFACES, MujocoTable, OwnTable, Table
+
+ACTIONS, REACHED_M = 10, 0.01
+Choice = Callable[[np.ndarray, np.ndarray, History, float], tuple[int, np.ndarray]]
+"""State, target, what happened so far and the rope's mass to an edge and a move."""
+
+
+def dynamics() -> Dynamics:
+    runtime = Runtime(threads=1)
+    return Dynamics(*(load(default_name(n), runtime) for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope")))
+
+
+def planned(model: Dynamics, horizon: int, learn: bool) -> Choice:
+    def choose(state, target, history, mass):
+        known = estimate(model, history, mass).rope(mass) if learn else np.array([mass, *MID_RANGE])
+        found, _ = plan(model, state, target, known, Limits(), horizon)
+        return int(found.edge[0]), found.move[0]
+
+    return choose
+
+
+def at_random(seed: int) -> Choice:
+    rng = np.random.default_rng(seed)
+    return lambda *_: (int(rng.integers(0, NODES - 1)), rng.uniform(-1, 1, 3) * MOVE_SCALE)
+
+
+def nearest_edge(state, target, history, mass) -> tuple[int, np.ndarray]:
+    """The edge that is farthest from its place is put there, as far as one action reaches."""
+    moves = onto_target(state, target, np.arange(NODES - 1))
+    edge = int(np.argmax(np.hypot(moves[:, 0], moves[:, 1])))
+    return edge, np.clip(moves[edge], -MOVE_SCALE, MOVE_SCALE)
+
+
+def run_task(table: Table, target: np.ndarray, mass: float, choose: Choice) -> tuple[list[float], History]:
+    """Mean distances before the first action and after each, until the target is reached; and what was done."""
+    empty = np.zeros((0, NODES, 2))
+    history = History(empty, np.zeros(0, np.int64), np.zeros((0, 3)), empty)
+    state = table.state()
+    errors = [float(shape_distance(state, target))]
+    while errors[-1] > REACHED_M and len(errors) <= ACTIONS:
+        edge, move = choose(state, target, history, mass)
+        table.act(edge, move)
+        after = table.state()
+        history = History(
+            np.concatenate([history.before, state[None]]), np.append(history.edge, edge),
+            np.concatenate([history.move, move[None]]), np.concatenate([history.after, after[None]]),
+        )  # fmt: skip
+        state = after
+        errors.append(float(shape_distance(state, target)))
+    return errors, history
+
+
+def tasks(make: Callable[..., Table], choose: Choice) -> list[dict]:
+    rows = []
+    for kind in ROPES:
+        for surface in SURFACES:
+            for name in TARGETS:
+                target = np.array(target_shape(name, kind.length, NODES))
+                errors, history = run_task(make(kind, surface), target, kind.mass, choose)
+                in_mm = np.round(1e3 * np.array(errors), 2).tolist()
+                row = {"rope": kind.name, "surface": surface, "target": name, "errors_mm": in_mm}
+                rows.append(row | {"history": history, "mass": kind.mass})
+    return rows
+
+
+def summary(rows: list[dict]) -> dict:
+    final = np.array([r["errors_mm"][-1] for r in rows])
+    used = np.array([len(r["errors_mm"]) - 1 for r in rows])
+    done = final <= 1e3 * REACHED_M
+    return {
+        "tasks": len(rows),
+        "reached": int(done.sum()),
+        "reached_in_6": int((done & (used <= 6)).sum()),
+        "median_final_mm": round(float(np.median(final)), 2),
+        "median_best_mm": round(float(np.median([min(r["errors_mm"]) for r in rows])), 2),
+        "median_actions": float(np.median(used)),
+    }
+
+
+def parameters_in_tasks(model: Dynamics, rows: list[dict]) -> dict[str, float]:
+    """Fig. 5.8: mean prediction error of the next state in mm with mid-range, online and best parameters."""
+    errors: dict[str, list[float]] = {"mid_range": [], "online": [], "best": []}
+    for row in rows:
+        h, mass = row["history"], row["mass"]
+        best = estimate(model, h, mass).rope(mass)
+        for k in range(1, len(h.edge)):
+            past = History(h.before[:k], h.edge[:k], h.move[:k], h.after[:k])
+            known = {"mid_range": np.array([mass, *MID_RANGE]), "online": estimate(model, past, mass).rope(mass)}
+            for name, rope in (known | {"best": best}).items():
+                reached = model.predict(h.before[k : k + 1], h.edge[k : k + 1], h.move[k : k + 1], rope)
+                errors[name].append(1e3 * float(shape_distance(reached, h.after[k : k + 1])[0]))
+    return {name: round(float(np.mean(values)), 3) for name, values in errors.items()}
+
+
+def identify(model: Dynamics, ropes: int, actions: int = 5) -> dict[str, float]:
+    """Ropes of random parameters, ``actions`` random actions each: how near the estimates come."""
+    rng = np.random.default_rng(77)
+    rope = Ropes.random(rng, ropes)
+    state = nearly_straight(rng, rope.length)
+    parts = []
+    for _ in range(actions):
+        act = Actions.random(rng, ropes, NODES)
+        after = simulate(state, act, rope, SimulationParams(steps=160))
+        parts.append((state, act.edge, np.column_stack([act.shift, act.turn]), after))
+        state = after
+    off, ratio, within = [], [], []
+    for k in range(ropes):
+        history = History(*(np.array([part[i][k] for part in parts]) for i in range(4)))
+        found = estimate(model, history, float(rope.mass[k]), float(rope.length[k]))
+        logs = np.log([found.bending / rope.bending[k], found.damping / rope.damping[k]])
+        off.append(abs(np.exp(logs[0]) - 1))
+        ratio.append(abs(np.exp(logs[0] - logs[1]) - 1))
+        within.append(np.abs(logs) < 1.645 * found.sigma)
+    return {
+        "ropes": ropes,
+        "actions": actions,
+        "k_b_within_25_percent": round(100 * float(np.mean(np.array(off) <= 0.25)), 1),
+        "ratio_within_25_percent": round(100 * float(np.mean(np.array(ratio) <= 0.25)), 1),
+        "median_k_b_error_percent": round(100 * float(np.median(off)), 1),
+        "stated_90_percent_covers": round(100 * float(np.mean(within)), 1),
+    }
+
+
+def held_out(model: Dynamics, samples: Samples) -> dict[str, float]:
+    before, after = samples.before.astype(float), samples.after.astype(float)
+    reached = model.predict(before, samples.edge, samples.move.astype(float), samples.rope[:, :3].astype(float))
+    middle = np.column_stack([samples.rope[:, :1], np.tile(MID_RANGE, (len(samples), 1))]).astype(float)
+    guessed = model.predict(before, samples.edge, samples.move.astype(float), middle)
+    moved = shape_distance(before, after).mean()
+    return {
+        "samples": len(samples),
+        "mean_displacement_mm": round(1e3 * float(moved), 2),
+        "error_percent": round(100 * float(shape_distance(reached, after).mean() / moved), 2),
+        "error_percent_mid_range": round(100 * float(shape_distance(guessed, after).mean() / moved), 2),
+    }
+
+
+def times(model: Dynamics) -> dict[str, float]:
+    """Processor milliseconds of one thread: median of 30."""
+    rng = np.random.default_rng(3)
+    state = nearly_straight(rng, np.array([0.45]))[0]
+    target = state.mean(0) + np.array(target_shape("U", 0.45, NODES))
+    rope, edges = np.array([0.05, *MID_RANGE]), np.arange(NODES - 1)
+    seen = generate(rng, 15, 1, Ropes.same(15, 0.05, 0.2, 10.0, 0.45))
+    history = History(seen.before.astype(float), seen.edge, seen.move.astype(float), seen.after.astype(float))
+    work = {
+        "action_15_edges": lambda: best_actions(model, state, target, rope, edges),
+        "plan_horizon_1": lambda: plan(model, state, target, rope, Limits(), 1),
+        "plan_horizon_2": lambda: plan(model, state, target, rope, Limits(), 2),
+        "parameters_15_samples": lambda: estimate(model, history, 0.05),
+    }
+    return {name: _median_ms(call) for name, call in work.items()}
+
+
+def _median_ms(call: Callable[[], object], repeats: int = 30) -> float:
+    taken = []
+    for _ in range(repeats):
+        started = thread_time()
+        call()
+        taken.append(1e3 * (thread_time() - started))
+    return round(float(np.median(taken)), 1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--held-out", type=Path, default=Path("build/held_out.npz"))
+    parser.add_argument("--ropes", type=int, default=100, help="for the parameters' accuracy")
+    parser.add_argument("--skip-mujoco", action="store_true")
+    parser.add_argument("--out", type=Path, default=Path("build/bench"))
+    args = parser.parse_args()
+    model = dynamics()
+    if not args.held_out.exists():
+        rng = np.random.default_rng(10**6)
+        generate(rng, 1000, 6, Ropes.random(rng, 1000)).save(args.held_out)
+    report: dict = {"held_out": held_out(model, Samples.load(args.held_out)), "times_ms": times(model)}
+    report["parameters"] = identify(model, args.ropes)
+    choices = {
+        "horizon 1": planned(model, 1, learn=True),
+        "horizon 2": planned(model, 2, learn=True),
+        "one step, mid-range": planned(model, 1, learn=False),
+        "farthest edge onto its place": nearest_edge,
+        "random": at_random(0),
+    }
+    tables: dict[str, Callable[..., Table]] = {"own": OwnTable}
+    if not args.skip_mujoco:
+        tables |= {"mujoco": MujocoTable, "mujoco_stiff": partial(MujocoTable, stiffer=8.0)}
+    skipped: dict[str, tuple[str, ...]] = {"mujoco_stiff": ("random", "one step, mid-range")}
+    for simulator, make in tables.items():
+        report[simulator] = {}
+        for name, choose in choices.items():
+            if name in skipped.get(simulator, ()):
+                continue
+            rows = tasks(make, choose)
+            part = summary(rows)
+            if name == "horizon 2":
+                part["prediction_mm"] = parameters_in_tasks(model, rows)
+            part["rows"] = [{k: v for k, v in r.items() if k not in ("history", "mass")} for r in rows]
+            report[simulator][name] = part
+            print(simulator, name, {k: v for k, v in part.items() if k != "rows"}, flush=True)
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "planner.json").write_text(json.dumps(report, indent=1))
+    for name in ("held_out", "times_ms", "parameters"):
+        print(name, json.dumps(report[name]))
+
+
+if __name__ == "__main__":
+    main()

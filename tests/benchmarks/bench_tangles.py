@@ -1,0 +1,180 @@
+"""Rendered cables of one color that cross themselves and each other: is the whole crossing sequence right?
+
+    python -m tests.benchmarks.bench_tangles [--scenes 20] [--method section_matching]
+
+Scenes of 960 x 720 with cables 7 px wide, self-crossings included, by the number of crossings. Any two crossings, and
+any end and crossing, are at least 4 widths apart; crossing angles are at least 20 degrees; elsewhere no strands touch.
+A scene is right if every true crossing is found within 12 px, nothing else is, and along every cable the crossings come
+in the true order; ``order``: over and under are right at every one as well.
+Needs torch (the renderer). Prints a table and writes ``build/bench/tangles.json``.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from models.geometry.polylines import arc_lengths, crossing_segments
+from models.instances.scene import Scene
+from models.synthesis.cables import Look, paint_cable, random_color, random_light
+from models.synthesis.canvas import Canvas
+from models.synthesis.curves import CurveParams, interpolate, propagate
+from models.synthesis.optics import photograph
+from models.synthesis.scenes import to_uint8
+from models.synthesis.textures import TexturePool
+from tests.benchmarks.instance_methods import method
+
+SIZE = (720, 960)
+WIDTH = 7.0
+BINS = ((1, 3), (4, 7), (8, 12), (13, 18), (19, 24), (25, 30))
+
+
+@dataclass(frozen=True)
+class TrueCrossing:
+    """Where, on which two curves (the first is the upper one) and at which arc lengths."""
+
+    xy: np.ndarray
+    curves: tuple[int, int]
+    at: tuple[float, float]
+
+
+def crossings_of(curves: list[np.ndarray]) -> list[TrueCrossing] | None:
+    """All crossings, or None where they are too near each other, an end or too shallow."""
+    curves = [c[::3] for c in curves]
+    starts, ends = np.concatenate([c[:-1, :2] for c in curves]), np.concatenate([c[1:, :2] for c in curves])
+    owner = np.repeat(np.arange(len(curves)), [len(c) - 1 for c in curves])
+    along = np.concatenate([arc_lengths(c[:, :2])[:-1] for c in curves])
+    height = np.concatenate([c[:-1, 2] for c in curves])
+    i, j, _, _, xy = crossing_segments(starts.astype(float), ends.astype(float))
+    inside = np.all((xy > 3 * WIDTH) & (xy < np.array(SIZE[::-1]) - 3 * WIDTH), axis=1)
+    if not inside.all():
+        return None
+    step = ends - starts
+    step = step / np.hypot(*step.T)[:, None]
+    if len(i) and np.abs(step[i, 0] * step[j, 1] - step[i, 1] * step[j, 0]).min() < np.sin(np.deg2rad(20)):
+        return None
+    tips = np.concatenate([c[[0, -1], :2] for c in curves])
+    places = np.concatenate((xy, tips))
+    apart = np.hypot(*(xy[:, None] - places[None]).transpose(2, 0, 1)) + 1e9 * np.eye(len(xy), len(places))
+    if len(xy) and apart.min() < 4 * WIDTH:
+        return None
+    found = []
+    for a, b, place in zip(i, j, xy, strict=True):
+        # A cable drawn later lies on top; of two parts of one cable the higher.
+        first = owner[a] > owner[b] or (owner[a] == owner[b] and height[a] > height[b])
+        upper, lower = (a, b) if first else (b, a)
+        found.append(TrueCrossing(place, (int(owner[upper]), int(owner[lower])), (along[upper], along[lower])))
+    return found
+
+
+def tangle(rng: np.random.Generator, least: int, most: int) -> tuple[list[np.ndarray], list[TrueCrossing]]:
+    """Curves with between ``least`` and ``most`` crossings, added one after the other."""
+    while True:
+        curves: list[np.ndarray] = []
+        crossings: list[TrueCrossing] = []
+        for _ in range(60):
+            params = CurveParams((50.0, 90.0), rng.uniform(0.25, 0.6), 0.1, int(rng.integers(8, 18)))
+            start = rng.uniform(60, np.array(SIZE[::-1]) - 60)
+            curve = interpolate(propagate(rng, start.astype(np.float32), rng.uniform(-np.pi, np.pi), params), 0.7)
+            margin = np.minimum(curve[:, :2], np.array(SIZE[::-1]) - curve[:, :2]).min()
+            found = crossings_of([*curves, curve]) if margin > 2 * WIDTH else None
+            if found is not None and len(found) <= most and _apart([*curves, curve], found):
+                curves, crossings = [*curves, curve], found
+            if len(crossings) >= least:
+                return curves, crossings
+
+
+def _apart(curves: list[np.ndarray], crossings: list[TrueCrossing]) -> bool:
+    """Away from crossings, no two strands touch: what touches there is another question than what crosses."""
+    points = np.concatenate([c[::6, :2] for c in curves])
+    owner = np.repeat(np.arange(len(curves)), [len(c[::6]) for c in curves])
+    along = np.concatenate([arc_lengths(c[::6, :2]) for c in curves])
+    a, b = cKDTree(points).query_pairs(2.5 * WIDTH, output_type="ndarray").T
+    other = (owner[a] != owner[b]) | (np.abs(along[a] - along[b]) > 8 * WIDTH)
+    if not other.any():
+        return True
+    if not crossings:
+        return False
+    away = cKDTree(np.array([c.xy for c in crossings])).query(points[a[other]])[0]
+    return bool(away.max() < 7 * WIDTH)
+
+
+def _look(color: tuple[float, float, float]) -> Look:
+    return Look(color, color, "plain", 10.0, 0.2, 12.0, 0.0, 1.0)
+
+
+def render(rng: np.random.Generator, curves: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Mask and RGB picture, all cables of one color."""
+    canvas = Canvas(TexturePool(()).sample(rng, SIZE, torch.device("cpu")).contiguous())
+    light, look = random_light(rng), _look(random_color(rng))
+    for k, curve in enumerate(curves, start=1):
+        paint_cable(canvas, curve, np.full(len(curve), WIDTH / 2, np.float32), look, light, k, rng)
+    return canvas.ids.numpy() > 0, np.ascontiguousarray(to_uint8(photograph(canvas.rgb, rng)))
+
+
+def judge(scene: Scene, curves: list[np.ndarray], crossings: list[TrueCrossing]) -> tuple[bool, bool]:
+    """(whole sequence right, over and under right as well)."""
+    if len(scene.crossings) != len(crossings) or len(scene.instances) != len(curves):
+        return False, False
+    if not crossings:
+        return True, True
+    apart = np.array([[np.hypot(*(np.array(c.xy) - t.xy)) for t in crossings] for c in scene.crossings])
+    rows, columns = linear_sum_assignment(apart)
+    if apart[rows, columns].max() > 12:
+        return False, False
+    true: dict[int, list[tuple[float, int, bool]]] = {}
+    found: dict[int, list[tuple[float, int, bool]]] = {}
+    for k, crossing in enumerate(crossings):
+        for strand, at, upper in zip(crossing.curves, crossing.at, (True, False), strict=True):
+            true.setdefault(strand, []).append((at, k, upper))
+    for row, k in zip(rows.tolist(), columns.tolist(), strict=True):
+        for place, upper in ((scene.crossings[row].over, True), (scene.crossings[row].under, False)):
+            found.setdefault(place.instance, []).append((place.u, k, upper))
+    return _same(true, found, False), _same(true, found, True)
+
+
+def _same(true: dict, found: dict, order: bool) -> bool:
+    """Whether both hold the same sequences, each read from either end."""
+
+    def read(strands: dict) -> list:
+        sequences = [[(k, upper) if order else (k,) for _, k, upper in sorted(s)] for s in strands.values()]
+        return sorted(min(s, s[::-1]) for s in sequences)
+
+    return read(true) == read(found)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=20, help="for each number of crossings")
+    parser.add_argument("--method", default="section_matching")
+    parser.add_argument("--out", type=Path, default=Path("build/bench"))
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    extract = method(args.method)
+    rows = []
+    for least, most in BINS:
+        right = []
+        for k in range(args.scenes):
+            rng = np.random.default_rng([9, least, k])
+            curves, crossings = tangle(rng, least, most)
+            right.append(judge(extract(*render(rng, curves)), curves, crossings))
+        sequence, order = (round(100 * float(np.mean(part)), 1) for part in zip(*right, strict=True))
+        rows.append({"crossings": f"{least}-{most}", "scenes": args.scenes, "sequence": sequence, "order": order})
+        print(rows[-1], flush=True)
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "tangles.json").write_text(json.dumps({"method": args.method, "rows": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""Sections of RESULTS.md on the planner."""
+
+from __future__ import annotations
+
+from tests.benchmarks.markdown import table
+
+_TASKS = ("reached", "reached_in_6", "median_final_mm", "median_actions")
+
+
+def planner(data: dict) -> str:
+    held, par, ms = data["held_out"], data["parameters"], data["times_ms"]
+    tables = {"own": "own simulator", "mujoco": "MuJoCo", "mujoco_stiff": "MuJoCo, ropes eight times as stiff"}
+    rows = [
+        [title, choice, part["tasks"], *(part[key] for key in _TASKS)]
+        for key, title in tables.items()
+        for choice, part in data.get(key, {}).items()
+    ]
+    errors = [
+        [title, *(data[key]["horizon 2"]["prediction_mm"][name] for name in ("mid_range", "online", "best"))]
+        for key, title in tables.items() if key in data
+    ]  # fmt: skip
+    return (
+        "## Planner\n\n`python -m tests.benchmarks.bench_planner`. Network on "
+        f"{held['samples']} held-out simulations: {held['error_percent']} % of the mean displacement of "
+        f"{held['mean_displacement_mm']} mm (floor 10, aim 4); with mid-range parameters instead of the true ones "
+        f"{held['error_percent_mid_range']} %.\n\n"
+        f"Parameters of {par['ropes']} random ropes after {par['actions']} random actions, simulated four times as "
+        f"finely as the estimator does: k_b within 25 % for {par['k_b_within_25_percent']} % (floor 80, aim 95), "
+        f"k_b / k_d for {par['ratio_within_25_percent']} %; stated 90 % intervals cover "
+        f"{par['stated_90_percent_covers']} %.\n\n"
+        + table(["processor ms, one thread", "median"], [[k.replace("_", " "), v] for k, v in ms.items()])
+        + "\nFloors: 150 ms an action (aim 40; released code 1100 to 1400), 500 ms a fit (aim 100; 5900 to 7500).\n\n"
+        "Tasks U, A, S, I × three ropes × two surfaces, hidden parameters, at most ten actions, reached below 10 mm. "
+        "Floors: 90 % in the own simulator, 50 % and a median of at most 10 mm in the independent one; aims 98 % in 6 "
+        "actions, 95 % with a median of 7 actions. The bending stiffness of MuJoCo's ropes was chosen once so that "
+        "the estimates lie where the thesis found them for real ropes; the stiffer ones are beside them.\n\n"
+        + table(["simulator", "choice", "tasks", "reached", "in 6 actions", "median final mm", "median actions"], rows)
+        + "\nPrediction error of the next state in mm during the tasks (Fig. 5.8; floor 30 % below mid-range):\n\n"
+        + table(["simulator", "mid-range", "online", "best"], errors)
+    )
+
+
+def dynamics_networks(data: dict) -> str:
+    keys = ("without_fixed", "without_varied", "mid_range", "parameters_same", "parameters_others", "true_parameters")
+    rows = [
+        [name, e["weights"], *(e[key] for key in keys), e["ms"]["forward"], e["ms"]["forward_backward"]]
+        for name, e in data["networks"].items()
+    ]
+    weights = [
+        [name, *(e[k] for k in ("parameters_same", "parameters_others", "weights_same", "weights_others"))]
+        for name, e in data["networks"].items()
+    ]
+    header = ["network", "weights", "no params (fixed)", "no params (varied)", "mid-range", "fitted (*)", "fitted (**)"]
+    return (
+        "## Dynamics networks compared (Fig. 5.9, Fig. 5.10)\n\n`python -m models.manipulation.train_compare`: "
+        f"{data['minutes']:g} processor minutes of training each; mean prediction error in mm on {data['ropes']} ropes "
+        "that none has seen. (*) the same samples for fitting k_b and k_d and for measuring, (**) other ones. Floor: "
+        "conditioning 30 % below no parameters.\n\n"
+        + table([*header, "true params", "forward ms", "with gradient ms"], rows)
+        + "\nFitting the two parameters against fitting all weights:\n\n"
+        + table(["network", "parameters (*)", "parameters (**)", "weights (*)", "weights (**)"], weights)
+    )
+
+
+SECTIONS = {"planner": planner, "dynamics_networks": dynamics_networks}

@@ -1,0 +1,70 @@
+"""Sections of RESULTS.md on making data and training from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.segmentation.train_mixture import factorial_table
+from tests.benchmarks.markdown import table
+
+
+def _setting(data: dict) -> str:
+    s = data["settings"]
+    begun = "ImageNet encoder weights" if s["pretrained"] else "random weights"
+    return (
+        f"{s['width']} × {s['height']} px, {s['minutes_per_run']:g} processor minutes a run, batch {s['batch']}, "
+        f"from {begun}; Dice on `ewd`"
+    )
+
+
+def synthesis(data: dict) -> str:
+    rows = [
+        [size, e["images_per_second"], e["jpeg_round_trips"], "yes" if e["same_seed_same_bytes"] else "NO"]
+        for size, e in data["sizes"].items()
+    ]
+    return (
+        "## Rendering labelled pictures\n\n`python -m tests.benchmarks.bench_synthesis`: one core, processor time; "
+        "the time of the same pictures through a JPEG encoder and decoder is the unit of the third column.\n\n"
+        + table(["size", "pictures a second", "JPEG round trips a picture", "same seed, same bytes"], rows)
+    )
+
+
+def compare(data: dict) -> str:
+    groups: dict[str, list[dict]] = {}
+    for key, run in data["runs"].items():
+        groups.setdefault(key.rsplit("_run", 1)[0], []).append(run)
+    kinds = list(next(iter(data["runs"].values()))["dice"])
+    rows = [
+        [name, len(runs), *(round(float(np.mean([r["dice"][k] for r in runs])), 2) for k in kinds)]
+        for name, runs in groups.items()
+    ]
+    return (
+        "## Chroma key against rendered data (as Table 2.1)\n\n`python -m models.segmentation.train_mixture compare`: "
+        f"the compact network on 810 pictures of either kind, {_setting(data)}. Both kinds are made here: `chroma` is "
+        "keyed from 90 recorded pictures before a rendered screen.\n\n" + table(["data", "runs", *kinds], rows)
+    )
+
+
+def networks(data: dict) -> str:
+    rows = [
+        [key.rsplit("_run", 1)[0], round(r["parameters"] / 1e6, 2), r["pictures"], *r["dice"].values()]
+        for key, r in data["runs"].items()
+    ]
+    kinds = list(next(iter(data["runs"].values()))["dice"])
+    return (
+        "## Networks on equal terms, at reduced size\n\n`python -m models.segmentation.train_mixture networks`: all on "
+        f"the same {data['settings']['count']} rendered pictures, {_setting(data)}. `/4`: channels divided by four. "
+        "No GPU was there: a comparison of what short training on a processor reaches, not of the full networks.\n\n"
+        + table(["network", "million weights", "pictures seen", *kinds], rows)
+    )
+
+
+def mixture(data: dict) -> str:
+    return (
+        "## Mixtures by ratio (Table 2.2, small)\n\n`python -m models.segmentation.train_mixture factorial --scale "
+        f"{data['settings']['scale']:g}`: {_setting(data)}. Path-traced pictures stand in for the labelled real ones: "
+        "no real set may be trained on.\n\n```\n" + factorial_table(data["runs"]) + "\n```\n"
+    )
+
+
+SECTIONS = {"synthesis": synthesis, "compare": compare, "networks": networks, "mixture": mixture}

@@ -1,0 +1,134 @@
+"""Ropes to try the planner on: the thesis's three, in the own simulator and in one that no network has seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate, straight
+
+NODES = 16
+
+
+@dataclass(frozen=True)
+class RopeKind:
+    """Length m, mass kg, diameter m (thesis 5.7), and what the planner is not told: k_b, and k_d on two surfaces for
+    the own simulator; bending stiffness and friction for the other."""
+
+    name: str
+    length: float
+    mass: float
+    diameter: float
+    bending: float
+    stiffness: float
+
+
+# Mass, length and diameter of black and red as in the thesis; white's k_b is its estimate there. Stiffness N m^2.
+ROPES = (
+    RopeKind("white", 0.46, 0.04, 0.010, 0.08, 6e-5),
+    RopeKind("black", 0.42, 0.05, 0.014, 0.40, 2e-4),
+    RopeKind("red", 0.50, 0.02, 0.005, 0.15, 3e-5),
+)
+SURFACES = {"cloth": (22.0, 0.9), "cardboard": (8.0, 0.4)}
+"""k_d for the own simulator; coefficient of friction for the other."""
+
+
+class Table(Protocol):
+    """A rope on a table: ``state`` (n, 2) m, and an action carried out."""
+
+    def state(self) -> np.ndarray: ...
+
+    def act(self, edge: int, move: np.ndarray) -> None: ...
+
+
+class OwnTable:
+    """The analytical model that the network learnt from, with hidden parameters."""
+
+    def __init__(self, kind: RopeKind, surface: str) -> None:
+        self._rope = Ropes.same(1, kind.mass, kind.bending, SURFACES[surface][0], kind.length)
+        self._state = straight(self._rope.length, NODES)
+
+    def state(self) -> np.ndarray:
+        return self._state[0]
+
+    def act(self, edge: int, move: np.ndarray) -> None:
+        action = Actions(np.array([edge]), move[None, :2], move[2:])
+        self._state = simulate(self._state, action, self._rope, SimulationParams(steps=80))
+
+
+class MujocoTable:
+    """A chain of capsules with bending springs on a plane with friction, moved at 0.1 m/s and then left alone."""
+
+    def __init__(self, kind: RopeKind, surface: str, stiffer: float = 1.0) -> None:
+        import mujoco
+
+        self._mj = mujoco
+        self._model = mujoco.MjModel.from_xml_string(_xml(kind, SURFACES[surface][1], stiffer))
+        self._data = mujoco.MjData(self._model)
+        self._edge_length = kind.length / (NODES - 1)
+        mujoco.mj_forward(self._model, self._data)
+        self._run(0.3)
+
+    def state(self) -> np.ndarray:
+        bodies = [self._data.body(f"b{k}") for k in range(NODES - 1)]
+        points = [b.xpos[:2].copy() for b in bodies]
+        last = bodies[-1]
+        points.append(last.xpos[:2] + self._edge_length * last.xmat.reshape(3, 3)[:2, 0])
+        return np.array(points)
+
+    def act(self, edge: int, move: np.ndarray) -> None:
+        """The edge is welded to a mocap body, lifted by nothing, dragged and turned, let go."""
+        body = self._data.body(f"b{edge}")
+        start, heading = body.xpos.copy(), np.arctan2(body.xmat[3], body.xmat[0])
+        middle = start[:2] + self._edge_length / 2 * np.array([np.cos(heading), np.sin(heading)])
+        self._place(start, heading)
+        self._hold(edge, True)
+        duration = max(0.3, float(np.hypot(*move[:2])) / 0.1)
+        for share in np.linspace(0, 1, int(duration / 0.01))[1:]:
+            angle = heading + share * move[2]
+            direction = np.array([np.cos(angle), np.sin(angle)])
+            xy = middle + share * move[:2] - self._edge_length / 2 * direction
+            self._place(np.array([*xy, start[2]]), angle)
+            self._run(0.01)
+        self._hold(edge, False)
+        self._run(0.5)
+
+    def _hold(self, edge: int, on: bool) -> None:
+        self._data.eq_active[self._model.equality(f"grip{edge}").id] = on
+
+    def _place(self, xyz: np.ndarray, angle: float) -> None:
+        self._data.mocap_pos[0] = xyz
+        self._data.mocap_quat[0] = [np.cos(angle / 2), 0, 0, np.sin(angle / 2)]
+
+    def _run(self, seconds: float) -> None:
+        for _ in range(round(seconds / self._model.opt.timestep)):
+            self._mj.mj_step(self._model, self._data)
+
+
+def _xml(kind: RopeKind, friction: float, stiffer: float) -> str:
+    edge, radius = kind.length / (NODES - 1), kind.diameter / 2
+    spring, mass = stiffer * kind.stiffness / edge, kind.mass / (NODES - 1)
+    inner = ""
+    for k in reversed(range(NODES - 1)):
+        joint = (
+            '<freejoint/>' if k == 0
+            else f'<joint type="hinge" axis="0 0 1" stiffness="{spring}" damping="{spring * 0.02}"/>'
+        )  # fmt: skip
+        place = f"{-kind.length / 2} 0 {radius}" if k == 0 else f"{edge} 0 0"
+        inner = (
+            f'<body name="b{k}" pos="{place}">{joint}<geom type="capsule" fromto="0 0 0 {edge} 0 0" '
+            f'size="{radius}" mass="{mass}" friction="{friction} 0.005 0.0001"/>{inner}</body>'
+        )
+    welds = "".join(
+        f'<weld name="grip{k}" body1="hand" body2="b{k}" active="false" relpose="0 0 0 1 0 0 0" solref="0.01 1"/>'
+        for k in range(NODES - 1)
+    )
+    exclude = "".join(f'<exclude body1="b{k}" body2="b{k + 1}"/>' for k in range(NODES - 2))
+    return (
+        '<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody>'
+        f'<geom type="plane" size="2 2 0.1" friction="{friction} 0.005 0.0001"/>'
+        f'<body name="hand" mocap="true"/>{inner}</worldbody><equality>{welds}</equality>'
+        f"<contact>{exclude}</contact></mujoco>"
+    )

@@ -1,0 +1,87 @@
+"""The harness page in a real browser, against a stand-in for the service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.clients import harness_samples, samples
+from tests.clients.fake_service import FakeService, served
+from tests.clients.test_viewer import CHROMIUM, FLAGS, picture, pytestmark, sync_api
+
+__all__ = ["pytestmark"]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def service() -> FakeService:
+    service = FakeService()
+    service.finished = harness_samples.job()
+    return service
+
+
+@pytest.fixture
+def page(browser: Any, service: FakeService) -> Iterator[Any]:
+    wrong: list[str] = []
+    with served(service.app()) as url:
+        page = browser.new_page(viewport={"width": 1300, "height": 1000})
+        page.set_default_timeout(10_000)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
+        page.goto(f"{url}/viewer/harness.html")
+        yield page
+        page.close()
+    assert wrong == []
+
+
+def color_at(page: Any, x: float, y: float) -> list[int]:
+    place = [(x + 0.5) / samples.WIDTH, (y + 0.5) / samples.HEIGHT]
+    script = """([u, v]) => {
+        const canvas = document.querySelector("#canvas");
+        const at = [Math.floor(u * canvas.width), Math.floor(v * canvas.height)];
+        return [...canvas.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3);
+    }"""
+    return page.evaluate(script, place)
+
+
+def test_topology_and_action_become_lists(page: Any, service: FakeService) -> None:
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#actions button")
+    assert page.input_value("#kind") == "plan_disentangle"
+    assert '"kind":"plan_disentangle"' in service.requests[0]
+    assert page.inner_text("#status") == "planned"
+    assert page.locator("#sections button").count() == 3
+    assert page.inner_text("#branches button").split()[:3] == ["1", "3", "sections"]
+    assert page.inner_text("#crossings button").split() == ["1", "1", "over", "2", "0.88"]
+    assert "1 → 0 crossings" in page.inner_text("#actions button")
+
+
+def test_layers_draw_what_they_say(page: Any) -> None:
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#actions button")
+    middle = samples.WIDTH / 2, samples.HEIGHT / 2
+    assert color_at(page, *middle) == [255, 210, 63], "the branch-point"
+    for layer in ("sections", "points", "action"):
+        page.uncheck(f"input[name={layer}]")
+    plain = color_at(page, *middle)
+    assert max(plain) - min(plain) < 8, "the gray picture"
+    page.check("input[name=sections]")
+    assert color_at(page, middle[0] + 20, middle[1]) != plain
+
+
+def test_a_drawing_asks_for_names(page: Any, service: FakeService) -> None:
+    drawing = b'{"branches": [{"name": "trunk", "a": "A", "b": "B", "length": 100}]}'
+    page.set_input_files("#drawing", {"name": "d.json", "mimeType": "application/json", "buffer": drawing})
+    page.set_input_files("#file", picture())
+    page.wait_for_function("document.querySelector('#section-count').value === '3'")
+    assert '"kind":"topology"' in service.requests[0]
+    assert '"trunk"' in service.requests[0]

@@ -1,0 +1,41 @@
+"""Topologies drawn by hand, for tests of what is computed from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.geometry.polylines import arc_lengths, resample
+from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
+
+
+def section(points: list[tuple[float, float]], branches: tuple[int, int] = (-1, -1), width: float = 8.0) -> Section:
+    rough = np.array(points, dtype=np.float64)
+    line = resample(rough, max(2, round(float(arc_lengths(rough)[-1]) / 4)))
+    ends = tuple("branch" if b >= 0 else "free" for b in branches)
+    return Section(line, width, float(arc_lengths(line)[-1]), ends, branches)
+
+
+def topology(
+    sections: list[Section],
+    branches: list[tuple[float, float]] = (),
+    crossings: list[Crossing] = (),
+    size: tuple[int, int] = (480, 640),
+) -> Topology:
+    points = tuple(
+        BranchPoint(xy, tuple(k for k, s in enumerate(sections) for b in s.branches if b == i), 1.0)
+        for i, xy in enumerate(branches)
+    )
+    none = np.zeros(0)
+    return Topology(size, "branched" if branches else "plain", tuple(sections), points, tuple(crossings),
+                    np.zeros((0, 2)), none, np.zeros((0, 2)), np.zeros((0, 2), np.int64), none)  # fmt: skip
+
+
+def crossed(order_score: float = 1.0) -> Topology:
+    """A trunk along y = 240 with a branch at x = 200 that comes back over it near (420, 240)."""
+    trunk_left = section([(60, 240), (200, 240)], (-1, 0), 16)
+    trunk_right = section([(200, 240), (560, 240)], (0, -1), 16)
+    branch = section([(200, 240), (210, 330), (320, 360), (400, 290), (440, 190), (450, 140)], (0, -1))
+    at = branch.xy[np.abs(branch.xy[:, 1] - 240)[len(branch.xy) // 2 :].argmin() + len(branch.xy) // 2]
+    u = float(arc_lengths(branch.xy)[np.hypot(*(branch.xy - at).T).argmin()]) / branch.length
+    crossing = Crossing((float(at[0]), 240.0), Place(2, u), Place(1, float((at[0] - 200) / 360)), 1.0, order_score)
+    return topology([trunk_left, trunk_right, branch], [(200, 240)], [crossing])

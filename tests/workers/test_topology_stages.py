@@ -1,0 +1,262 @@
+"""``topology`` and ``plan_disentangle`` on real bytes and the shipped networks, and every bad input of theirs."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import cv2
+import numpy as np
+import pytest
+from dlo_client.contracts import (
+    ArmBase,
+    DisentangleRequest,
+    DisentangleResult,
+    DrawnBranch,
+    HarnessDrawing,
+    HarnessState,
+    ImageRef,
+    SeenPoint,
+    TopologyRequest,
+    TopologyResult,
+)
+from PIL import Image
+from pydantic import ValidationError
+
+from workers import stages
+from workers.settings import Settings
+from workers.stages.outcome import InvalidInput, Tools
+
+
+@pytest.fixture(scope="module")
+def tools(tmp_path_factory) -> Tools:
+    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
+
+
+def put(tools: Tools, array: np.ndarray) -> ImageRef:
+    buffer = io.BytesIO()
+    Image.fromarray(array).save(buffer, "PNG")
+    return ImageRef(id=tools.blobs.put(buffer.getvalue()))
+
+
+def harness_mask() -> np.ndarray:
+    """A trunk along y = 120 with a branch at x = 100 that comes back over it near (253, 120)."""
+    mask = np.zeros((280, 400), np.uint8)
+    cv2.line(mask, (20, 120), (380, 120), 255, 15)
+    t = np.linspace(0, 1, 60)[:, None]
+    corners = [np.array(p, float) for p in ((100, 120), (95, 320), (250, 260), (270, 30))]
+    curve = (1 - t) ** 3 * corners[0] + 3 * t * (1 - t) ** 2 * corners[1] + 3 * t**2 * (1 - t) * corners[2]
+    curve = curve + t**3 * corners[3]
+    cv2.polylines(mask, [np.rint(curve).astype(np.int32)], False, 255, 8)
+    return mask
+
+
+def depth_of(upper_branch: bool) -> np.ndarray:
+    trunk = np.zeros((280, 400), np.uint8)
+    cv2.line(trunk, (20, 120), (380, 120), 255, 15)
+    depth = np.where(harness_mask() > 0, 990, 1000).astype(np.uint16)
+    depth[trunk > 0] = 980
+    if upper_branch:
+        branch = (harness_mask() > 0) & (np.arange(400) > 225)[None] & (np.arange(400) < 282)[None]
+        branch &= ~((trunk > 0) & ((np.arange(400) < 248) | (np.arange(400) > 259))[None])
+        depth[branch] = 960
+    return depth
+
+
+def run(tools: Tools, **fields) -> TopologyResult:
+    return stages.run(TopologyRequest(**fields), tools).result
+
+
+def test_the_whole_result_of_a_harness(tools):
+    outcome = stages.run(TopologyRequest(mask=put(tools, harness_mask()), files=["overlay", "mask"]), tools)
+    result = outcome.result
+    assert isinstance(result, TopologyResult)
+    assert TopologyResult.model_validate_json(result.model_dump_json()) == result
+    assert (result.status, result.width, result.height) == ("branched", 400, 280)
+    assert (len(result.sections), len(result.branch_points), len(result.crossings)) == (3, 1, 1)
+    assert {m.name for m in result.models} == {"topology", "topology_junctions"}
+    assert set(outcome.files) == {"overlay.png", "mask.png"}
+    assert {"decode", "segment", "topology", "encode", "topology.graph"} <= set(outcome.timings_ms)
+    count = len(result.nodes_xy)
+    assert len(result.node_angles_rad) == len(result.node_branch_scores) == len(result.node_crossing_scores) == count
+    assert all(e.a < e.b < count for e in result.edges)
+    assert [s.id for s in result.sections] == [1, 2, 3]
+    assert sorted(result.branch_points[0].sections) == [1, 2, 3]
+    assert all(1 in s.branch_points for s in result.sections)
+
+
+def test_a_picture_alone_is_segmented_first(tools):
+    result = run(tools, image=put(tools, np.full((120, 160, 3), 90, np.uint8)))
+    assert result.status == "empty"
+    assert result.message
+    assert {m.name for m in result.models} >= {"foreground_compact", "topology"}
+
+
+@pytest.mark.parametrize("upper_branch", [True, False])
+def test_a_depth_map_orders_the_crossing(tools, upper_branch):
+    result = run(tools, mask=put(tools, harness_mask()), depth=put(tools, depth_of(upper_branch)))
+    (crossing,) = result.crossings
+    thin = min(result.sections, key=lambda s: s.width_px)
+    assert (crossing.over.section == thin.id) == upper_branch
+    assert crossing.order_score > 0.6
+
+
+def test_points_may_be_anywhere(tools):
+    result = run(tools, mask=put(tools, harness_mask()), points=[SeenPoint(xy=(-900, 5), depth_m=1.0)])
+    assert result.crossings[0].order_score == 0.5
+
+
+DRAWING = HarnessDrawing(
+    unit="mm",
+    branches=[
+        DrawnBranch(name="stub", a="P", b="X1", length=80),
+        DrawnBranch(name="trunk", a="P", b="X2", length=280),
+        DrawnBranch(name="branch", a="P", b="X3", length=370),
+        DrawnBranch(name="lost", a="X2", b="X4", length=50),
+    ],
+)
+
+
+def test_a_drawing_names_the_sections(tools):
+    result = run(tools, mask=put(tools, harness_mask()), drawing=DRAWING)
+    assert result.match is not None
+    assert result.match.missing == ["lost"]
+    assert result.match.extra == []
+    assert result.match.scale_from == "estimate"
+    assert {s.name for s in result.sections} == {"stub", "trunk", "branch"}
+    assert result.branch_points[0].name == "P"
+    assert min(result.sections, key=lambda s: s.width_px).name == "branch"
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}, {"name": "b", "a": "Q", "b": "P", "length": 1}]},
+         "branches.*cycle"),
+        ({"branches": [{"name": "a", "a": "P", "b": "P", "length": 1}]}, "branches.*cycle"),
+        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}], "unit": "cubit"}, "unit"),
+        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 0}]}, "length"),
+        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}, {"name": "a", "a": "Q", "b": "R", "length": 1}]},
+         "same name"),
+        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}, {"name": "b", "a": "R", "b": "S", "length": 1}]},
+         "several pieces"),
+        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}], "connectors": ["Z"]}, "connectors.*Z"),
+        ({"branches": []}, "branches"),
+    ],
+)  # fmt: skip
+def test_a_drawing_that_cannot_be_is_refused(fields, message):
+    with pytest.raises(ValidationError, match=rf"(?s){message}"):
+        HarnessDrawing.model_validate(fields)
+
+
+def test_sizes_have_to_agree(tools):
+    small = np.zeros((10, 10), np.uint16)
+    with pytest.raises(InvalidInput, match="depth") as caught:
+        run(tools, mask=put(tools, harness_mask()), depth=put(tools, small))
+    assert caught.value.code == "size_mismatch"
+
+
+def test_a_depth_map_of_eight_bits_is_refused(tools):
+    with pytest.raises(InvalidInput, match="16-bit"):
+        run(tools, mask=put(tools, harness_mask()), depth=put(tools, harness_mask()))
+
+
+def test_a_model_beside_a_mask_is_refused():
+    with pytest.raises(ValidationError, match="`model` has no meaning"):
+        TopologyRequest(mask=ImageRef(id="a" * 64), model="foreground_compact")
+
+
+def test_noise_is_a_clear_answer(tools):
+    noise = (np.random.default_rng(0).random((300, 400)) > 0.5).astype(np.uint8) * 255
+    result = run(tools, mask=put(tools, noise))
+    assert result.status == "too_complex"
+    assert result.sections == []
+    planned = stages.run(DisentangleRequest(mask=put(tools, noise)), tools).result
+    assert planned.status == "no_crossing"
+
+
+def test_a_plan_from_a_mask_and_from_its_topology_agree(tools):
+    mask, depth = put(tools, harness_mask()), put(tools, depth_of(True))
+    arms = [ArmBase(name="left", xy=(0, 400)), ArmBase(name="right", xy=(500, 300))]
+    planned = stages.run(DisentangleRequest(mask=mask, depth=depth, arms=arms), tools)
+    result = planned.result
+    assert isinstance(result, DisentangleResult)
+    assert result.status == "planned"
+    assert set(planned.files) == {"overlay.png"}
+    best = result.actions[0]
+    assert (best.rank, best.crossings_before, best.crossings_after) == (1, 1, 0)
+    assert best.hold.arm == "left"
+    assert best.pick.arm == best.place.arm == "right"
+    assert best.trajectory_xy[0] == best.pick.xy
+    assert best.trajectory_xy[-1] == best.place.xy
+    assert "leaves 0 of 1" in best.why
+    assert result.topology is not None
+    given = json.loads(result.topology.model_dump_json())
+    again = stages.run(DisentangleRequest(topology=HarnessState.model_validate(given), arms=arms), tools).result
+    assert again.actions[0].section == best.section
+    assert again.actions[0].turn_rad == pytest.approx(best.turn_rad, abs=0.1)
+    assert again.topology is None
+
+
+def test_without_crossing_there_is_a_reason(tools):
+    mask = np.zeros((200, 300), np.uint8)
+    cv2.line(mask, (20, 100), (280, 100), 255, 9)
+    result = stages.run(DisentangleRequest(mask=put(tools, mask)), tools).result
+    assert (result.status, result.actions) == ("no_crossing", [])
+    assert "no crossing" in result.message
+
+
+def test_out_of_reach_is_a_reason(tools):
+    arms = [ArmBase(name=n, xy=(5000, 5000), reach_px=10) for n in ("a", "b")]
+    result = stages.run(DisentangleRequest(mask=put(tools, harness_mask()), arms=arms), tools).result
+    assert (result.status, result.actions) == ("no_action", [])
+    assert "reach" in result.message
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"arms": [{"name": "a", "xy": [0, 0]}]}, "`arms` needs two"),
+        ({"arms": [{"name": "a", "xy": [0, 0]}, {"name": "a", "xy": [1, 1]}]}, "same name"),
+        ({"mask": {"id": "a" * 64}}, "`topology` already says"),
+    ],
+)
+def test_requests_that_cannot_be_are_refused(tools, change, message):
+    state = run(tools, mask=put(tools, harness_mask())).model_dump(mode="json")
+    with pytest.raises(ValidationError, match=message):
+        DisentangleRequest.model_validate({"topology": state} | change)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        (("crossings", 0, "over", "section"), 9, "crossings.*not there"),
+        (("branch_points", 0, "sections"), [7], "branch_points.*not there"),
+        (("sections", 0, "branch_points"), [5, None], "branch-point that is not there"),
+        (("sections", 0, "id"), 4, "ids count"),
+        (("sections", 0, "points_xy"), [[1, 1]], "2 to 5000"),
+    ],
+)
+def test_a_topology_that_does_not_fit_together_is_refused(tools, place, value, message):
+    state = run(tools, mask=put(tools, harness_mask())).model_dump(mode="json")
+    here = state
+    for step in place[:-1]:
+        here = here[step]
+    here[place[-1]] = value
+    with pytest.raises(ValidationError, match=rf"(?s){message}"):
+        HarnessState.model_validate(state)
+
+
+def test_a_section_without_length_is_refused(tools):
+    state = run(tools, mask=put(tools, harness_mask())).model_dump(mode="json")
+    state["sections"][0]["points_xy"] = [[5, 5], [5, 5]]
+    with pytest.raises(InvalidInput, match="no length"):
+        stages.run(DisentangleRequest(topology=HarnessState.model_validate(state)), tools)
+
+
+def test_a_request_by_topology_needs_no_picture_and_one_by_picture_does(tools):
+    state = run(tools, mask=put(tools, harness_mask())).model_dump(mode="json")
+    assert not DisentangleRequest(topology=HarnessState.model_validate(state)).needs_picture
+    assert DisentangleRequest().needs_picture
+    with pytest.raises(InvalidInput, match="an image or a mask"):
+        stages.run(DisentangleRequest(), tools)

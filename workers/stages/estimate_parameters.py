@@ -1,0 +1,44 @@
+"""``estimate_parameters``: actions and what they did, to k_b and k_d."""
+
+from __future__ import annotations
+
+import numpy as np
+from dlo_client.contracts import EstimateParametersRequest, EstimateParametersResult, PlanShapeRequest
+
+from models.manipulation.dynamics import shape_distance
+from models.manipulation.parameters import estimate
+from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.shapes import contradictions, history_of, learned, length_of, rope_of
+
+
+def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
+    watch = Stopwatch()
+    dynamics, models = learned(tools)
+    check_edges(request)
+    rope = rope_of(request.object, length_of(np.array(request.history[0].before)))
+    history = history_of(request.history, rope.scale)
+    with watch.step("estimate"):
+        length = request.object.length_m
+        found = estimate(dynamics, history, rope.mass, None if length is None else length * rope.scale)
+    errors = found.error_m / rope.scale
+    moved = shape_distance(history.before, history.after) / rope.scale
+    result = EstimateParametersResult(
+        k_b=round(found.bending, 6),
+        k_d=round(found.damping, 6),
+        sigma=(round(float(found.sigma[0]), 4), round(float(found.sigma[1]), 4)),
+        ratio_sigma=round(found.ratio_sigma, 4),
+        loss_m=round(float(errors.mean()), 6),
+        loss_mid_range_m=round(float(found.error_before_m.mean()) / rope.scale, 6),
+        sample_errors_m=np.round(errors, 6).tolist(),
+        warnings=rope.warnings + contradictions(errors, moved),
+        models=models,
+    )
+    return Outcome(result, timings_ms=watch.timings_ms)
+
+
+def check_edges(request: EstimateParametersRequest | PlanShapeRequest) -> None:
+    """Every action of the history names an edge that there is."""
+    for k, item in enumerate(request.history):
+        if item.action.edge > len(item.before) - 2:
+            text = f"{len(item.before)} points have edges 0 to {len(item.before) - 2}"
+            raise InvalidInput(f"history.{k}.action.edge", text, "invalid_history")

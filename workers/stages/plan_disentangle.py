@@ -1,0 +1,156 @@
+"""``plan_disentangle``: a topology, or a picture, to ranked dual-arm actions that remove a crossing."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from dlo_client.contracts import (
+    ArmBase,
+    DisentangleAction,
+    DisentangleRequest,
+    DisentangleResult,
+    GripperPose,
+    HarnessState,
+    SectionPlace,
+)
+from numpy.typing import NDArray
+
+from models.geometry.polylines import arc_lengths
+from models.topology import scene as found
+from models.topology.disentangling import Action, Base, DisentangleParams, Grasp, assign_arms, plan
+from models.topology.drawing import draw_action, overlay
+from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.pictures import png, read_rgb
+from workers.stages.topology import Seen, encode, see
+
+PlanStatus = Literal["planned", "no_crossing", "no_action"]
+
+
+def run(request: DisentangleRequest, tools: Tools) -> Outcome:
+    watch = Stopwatch()
+    seen: Seen | None = None
+    if request.topology is None:
+        seen = see(request, tools, watch)
+        topology = seen.topology
+    else:
+        topology = decode(request.topology)
+    tools.progress(0.6)
+    with watch.step("plan"):
+        actions = plan(topology, DisentangleParams(margin_px=request.margin_px, at_most=request.at_most))
+        assigned = [(a, _arms(a, request.arms)) for a in actions]
+        feasible = [(a, arms) for a, arms in assigned if arms is not None]
+    with watch.step("encode"):
+        height, width = topology.size
+        status, message = _status(topology, actions, len(feasible))
+        result = DisentangleResult(
+            width=width,
+            height=height,
+            status=status,
+            message=message,
+            actions=[_action(k, a, arms) for k, (a, arms) in enumerate(feasible, start=1)],
+            topology=None if seen is None else encode(seen),
+            models=[] if seen is None else seen.models,
+        )
+        files = {}
+        if "overlay" in request.files:
+            picture = overlay(_ground(request, seen, topology, tools), topology)
+            best = draw_action(picture, feasible[0][0]) if feasible else picture
+            files["overlay.png"] = ("image/png", png(best))
+    return Outcome(result, files, watch.timings_ms)
+
+
+def decode(state: HarnessState) -> found.Topology:
+    """A topology as it travels to one to compute with: indices count from 0."""
+    sections = []
+    for s in state.sections:
+        xy = np.array(s.points_xy, dtype=np.float64)
+        first, last = ((b - 1 if b is not None else -1) for b in s.branch_points)
+        length = float(arc_lengths(xy)[-1])
+        if length <= 0:
+            raise InvalidInput("topology.sections", f"section {s.id} has no length", "invalid_topology")
+        sections.append(found.Section(xy, s.width_px, length, s.ends, (first, last), s.closed, s.score))
+    branches = [found.BranchPoint(b.xy, tuple(k - 1 for k in b.sections), b.score) for b in state.branch_points]
+    crossings = [found.Crossing(c.xy, _place(c.over), _place(c.under), c.score, c.order_score) for c in state.crossings]
+    none = np.zeros(0)
+    return found.Topology(
+        (state.height, state.width), "branched" if branches else "plain", tuple(sections), tuple(branches),
+        tuple(crossings), np.zeros((0, 2)), none, np.zeros((0, 2)), np.zeros((0, 2), np.int64), none,
+    )  # fmt: skip
+
+
+def _place(place: SectionPlace) -> found.Place:
+    return found.Place(place.section - 1, place.u)
+
+
+def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None] | None:
+    """Names of the holding and the moving arm; None if the action is out of their reach."""
+    if not bases:
+        return None, None
+    chosen = assign_arms(action, [Base(b.xy, b.reach_px or np.inf) for b in bases])
+    return None if chosen is None else (bases[chosen[0]].name, bases[chosen[1]].name)
+
+
+def _status(topology: found.Topology, actions: list[Action], feasible: int) -> tuple[PlanStatus, str]:
+    if not topology.crossings:
+        return "no_crossing", "there is no crossing to remove"
+    if not actions:
+        return "no_action", "no section can be turned so that crossings go: they are held at both ends, or meet others"
+    if not feasible:
+        return "no_action", "every action that helps is out of the arms' reach"
+    return "planned", f"{feasible} actions leave fewer than {len(topology.crossings)} crossings"
+
+
+def _action(rank: int, action: Action, arms: tuple[str | None, str | None]) -> DisentangleAction:
+    holder, mover = arms
+    return DisentangleAction(
+        rank=rank,
+        crossing=action.crossing + 1,
+        section=action.section + 1,
+        about_branch_point=action.branch + 1 if action.branch >= 0 else None,
+        hold=_pose(action.hold, holder),
+        pick=_pose(action.pick, mover),
+        trajectory_xy=[(x, y) for x, y in np.round(action.trajectory, 2).tolist()],
+        place=_pose(action.place, mover),
+        turn_rad=round(action.turn, 4),
+        crossings_before=action.before,
+        crossings_after=action.after,
+        passes_over=[k + 1 for k in action.passed],
+        clearance_px=round(action.clearance, 2),
+        score=round(min(1.0, max(0.0, action.score)), 4),
+        why=_why(action),
+    )
+
+
+def _why(action: Action) -> str:
+    about = f"branch-point {action.branch + 1}" if action.branch >= 0 else "a place along the section"
+    parts = [
+        f"turning section {action.section + 1} by {np.rad2deg(action.turn):.0f}° about {about} "
+        f"leaves {action.after} of {action.before} crossings",
+        f"it lies on top with probability {action.certainty:.2f}",
+    ]
+    if action.clearance < 0:
+        parts.append("it then touches another section")
+    if action.leaves_view:
+        parts.append("part of the piece is outside the picture: whether it is free there is not known")
+    return "; ".join(parts)
+
+
+def _pose(grasp: Grasp, arm: str | None) -> GripperPose:
+    x, y = grasp.xy
+    return GripperPose(xy=(round(x, 2), round(y, 2)), angle_rad=round(grasp.angle, 4), arm=arm)
+
+
+def _ground(
+    request: DisentangleRequest, seen: Seen | None, topology: found.Topology, tools: Tools
+) -> NDArray[np.uint8]:
+    """The picture to draw on: the one that was sent, or black."""
+    if seen is not None:
+        return seen.ground
+    if request.image is None:
+        return np.zeros((*topology.size, 3), np.uint8)
+    image = read_rgb(request.image, "image", tools)
+    if image.shape[:2] != topology.size:
+        (h, w), (th, tw) = image.shape[:2], topology.size
+        raise InvalidInput("image", f"is {w} × {h} while the topology is of {tw} × {th}", "size_mismatch")
+    return image

@@ -1,0 +1,131 @@
+"""The pictures of a ``reconstruct`` request: what is found in each, and which of it is asked for.
+
+Geometry is done in working pixels: a picture whose longest side is more than ``WORKING_SIDE`` is thought of as reduced
+to it, camera and centerlines alike, so that distances in pixels mean the same for every camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from dlo_client.contracts import ModelUsed, ReconstructRequest, Target
+from numpy.typing import NDArray
+
+from models.geometry.cameras import Camera
+from models.instances.scene import Scene
+from models.reconstruction.centering import center
+from models.reconstruction.curves import Curve
+from models.reconstruction.tracking import continuing_strand
+from models.reconstruction.views import Strand, View
+from workers.stages import curves3d
+from workers.stages.instances import perceive
+from workers.stages.outcome import InvalidInput, Tools
+from workers.stages.pictures import read_rgb
+
+WORKING_SIDE = 960
+NO_CURVE = "invalid_views"
+_NEAR_TARGET_PX = 40.0
+_SHORTEST_PX = 20
+
+
+@dataclass(frozen=True)
+class SeenView:
+    """A picture, its camera, the working view with its ``scale`` (working pixels a pixel), and for every strand the id
+    of its instance."""
+
+    image: NDArray[np.uint8]
+    camera: Camera
+    view: View
+    scale: float
+    ids: list[int]
+
+    def instance(self, strands: tuple[int, ...]) -> int | None:
+        """Id of the longest of the strands."""
+        lengths = [self.view.strands[s].length_px for s in strands]
+        return self.ids[strands[int(np.argmax(lengths))]] if strands else None
+
+
+def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list[ModelUsed]]:
+    """Raises InvalidInput for a picture that is missing, cannot be read, or is not of its camera's size."""
+    seen: list[SeenView] = []
+    models: list[ModelUsed] = []
+    for index, given in enumerate(request.views):
+        field = f"views.{index}"
+        if given.image is None:
+            raise InvalidInput(f"{field}.image", "is missing")
+        camera = curves3d.camera(given, field)
+        image = read_rgb(given.image, f"{field}.image", tools)
+        _check_size(image, camera, field)
+        found = perceive(image, tools, model=request.model, threshold=request.threshold)
+        strands, ids = strands_of(found.scene, found.probability)
+        scale = min(1.0, WORKING_SIDE / max(image.shape[:2]))
+        straight = tuple(Strand.through(scaled(camera.undistort(xy), scale), width * scale) for xy, width in strands)
+        view = View(working_camera(camera, scale), straight, given.name or f"views[{index}]")
+        seen.append(SeenView(image, camera, view, scale, ids))
+        models.extend(m for m in found.models if m not in models)
+        tools.progress(0.9 * (index + 1) / len(request.views))
+    return seen, models
+
+
+def strands_of(
+    scene: Scene, probability: NDArray[np.float32]
+) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], list[int]]:
+    """Centerlines and widths of the instances that are long enough to say anything, and their ids."""
+    strands, ids = [], []
+    for number, instance in enumerate(scene.instances, start=1):
+        centered = center(instance.centerline_xy, instance.width_px, probability)
+        if centered is not None and len(centered[0]) > _SHORTEST_PX:
+            strands.append(centered)
+            ids.append(number)
+    return strands, ids
+
+
+def working_camera(camera: Camera, scale: float) -> Camera:
+    """Without a lens; pixel centers at ``(k + 0.5) s - 0.5``."""
+    i = camera.intrinsics
+    cx, cy = ((c + 0.5) * scale - 0.5 for c in (i.cx, i.cy))
+    width, height = (max(round(side * scale), 1) for side in (i.width, i.height))
+    smaller = replace(i, width=width, height=height, fx=i.fx * scale, fy=i.fy * scale, cx=cx, cy=cy, distortion=())
+    return replace(camera, intrinsics=replace(smaller, model="plumb_bob"))
+
+
+def scaled(xy: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    return (xy + 0.5) * scale - 0.5
+
+
+def chosen_strand(request: ReconstructRequest, seen: list[SeenView], previous: Curve | None) -> tuple[int, int] | None:
+    """(view, strand) that the request asks for, or None if it asks for all."""
+    if request.target is not None:
+        return request.target.view, _target(request.target, seen[request.target.view])
+    if previous is None:
+        return None
+    following = continuing_strand(previous, [s.view for s in seen])
+    if following is None:
+        raise InvalidInput("previous", "is seen in none of the views: the next pictures have to overlap it", NO_CURVE)
+    return following
+
+
+def _check_size(image: NDArray[np.uint8], camera: Camera, field: str) -> None:
+    size = (camera.intrinsics.width, camera.intrinsics.height)
+    if image.shape[1::-1] != size:
+        found = f"{image.shape[1]} × {image.shape[0]}"
+        message = f"are of a picture of {size[0]} × {size[1]} pixels, but this one has {found}"
+        raise InvalidInput(f"{field}.intrinsics", message, "invalid_camera")
+
+
+def _target(target: Target, seen: SeenView) -> int:
+    if target.instance is not None:
+        if target.instance not in seen.ids:
+            known = ", ".join(map(str, seen.ids)) or "none"
+            message = f"there is no instance {target.instance} in views[{target.view}]; there are: {known}"
+            raise InvalidInput("target.instance", message, NO_CURVE)
+        return seen.ids.index(target.instance)
+    samples = seen.view.samples
+    if not len(samples.xy):
+        raise InvalidInput("target.view", f"no DLO was found in views[{target.view}]", NO_CURVE)
+    pixel = seen.camera.undistort(np.array([target.xy], np.float64))
+    distance, nearest = samples.tree.query(scaled(pixel, seen.scale)[0])
+    if distance > _NEAR_TARGET_PX:
+        raise InvalidInput("target.xy", f"the nearest DLO is {distance / seen.scale:.0f} pixels away", NO_CURVE)
+    return int(samples.strand[nearest])
