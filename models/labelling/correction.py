@@ -22,10 +22,13 @@ from models.geometry.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.cameras import Camera
 from models.labelling.crops import MIDDLE, SIZE, across_xy, pixels_per_crop_pixel, upright_crops
 from models.labelling.lines import LineReading, read_lines_at
-from models.labelling.strokes import project_stroke, stretches
+from models.labelling.strokes import ProjectedStroke, project_stroke, stretches
 
 CropReader = Callable[[ByteArray], tuple[Float32Array, Float32Array]]
 """(n, SIZE, SIZE, 3) crops to (n, SIZE) column probabilities and (n, SIZE) widths: the corrector network."""
+
+_LEAST_TRUST = 0.3
+"""A crop that shows nothing has some trust in its middle, and would hold its view where it was believed to be."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,11 @@ def correct_strokes(
         ]
         if params.agree and not last:
             moved, shifts = _explain(cameras, strokes, moved, shifts, votes, params)
-    return [[_settled(vote, params) for vote in row] for row in votes]
+    drawn = [[project_stroke(points, camera) for points in strokes] for camera in cameras]
+    return [
+        [_settled(vote, start, params) for vote, start in zip(row, starts, strict=True)]
+        for row, starts in zip(votes, drawn, strict=True)
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +166,7 @@ def _explain(
     rows, values, weights = [], [], []
     for v, (camera, row) in enumerate(zip(cameras, votes, strict=True)):
         for s, vote in enumerate(row):
-            use = np.flatnonzero((vote.trust > 0.05) & np.isfinite(vote.normal[:, 0]))
+            use = np.flatnonzero((vote.trust > _LEAST_TRUST) & np.isfinite(vote.normal[:, 0]))
             if not len(use):
                 continue
             block = np.zeros((len(use), size))
@@ -189,17 +196,18 @@ def _explain(
 
 
 def _prior(bases: Sequence[FloatArray], starts: IntArray, size: int, params: CorrectionParams) -> FloatArray:
-    """Regularization: displacements are a few millimeters and bend little, views move a few pixels."""
+    """Inverse variances: a stroke is displaced by about 10 mm as a whole and bends little, views move by 4 px. What
+    all views have in common is then rather the stroke's."""
     prior = np.zeros((size, size))
     for basis, a in zip(bases, starts[:-1], strict=True):
         n = basis.shape[1]
         bending = np.diff(np.eye(n), 2, axis=0)
-        local = 1e4 * np.eye(n) + params.stiffness * 1e6 * bending.T @ bending
+        local = 1e4 / n * np.eye(n) + params.stiffness * 1e6 * bending.T @ bending
         for axis in range(3):
             at = int(a) + axis + 3 * np.arange(n)
             prior[np.ix_(at, at)] = local
     views = np.arange(int(starts[-1]), size)
-    prior[views, views] = np.tile([0.02, 0.02, 5.0, 5.0], len(views) // 4)
+    prior[views, views] = np.tile([0.06, 0.06, 1.0, 1.0], len(views) // 4)
     return prior
 
 
@@ -234,8 +242,9 @@ def _middle(camera: Camera) -> FloatArray:
     return np.array([camera.intrinsics.cx, camera.intrinsics.cy])
 
 
-def _settled(vote: _Votes, params: CorrectionParams) -> CorrectedStroke:
-    """Points moved by their offset; where the trust is low, by what the neighbors along the DLO say."""
+def _settled(vote: _Votes, drawn: ProjectedStroke, params: CorrectionParams) -> CorrectedStroke:
+    """Points moved by their offset; where the trust is low, by what the neighbors along the DLO say. The offset that
+    is told is from where the stroke was ``drawn``."""
     offset = vote.offset.copy()
     known = np.isfinite(vote.normal[:, 0])
     if params.agree:
@@ -244,4 +253,6 @@ def _settled(vote: _Votes, params: CorrectionParams) -> CorrectedStroke:
             total = gaussian_filter1d(weight, params.smooth, mode="nearest")
             offset[run] = gaussian_filter1d(weight * offset[run], params.smooth, mode="nearest") / total
     xy = vote.xy + offset[:, None] * vote.normal
-    return CorrectedStroke(xy, np.where(known, offset, np.nan), vote.trust, vote.width, vote.depth)
+    whole = np.einsum("ni,ni->n", xy - drawn.xy, vote.normal)
+    whole = np.where(known & ~np.isfinite(whole), offset, whole)
+    return CorrectedStroke(xy, np.where(known, whole, np.nan), vote.trust, vote.width, vote.depth)

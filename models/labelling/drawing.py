@@ -14,6 +14,8 @@ from models.labelling.correction import CorrectedStroke
 from models.labelling.strokes import stretches
 
 _SHIFT = 4
+_SURE = 0.5
+"""Trust of a crop from which its width counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +40,16 @@ class StrandCrossing:
 
 def strand_of(stroke: CorrectedStroke, thickness_m: float, focal_px: float, measured: float = 0.7) -> Strand | None:
     """The longest stretch in the picture, or None. Its width is the thickness at its depth, corrected by how much
-    wider or narrower the crops say that it is: ``measured`` is the share that the crops have in the logarithm."""
+    wider or narrower the crops say that it is: ``measured`` is the share that the crops have in the logarithm. Where
+    none of them is sure the thickness stands."""
     runs = stretches(np.isfinite(stroke.offset_px))
     if not runs:
         return None
     run = max(runs, key=lambda r: r.stop - r.start)
     nominal = thickness_m * focal_px / stroke.depth_m[run]
     trust = stroke.trust[run]
-    good = trust >= np.quantile(trust, 0.5)
-    ratio = float(np.median(np.log(stroke.width_px[run][good] / nominal[good])))
+    good = (trust >= np.quantile(trust, 0.5)) & (trust >= _SURE)
+    ratio = float(np.median(np.log(stroke.width_px[run][good] / nominal[good]))) if good.any() else 0.0
     return Strand(stroke.xy[run], nominal * np.exp(measured * ratio), stroke.depth_m[run])
 
 

@@ -195,6 +195,7 @@ function normalAt(line, i) {
 
 /** Points at equal arc length about `spacing` apart, both ends included. */
 export function resample(points, spacing) {
+  if (points.length < 2) return [points[0], points[0]];
   const at = [0];
   for (let i = 1; i < points.length; i += 1) {
     at.push(at[i - 1] + Math.hypot(points[i][0] - points[i - 1][0], points[i][1] - points[i - 1][1]));

@@ -28,6 +28,9 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "synthesis": ["tests.benchmarks.bench_synthesis"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
+        "labelling": ["tests.benchmarks.bench_labelling"],
+        "tracked": ["tests.benchmarks.bench_tracked"],
+        "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
     }
 
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import report_planner, report_reconstruction, report_training
+from tests.benchmarks import report_labelling, report_planner, report_reconstruction, report_training
 from tests.benchmarks.markdown import table as _table
 
 HEAD = """# Measured
@@ -123,4 +123,5 @@ SECTIONS = {
     **report_training.SECTIONS,
     **report_planner.SECTIONS,
     "reconstruction": report_reconstruction.section,
+    **report_labelling.SECTIONS,
 }

@@ -32,6 +32,7 @@ class FakeService:
         self.requests: list[str] = []
         self.keys: list[str | None] = []
         self.cancelled = threading.Event()
+        self.file = samples.OVERLAY
 
     def app(self) -> Starlette:
         return Starlette(

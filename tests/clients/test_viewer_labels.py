@@ -1,0 +1,193 @@
+"""The corrector page in a real browser: what is clicked becomes a label that the SDK reads back."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from dlo_client.labelling.formats import READERS
+from PIL import Image
+
+from models.geometry.rle import decode
+from tests.clients import samples
+from tests.clients.fake_service import FakeService, served
+
+sync_api = pytest.importorskip("playwright.sync_api")
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-sync"]
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+def probability() -> np.ndarray:
+    """The two cables of the samples, and a bow that the service missed: 7 px wide, from (15, 100) to (150, 95)."""
+    image = np.zeros((samples.HEIGHT, samples.WIDTH), np.uint8)
+    image[57:64, 10:] = image[10:111, 77:84] = 255
+    cv2.polylines(image, [bow().round().astype(np.int32)], False, 255, 7)
+    return image
+
+
+def bow() -> np.ndarray:
+    x = np.linspace(15, 150, 60)
+    return np.stack([x, 98 - 14 * np.sin((x - 15) / 135 * np.pi)], 1)
+
+
+def png(image: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """The corrector with one picture; an error on the page or a request to another host fails the test."""
+    wrong: list[str] = []
+    service = FakeService()
+    service.file = png(probability())
+    with served(service.app()) as url:
+        page = browser.new_page(viewport={"width": 1300, "height": 900})
+        page.set_default_timeout(10_000)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
+        page.goto(url)
+        page.click("text=Label")
+        page.wait_for_url("**/label.html")
+        page.wait_for_function("document.querySelector('#hint').textContent !== ''")
+        page.set_input_files("#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())})
+        page.wait_for_selector("#instances button")
+        yield page
+        page.close()
+    assert wrong == []
+
+
+def click(page: Any, x: float, y: float, **more: Any) -> None:
+    box = page.locator("#canvas").bounding_box()
+    at = {"x": (x + 0.5) * box["width"] / samples.WIDTH, "y": (y + 0.5) * box["height"] / samples.HEIGHT}
+    page.click("#canvas", position=at, **more)
+
+
+def tool(page: Any, name: str) -> None:
+    page.check(f"[value={name}]")
+
+
+def saved(page: Any, tmp_path: Path, button: str = "#save", reader: str = "json") -> Any:
+    with page.expect_download() as download:
+        page.click(button)
+    file = tmp_path / download.value.suggested_filename
+    download.value.save_as(file)
+    imported = READERS[reader](file)
+    assert imported.problems == {}
+    return imported.labels[0]
+
+
+def mask(item: Any) -> np.ndarray:
+    return decode(item.mask_rle.counts, item.mask_rle.size)
+
+
+def test_untouched_labels_are_saved_as_they_came(page: Any, tmp_path: Path) -> None:
+    label = saved(page, tmp_path)
+    assert [i.mask_rle for i in label.instances] == [i.mask_rle for i in samples.two_cables().instances]
+    assert label.crossings == samples.two_cables().crossings
+    assert label.origin == "service"
+
+
+def test_two_clicks_on_a_missed_cable_snap_to_its_centerline(page: Any, tmp_path: Path) -> None:
+    click(page, 17, 99)
+    click(page, 147, 98)
+    page.keyboard.press("Enter")
+    label = saved(page, tmp_path)
+    added = label.instances[2]
+    true = bow()
+    away = [np.hypot(*(true - xy).T).min() for xy in added.centerline_xy]
+    assert max(away) < 2
+    drawn = np.zeros((samples.HEIGHT, samples.WIDTH), np.uint8)
+    cv2.polylines(drawn, [true.round().astype(np.int32)], False, 1, 7)
+    assert added.width_px == pytest.approx(drawn.sum() / np.hypot(*np.diff(true, axis=0).T).sum(), abs=0.8)
+    both, either = (mask(added) & (drawn > 0)).sum(), (mask(added) | (drawn > 0)).sum()
+    assert both / either > 0.85
+    assert added.score is None
+    assert label.origin == "corrected"
+    crossing = next(c for c in label.crossings if 3 in (c.over.instance, c.under.instance))
+    assert crossing.score == 0.5, "nobody has said which is on top"
+
+
+def test_split_join_delete_and_undo(page: Any, tmp_path: Path) -> None:
+    page.check("#probability")
+    tool(page, "delete")
+    click(page, 80, 11)
+    assert page.locator("#instances button").count() == 1
+    page.click("#undo")
+    assert page.locator("#instances button").count() == 2
+    tool(page, "add")
+    click(page, 17, 99)
+    click(page, 147, 98)
+    page.keyboard.press("Enter")
+    tool(page, "split")
+    x, y = bow()[15]
+    click(page, x, y)
+    assert page.locator("#instances button").count() == 4
+    tool(page, "join")
+    click(page, *bow()[8])
+    click(page, *bow()[25])
+    label = saved(page, tmp_path)
+    assert len(label.instances) == 3
+    joined = np.array(label.instances[2].centerline_xy)
+    assert abs(joined[:, 0].min() - 17) < 5
+    assert abs(joined[:, 0].max() - 147) < 5
+
+
+def test_swap_turns_the_crossing_and_its_pixels(page: Any, tmp_path: Path) -> None:
+    tool(page, "swap")
+    click(page, 80, 60)
+    label = saved(page, tmp_path)
+    crossing = label.crossings[0]
+    assert (crossing.over.instance, crossing.under.instance) == (2, 1)
+    upper = next(i for i in label.instances if i.id == 2)
+    assert mask(upper)[60, 80]
+
+
+def test_a_line_can_be_moved_and_the_map_snaps_it(page: Any, tmp_path: Path) -> None:
+    tool(page, "add")
+    page.uncheck("#snap")
+    for x in range(20, 141, 15):
+        click(page, x, 112)
+    page.keyboard.press("Enter")
+    tool(page, "move")
+    box = page.locator("#canvas").bounding_box()
+    scale = box["width"] / samples.WIDTH
+    page.mouse.move(box["x"] + 80.5 * scale, box["y"] + 112.5 * scale)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 80.5 * scale, box["y"] + 90.5 * scale, steps=4)
+    page.mouse.up()
+    line = np.array(saved(page, tmp_path).instances[2].centerline_xy)
+    assert line[np.argmin(abs(line[:, 0] - 80)), 1] < 95
+
+
+def test_coco_from_the_page_is_read_like_any_other(page: Any, tmp_path: Path) -> None:
+    label = saved(page, tmp_path, "#save-coco", "coco")
+    for got, true in zip(label.instances, samples.two_cables().instances, strict=True):
+        assert np.array_equal(mask(got), mask(true))
+    data = json.loads((tmp_path / "coco.json").read_text())
+    assert [a["area"] for a in data["annotations"]] == [int(mask(i).sum()) for i in samples.two_cables().instances]
+
+
+def test_the_least_certain_picture_comes_first(page: Any) -> None:
+    page.set_input_files("#file", {"name": "other.png", "mimeType": "image/png", "buffer": png(probability())})
+    page.wait_for_function("document.querySelectorAll('#pictures button').length === 2")
+    assert "certainty 0.90" in page.inner_text("#pictures button >> nth=0")
