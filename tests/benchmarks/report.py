@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.benchmarks.report_methods import methods_section, tangles_section
+
 HEAD = """# Measured
 
 Written by `make bench` from the JSON that each benchmark leaves in `build/bench`. The real photographs are for
@@ -95,7 +97,7 @@ def _instances(title: str, asked: str) -> Any:
     return section
 
 
-SECTIONS = {
+SECTIONS: dict[str, Any] = {
     "http": _http,
     "foreground": _foreground,
     "instances_ewd": _instances(
@@ -104,4 +106,6 @@ SECTIONS = {
         "its released code 78.4.",
     ),
     "instances_sbhc": _instances("RT-DLO on `sbhc`", "The foreground of the true labels as mask, color picture."),
+    "methods": methods_section,
+    "tangles": tangles_section,
 }
