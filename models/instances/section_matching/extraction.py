@@ -54,7 +54,7 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
     costs = costs_of(links)
-    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost))
+    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost), links.via)
     chains = strands_of(sections, partner, _joints(links, costs, partner))
     times.append(perf_counter())
     scene = assemble(chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True)
