@@ -191,10 +191,10 @@ def test_the_request_is_shown_as_code(page: Any) -> None:
     page.press("#key", "Tab")
     analyze(page)
     curl, python = page.inner_text("#curl"), page.inner_text("#python")
-    assert """'request={"kind":"instances","method":"section_matching","threshold":0.25}'""" in curl
+    assert """'request={"kind":"instances","method":"rt_dlo","threshold":0.25}'""" in curl
     assert r"""-F 'image=@"it'\''s.jpg"'""" in curl
     assert "Bearer $DLO_API_KEY" in curl
-    assert 'InstancesRequest(method="section_matching", threshold=0.25), "it\'s.jpg"' in python
+    assert 'InstancesRequest(method="rt_dlo", threshold=0.25), "it\'s.jpg"' in python
     compile(python, "snippet", "exec")
     assert "secret" not in curl + python
 

@@ -17,7 +17,7 @@ from dlo_client.client import Client
 from dlo_client.commands import app, readable
 from dlo_client.connection import CONNECTION, Connection
 from dlo_client.contracts import CameraView, InstancesRequest, LabelTrackedRequest, Stroke
-from dlo_client.contracts.methods import InstanceMethod
+from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
 from dlo_client.labelling import (
     BatchStopped,
     LabelOptions,
@@ -71,7 +71,7 @@ def label(
     out: Annotated[Path, typer.Option(help="Folder for the labels; a run that was cut off goes on there.")],
     formats: Formats = [],  # noqa: B006
     at_once: Annotated[int, typer.Option(min=1, max=256, help="Pictures in flight.")] = 8,
-    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = "rt_dlo",
+    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = DEFAULT_METHOD,
     threshold: Annotated[float | None, typer.Option(min=0, max=1, help="Foreground threshold.")] = None,
     retry_failed: Annotated[bool, typer.Option(help="Take up again what failed before.")] = False,
 ) -> None:

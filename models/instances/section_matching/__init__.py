@@ -1,4 +1,4 @@
-"""The default method: sections of the skeleton, whose ends are matched jointly."""
+"""Our own method: sections of the skeleton, whose ends are matched jointly."""
 
 from models.instances.section_matching.extraction import SectionMatchingParams, extract
 

@@ -1,4 +1,4 @@
-"""The default method: sections of the skeleton, matched jointly."""
+"""Our own method: sections of the skeleton, matched jointly."""
 
 from __future__ import annotations
 
