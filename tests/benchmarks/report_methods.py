@@ -7,8 +7,7 @@ from typing import Any
 KEYS = ("iou", "iou_strict", "pq", "count", "crossings_found", "order_right", "ms", "ms_p95")
 _FLOORS = """Floors on `ewd`: RT-DLO IoU 79.0, FASTDLO 76.0, Ariadne+ 75.0; `section_matching` (our own) IoU 81.0,
 PQ 78, count 86 %, with holes IoU 74 and count 70 %, eroded twice IoU 66, crossings found 90 %, order right 95 %; on
-`sbhc` closed and gray its count 97 %; calibration error 0.08. Aims: 82.5 / 81 / 93, 79 / 86, 73, 96 / 98.5, 100,
-0.03."""
+`sbhc` closed and gray count 97 %; calibration error 0.08. Aims: 82.5 / 81 / 93, 79 / 86, 73, 96 / 98.5, 100, 0.03."""
 
 
 def methods_section(data: dict[str, Any]) -> str:
