@@ -25,6 +25,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
+        "topology": ["tests.benchmarks.bench_topology", str(shared), "--sheet", "build/sheets/topology.png"],
+        "disentangling": ["tests.benchmarks.bench_disentangling", "--triple", "40"],
     }
 
 

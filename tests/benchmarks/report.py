@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.benchmarks import report_topology
+
 HEAD = """# Measured
 
 Written by `make bench` from the JSON that each benchmark leaves in `build/bench`. The real photographs are for
@@ -96,6 +98,8 @@ def _instances(title: str, asked: str) -> Any:
 
 
 SECTIONS = {
+    "topology": report_topology.topology,
+    "disentangling": report_topology.disentangling,
     "http": _http,
     "foreground": _foreground,
     "instances_ewd": _instances(
