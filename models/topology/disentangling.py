@@ -66,6 +66,7 @@ class Action:
 
 _MOST_CROSSINGS = 24
 _MOST_PIVOTS = 160
+_SIDEWAYS = float(np.tan(np.deg2rad(20)))
 _LEAST_CERTAINTY = 0.15
 """A piece that more probably lies under something is left alone: it would drag that along."""
 
@@ -147,8 +148,8 @@ def _best_turn(
     steps = np.arange(params.step_deg, params.most_deg + 1e-6, params.step_deg)
     angles = np.deg2rad(np.concatenate((-steps[::-1], steps)))
     before = len(topology.crossings)
-    now = len(_crossings_between(topology, body, 0.0))
-    after = before - now + np.array([len(_crossings_between(topology, body, float(a))) for a in angles])
+    kept = before - len(_parted(topology, range(before), body, pivot))
+    after = kept + np.array([len(_crossings_between(topology, body, float(a))) for a in angles])
     least = int(after.min())
     if least >= before:
         return None
@@ -188,9 +189,9 @@ def _fitness(
     topology: Topology, body: Body, pivot: Pivot, angle: float, params: DisentangleParams
 ) -> tuple[float, float, float]:
     """How well the body lies at an angle (up to 1: clear of everything, in view, little turned), it, the clearance."""
-    clearance = _clearance(topology, body, angle)
     wished = max(params.clearance_widths * topology.sections[pivot.section].width, 1.0)
-    fit = float(np.clip(clearance / wished, 0.0, 1.0)) * _in_view(topology, body, angle, params)
+    clearance, share = _clearance(topology, body, angle, wished)
+    fit = share * _in_view(topology, body, angle, params)
     return max(0.0, fit - 0.25 * abs(angle) / np.pi), angle, clearance
 
 
@@ -212,23 +213,27 @@ def _crossings_between(topology: Topology, body: Body, angle: float) -> list[tup
     return [(int(moving[2][a]), int(resting[2][b])) for a, b, ok in zip(i, j, apart, strict=True) if ok]
 
 
-def _clearance(topology: Topology, body: Body, angle: float) -> float:
-    """Least distance between the outlines of the turned body and the rest, away from the place held, px."""
+def _clearance(topology: Topology, body: Body, angle: float, wished: float) -> tuple[float, float]:
+    """Least distance between the outlines of the turned body and the rest, px, away from the place held; and the least
+    share of what is wished (0 to 1): ``wished`` px, nearer to the place held as far apart as an angle of 20 degrees."""
     widths = np.array([s.width for s in topology.sections])
+    nothing = float(np.hypot(*topology.size))
     resting = [(k, xy) for k, xy in body.resting if len(xy)]
     if not resting:
-        return float(np.hypot(*topology.size))
-    rest_xy = np.concatenate([xy for _, xy in resting])
+        return nothing, 1.0
     rest_half = np.repeat([widths[k] / 2 for k, _ in resting], [len(xy) for _, xy in resting])
-    tree = cKDTree(rest_xy)
-    least = float(np.hypot(*topology.size))
+    tree = cKDTree(np.concatenate([xy for _, xy in resting]))
+    least, share = nothing, 1.0
     for k, xy in body.moving:
-        far = np.hypot(*(xy - body.center).T) > 4 * widths[k] + 8
-        if not far.any():
-            continue
-        away, nearest = tree.query(turned(xy[far], body.center, angle))
-        least = min(least, float((away - rest_half[nearest]).min() - widths[k] / 2))
-    return least
+        reach = np.hypot(*(xy - body.center).T)
+        away, nearest = tree.query(turned(xy, body.center, angle))
+        room = away - rest_half[nearest] - widths[k] / 2
+        far, beside = reach > 4 * widths[k] + 8, reach > 1.5 * widths[k] + 4
+        least = min(least, float(room[far].min(initial=nothing)))
+        needed = np.clip(_SIDEWAYS * reach[beside], 1.0, wished + widths[k])
+        asked = np.minimum(away[beside] / needed, 1.0)
+        share = min(share, float(asked.min(initial=1.0)))
+    return least, share * float(np.clip(least / wished, 0.0, 1.0))
 
 
 def _in_view(topology: Topology, body: Body, angle: float, params: DisentangleParams) -> float:

@@ -19,6 +19,7 @@ from models.topology.scene import Crossing, Place, Section
 _IMAGE_NOISE = 4.0
 """Gray levels that mean nothing."""
 _DEPTH_NOISE_M = 0.001
+_MOST_DEPTH_ODDS = 3.0
 _SHARPNESS = 1.5
 """How fast the score follows the ratio of the deviations."""
 
@@ -26,10 +27,11 @@ _SHARPNESS = 1.5
 @dataclass(frozen=True)
 class Surface:
     """Something seen over the picture: ``read`` takes ``(…, 2)`` places to ``(…, C)`` values, NaN where nothing is
-    known; ``noise`` is a standard deviation that means nothing."""
+    known; ``noise`` is a standard deviation that means nothing; ``is_depth``: what is nearer also speaks for on top."""
 
     read: Callable[[FloatArray], FloatArray]
     noise: float
+    is_depth: bool = False
 
 
 def picture(image: ByteArray) -> Surface:
@@ -44,7 +46,7 @@ def depth_map(depth_m: Float32Array) -> Surface:
         values = depth_m[_pixels(places, depth_m.shape)].astype(np.float64)
         return np.where(values > 0, values, np.nan)[..., None]
 
-    return Surface(read, _DEPTH_NOISE_M)
+    return Surface(read, _DEPTH_NOISE_M, is_depth=True)
 
 
 def points(xy: FloatArray, depth_m: FloatArray, reach_px: float = 6.0) -> Surface:
@@ -58,7 +60,7 @@ def points(xy: FloatArray, depth_m: FloatArray, reach_px: float = 6.0) -> Surfac
         values[known] = depth_m[nearest[known]]
         return values[..., None]
 
-    return Surface(read, _DEPTH_NOISE_M)
+    return Surface(read, _DEPTH_NOISE_M, is_depth=True)
 
 
 def ordered(crossings: Sequence[Crossing], sections: Sequence[Section], surfaces: Sequence[Surface]) -> list[Crossing]:
@@ -81,12 +83,15 @@ def _log_odds(one: Place, other: Place, sections: Sequence[Section], surface: Su
     second = _deviation(other, sections[other.section], sections[one.section].width, surface)
     if first is None or second is None:
         return 0.0
-    return _SHARPNESS * float(np.log(second / first))
+    odds = _SHARPNESS * float(np.log(second[0] / first[0]))
+    if surface.is_depth:
+        odds += float(np.clip((second[1] - first[1]) / surface.noise, -_MOST_DEPTH_ODDS, _MOST_DEPTH_ODDS))
+    return odds
 
 
-def _deviation(place: Place, section: Section, other_width: float, surface: Surface) -> float | None:
-    """Mean squared deviation, noise included, of what is seen in the crossing from what is seen before and after;
-    None where too little is seen."""
+def _deviation(place: Place, section: Section, other_width: float, surface: Surface) -> tuple[float, float] | None:
+    """Mean squared deviation, noise included, of what is seen in the crossing from what is seen before and after, and
+    the mean of the latter right beside the crossing; None where too little is seen."""
     lengths = arc_lengths(section.xy)
     at = place.u * lengths[-1]
     half = 0.5 * other_width + 1
@@ -98,7 +103,8 @@ def _deviation(place: Place, section: Section, other_width: float, surface: Surf
         return None
     share = np.linspace(0, 1, len(inner))[:, None]
     expected = (1 - share) * np.nanmean(left, axis=0) + share * np.nanmean(right, axis=0)
-    return float(np.nanmean((center - expected) ** 2)) + surface.noise**2
+    beside = float(np.nanmean(np.concatenate((left[-2:], right[:2]))) if surface.is_depth else 0.0)
+    return float(np.nanmean((center - expected) ** 2)) + surface.noise**2, beside
 
 
 def _profile(section: Section, lengths: FloatArray, at: FloatArray, surface: Surface) -> FloatArray:

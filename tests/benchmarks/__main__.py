@@ -29,6 +29,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "methods": ["tests.benchmarks.bench_methods", str(shared)],
         "tangles": ["tests.benchmarks.bench_tangles"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
+        "topology": ["tests.benchmarks.bench_topology", str(shared), "--sheet", "build/sheets/topology.png"],
+        "disentangling": ["tests.benchmarks.bench_disentangling", "--triple", "40"],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
         "labelling": ["tests.benchmarks.bench_labelling"],
         "tracked": ["tests.benchmarks.bench_tracked"],

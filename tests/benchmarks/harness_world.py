@@ -21,6 +21,8 @@ from models.topology.train_harness import FREE, Harness, HarnessParams, TrueSect
 
 HOLD_ERROR_PX = 2.0
 TURN_ERROR_DEG = 3.0
+HAND_PX = 18.0
+"""A gripper this near to a branch-point holds it."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,11 @@ def _held(topology: Topology, hold: np.ndarray, pick: np.ndarray, picked: int) -
     line = topology.sections[section]
     lengths = arc_lengths(line.xy)
     held = float(lengths[np.hypot(*(line.xy - hold).T).argmin()])
-    near = [b for b, p in enumerate(topology.branch_points) if np.hypot(*(np.array(p.xy) - hold)) < 2.5 * line.width]
+    near = [
+        b
+        for b, p in enumerate(topology.branch_points)
+        if np.hypot(*(np.array(p.xy) - hold)) < max(2.5 * line.width, HAND_PX)
+    ]
     options = [
         Pivot(k, 0.0 if end == 0 else topology.sections[k].length, 1 if end == 0 else -1, b)
         for b in near

@@ -9,6 +9,7 @@ from typing import Any
 from tests.benchmarks import report_labelling, report_planner, report_reconstruction, report_training
 from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_methods import methods_section, tangles_section
+from tests.benchmarks import report_topology
 
 HEAD = """# Measured
 
@@ -113,6 +114,9 @@ def _instances(title: str, asked: str) -> Any:
 
 
 SECTIONS: dict[str, Any] = {
+SECTIONS = {
+    "topology": report_topology.topology,
+    "disentangling": report_topology.disentangling,
     "http": _http,
     "foreground": _foreground,
     "instances_ewd": _instances(
