@@ -47,7 +47,7 @@ class ReconstructParams:
     points: int = 60
     wide_reach_px: float = 12.0
     strands_at_most: int = 24
-    shared_px: float = 0.2
+    shared_px: float = 0.17
     stray: float = 0.25
     smooth: float = 1.0
     matching: MatchParams = field(default_factory=MatchParams)

@@ -187,7 +187,7 @@ def _scan_all(held: Tools, cables: int, options: ScanOptions) -> Rows:
         back.append(1000 * distances(truth[::5], points).mean())
         reprojection.append(np.mean([s.result.reprojection_px for s in result.sections]))
         counts.append(len(result.sections))
-        whole += back[-1] < 2
+        whole += int(back[-1] < 2)
     means = {"error_mm": np.mean(forth), "missing_mm": np.mean(back), "reprojection_px": np.mean(reprojection)}
     return rounded(means | {"n": cables, "whole": whole, "sections": float(np.mean(counts))})
 
@@ -246,7 +246,7 @@ def _follows(found: Curve, truth: np.ndarray, cameras: list[Camera]) -> bool:
     for camera in cameras:
         seen, true = camera.project(found.points_m), camera.project(cell.dense(truth))
         shares.append(np.mean(cKDTree(true).query(seen)[0] < 3))
-    return min(shares) >= 0.9
+    return bool(min(shares) >= 0.9)
 
 
 def _lies_on(found: Curve, truth: np.ndarray) -> bool:
@@ -267,7 +267,7 @@ def rigs(held: Tools, cables: int) -> Rows:
             truths.append(scene.cables[0].points_m)
             try:
                 other = _longest(views, "dlo3ds").curve
-                failed += 1000 * distances(other.points_m, cell.dense(truths[-1])).mean() > 5
+                failed += int(1000 * distances(other.points_m, cell.dense(truths[-1])).mean() > 5)
             except NotReconstructable:
                 failed += 1
         rows[name] = score(curves, truths) | {"dlo3ds_fails": failed}
@@ -391,7 +391,7 @@ def main() -> int:
         data[name] = part()
         for row, values in data[name].items():
             print(f"{name:10} {row:44} {values}", flush=True)
-        args.out.write_text(json.dumps(data, indent=1))
+        args.out.write_text(json.dumps(data, indent=1, default=float))
     return 0
 
 
