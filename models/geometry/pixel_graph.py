@@ -152,6 +152,26 @@ def _end_junctions(first: IntArray, last: IntArray, neighbors: IntArray, junctio
     return np.stack((at_first[:, 0], np.where(alone, at_last[:, 1], at_last[:, 0])), axis=1)
 
 
+def halved(mask: BoolArray) -> BoolArray:
+    """``(H // 2, W // 2)``: foreground where all four pixels are, so that no gap between strands closes."""
+    height, width = mask.shape[0] // 2 * 2, mask.shape[1] // 2 * 2
+    rows = mask[0:height:2, :width] & mask[1:height:2, :width]
+    out: BoolArray = rows[:, 0::2] & rows[:, 1::2]
+    return np.ascontiguousarray(out)
+
+
+def doubled(graph: PixelGraph) -> PixelGraph:
+    """The graph of a halved mask in the pixels of the whole one: chains are dense again, a point every pixel."""
+    lengths = np.diff(graph.bounds)
+    bounds = 2 * graph.bounds - np.arange(len(graph.bounds))
+    xy = np.zeros((int(bounds[-1]), 2), dtype=np.int64)
+    own = 2 * np.arange(len(graph.xy)) - np.repeat(np.arange(len(lengths)), lengths)
+    xy[own] = 2 * graph.xy
+    between = np.setdiff1d(own + 1, np.append(bounds[1:], own), assume_unique=False)
+    xy[between] = (xy[between - 1] + xy[between + 1]) // 2
+    return PixelGraph(xy, bounds, graph.ends, graph.closed, 2 * graph.junction_xy + 0.5)
+
+
 def smoothed(points: FloatArray | IntArray, bounds: IntArray, half: int) -> FloatArray:
     """``(N, 2)`` points of consecutive chains, each the mean of up to ``half`` neighbors to both sides.
 

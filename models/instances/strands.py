@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.pixel_graph import FREE
 from models.geometry.polylines import arc_lengths, bridge
 from models.instances.assembly import Chain
 from models.instances.sections import Sections
 
 _SPACING_PX = 3.0
+_TIP_RADII = 1.5
 
 
 @dataclass(frozen=True)
@@ -59,13 +61,20 @@ def _walk(sections: Sections, partner: IntArray, joints: Joints, start: int, don
         onward = int(partner[leaving])
         closed = onward == start
         if onward == leaving or (done[onward >> 1] and not closed):
-            return Chain(np.concatenate(pieces), False, doubt)
+            return Chain(_between_tips(np.concatenate(pieces), sections, start, leaving), False, doubt)
         joint = joints.get((min(leaving, onward), max(leaving, onward)), _PLAIN)
         pieces.append(_connection(sections, leaving, onward, joint.via))
         doubt += joint.doubt
         if closed:
             return Chain(np.concatenate(pieces), True, doubt)
         end = onward
+
+
+def _between_tips(points: FloatArray, sections: Sections, first: int, last: int) -> FloatArray:
+    """The points without a radius at free ends, where a skeleton turns to a corner; the assembly goes on straight."""
+    cut = [round(_TIP_RADII * sections.end_radius[e]) if sections.node[e] == FREE else 0 for e in (first, last)]
+    cut = [min(c, len(points) // 4) for c in cut]
+    return points[cut[0] : len(points) - cut[1]]
 
 
 def _connection(sections: Sections, a: int, b: int, shared: int) -> FloatArray:

@@ -109,8 +109,8 @@ def _polished(
     history: History, mass: float, length: float, logs: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A step of weighted least squares with the analytical model: new logarithms, the samples' errors before it, and
-    the covariance. Samples that stay far off count less; neighboring nodes err together, about four are one
-    observation."""
+    the covariance. Samples that stay far off count less; neighboring nodes err together: half of them, eight, are
+    one observation."""
     samples = len(history.edge)
     tried = logs + _DIFFERENCE * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     k_b, k_d = np.exp(tried).repeat(samples, 0).T
@@ -121,7 +121,7 @@ def _polished(
     slopes = np.stack([reached[1] - reached[0], reached[2] - reached[0]], -1) / _DIFFERENCE
     error = shape_distance(reached[0], history.after)
     unexplained = max(float(np.median(error)), _EXACT_M)
-    weight = np.minimum(1.0, 3 * unexplained / np.maximum(error, 1e-9)) / unexplained**2 / 4
+    weight = np.minimum(1.0, 3 * unexplained / np.maximum(error, 1e-9)) / unexplained**2 / 8
     weighted = slopes * weight[:, None, None, None]
     information = np.einsum("snik,snil->kl", weighted, slopes) + np.eye(2) / _PRIOR**2
     pull = np.einsum("snik,sni->k", weighted, r) + (logs - np.log(MID_RANGE)) / _PRIOR**2

@@ -20,6 +20,9 @@ from models.reconstruction.curves import Curve
 from models.reconstruction.refinement import across
 from models.reconstruction.tracking import along as in_direction_of
 
+_LEAST_WEIGHT = 1e-4
+"""Of an outlier: where there is nothing else, the curve still goes on."""
+
 
 @dataclass(frozen=True)
 class MergeParams:
@@ -62,7 +65,7 @@ def merge(sections: list[Curve], params: MergeParams) -> Merged:
     at = np.linspace(place[0], place[-1], max(int(np.ptp(place) / params.spacing_m) + 1, 4))
     robust = np.ones(len(points))
     for _ in range(params.rounds):
-        fitted, shares = _local_fit(place, points, trust * robust, at, params.window_m)
+        fitted, shares = _local_fit(place, points, trust * np.maximum(robust, _LEAST_WEIGHT), at, params.window_m)
         off = curves.distances(points, fitted)
         scale = 6 * max(float(np.median(off)), 1e-6)
         robust = np.clip(1 - (off / scale) ** 2, 0, 1) ** 2

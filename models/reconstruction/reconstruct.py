@@ -15,14 +15,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.cameras import Camera
 from models.reconstruction import curves
 from models.reconstruction.association import Support, belonging, claimed, supports
 from models.reconstruction.curves import Curve, Spline3D
 from models.reconstruction.matching import Match, MatchParams, match
 from models.reconstruction.refinement import Refined, RefineParams, across, refine
 from models.reconstruction.tracking import expected_depth
-from models.reconstruction.views import View
+from models.reconstruction.views import Strand, View
 from models.reconstruction.widths import radius_along
+
+_ODD_DEPTH = 0.03
 
 
 class NotReconstructable(ValueError):
@@ -34,7 +37,8 @@ class ReconstructParams:
     """``sample_px`` between matched samples of the reference strand; ``span_px`` of it to a span of the spline;
     ``points`` of the resulting curve. ``wide_reach_px``: the second try's reach of the matching, for poses that are
     a little off. ``shared_px``: standard deviation of what all centerlines have in common (light and shadow move the
-    edges of a DLO the same way in every view), which no number of views averages out."""
+    edges of a DLO the same way in every view), which no number of views averages out. ``stray``: see
+    Refined.covariance_at. ``smooth``: of the depth along the DLO that the refinement starts from."""
 
     sample_px: float = 8.0
     samples: tuple[int, int] = (12, 60)
@@ -43,7 +47,9 @@ class ReconstructParams:
     points: int = 60
     wide_reach_px: float = 12.0
     strands_at_most: int = 24
-    shared_px: float = 0.25
+    shared_px: float = 0.2
+    stray: float = 0.25
+    smooth: float = 1.0
     matching: MatchParams = field(default_factory=MatchParams)
     refinement: RefineParams = field(default_factory=RefineParams)
 
@@ -170,16 +176,46 @@ def _refined(
         return None
     camera, line = views[reference].camera, views[reference].strands[strand]
     kept = index[matched.found]
-    points = camera.center + matched.depth[matched.found, None] * camera.rays(line.xy[kept])
     along = (kept - kept[0]) / (kept[-1] - kept[0])
     spans = int(np.clip((kept[-1] - kept[0]) / params.span_px, *params.spans))
-    spline = curves.fit(points, spans, smooth=1e-2, parameters=along)
+    weight = _steepness(line, kept, camera, [v.camera for k, v in enumerate(views) if k != reference]) ** 4
+    depth = _smooth_depth(matched.depth[matched.found], along, weight, spans, params.smooth)
+    points = camera.center + depth[:, None] * camera.rays(line.xy[kept])
+    spline = curves.fit(points, spans, smooth=1e-3, parameters=along)
     dense = spline.at(np.linspace(0, 1, 20 * spans))
     strands = [belonging(dense, view, reach + 2) for view in views]
     strands[reference] = np.array([strand])
     gate = (2 * reach, max(params.refinement.gate_px[1], 0.75 * reach))
     refined = refine(spline, views, strands, replace(params.refinement, gate_px=gate))
     return _Attempt(refined, strands, supports(refined, views, strands), matched.cost)
+
+
+def _steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera]) -> FloatArray:
+    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is largest: what a match
+    says about the depth."""
+    best = np.zeros(len(index))
+    for other in others:
+        pole = camera.intrinsics.matrix @ (camera.rotation.T @ (other.center - camera.center))
+        direction = pole[:2] - pole[2] * line.xy[index]
+        direction /= np.maximum(np.hypot(*direction.T)[:, None], 1e-12)
+        best = np.maximum(best, np.abs(np.einsum("ni,ni->n", direction, line.normals[index])))
+    return best
+
+
+def _smooth_depth(depth: FloatArray, along: FloatArray, weight: FloatArray, spans: int, smooth: float) -> FloatArray:
+    """(n,) depths on a spline of the inverse depth along the strand; where the matches say little (small ``weight``) it
+    bridges from where they say more, and it passes over single ones that are off by more than a few percent."""
+    inverse = 1 / depth
+    middle = float(np.median(inverse))
+    matrix = curves.basis(curves.clamped_knots(spans), along)
+    rough = np.diff(np.eye(matrix.shape[1]), n=2, axis=0)
+    bending = smooth * len(depth) / spans * rough.T @ rough + 1e-6 * len(depth) * np.eye(matrix.shape[1])
+    trust = weight
+    for _ in range(4):
+        normal = matrix.T @ (matrix * trust[:, None]) + bending
+        fitted = matrix @ np.linalg.solve(normal, matrix.T @ (trust * (inverse - middle))) + middle
+        trust = weight / (1 + ((inverse / fitted - 1) / _ODD_DEPTH) ** 2)
+    return 1 / np.maximum(fitted, 0.1 * middle)
 
 
 def _finish(
@@ -193,7 +229,7 @@ def _finish(
         refined = refine(refined.spline, views, strands, params.refinement)
     begin, end = _seen_range(refined)
     parameters = curves.at_equal_lengths(refined.spline, params.points, begin, end)
-    curve = _curve(refined, parameters, views, strands, params.shared_px)
+    curve = _curve(refined, parameters, views, strands, params)
     said = [
         new if kept else old
         for new, old, kept in zip(supports(refined, views, strands), attempt.supports, keep, strict=True)
@@ -209,13 +245,13 @@ def _seen_range(refined: Refined) -> tuple[float, float]:
 
 
 def _curve(
-    refined: Refined, parameters: FloatArray, views: list[View], strands: list[IntArray], shared_px: float
+    refined: Refined, parameters: FloatArray, views: list[View], strands: list[IntArray], params: ReconstructParams
 ) -> Curve:
     points, tangents = refined.spline.at(parameters), refined.spline.tangents(parameters)
     cameras = [view.camera for view, which in zip(views, strands, strict=True) if len(which)]
     a_pixel = np.mean([c.in_camera(points)[:, 2] / c.focal_px for c in cameras], axis=0)
-    shared = (shared_px * a_pixel)[:, None, None] ** 2 * np.eye(3)
-    covariance = refined.covariance_at(parameters) + across(shared, tangents)
+    shared = (params.shared_px * a_pixel)[:, None, None] ** 2 * np.eye(3)
+    covariance = refined.covariance_at(parameters, params.stray) + across(shared, tangents)
     dense = refined.spline.at(np.linspace(parameters[0], parameters[-1], 12 * len(refined.spline.control_m)))
     spline: Spline3D = curves.fit(dense, len(refined.spline.control_m) - 3, smooth=0.0)
     radius, sigma = radius_along(points, views, strands)

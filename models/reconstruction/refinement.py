@@ -20,6 +20,9 @@ from models.geometry.cameras import Camera
 from models.reconstruction.curves import Spline3D, basis
 from models.reconstruction.views import Samples, View
 
+_UNSURE = 0.2
+"""Standard deviation, as a share of the distance, of a sample that no view says anything about."""
+
 
 @dataclass(frozen=True)
 class RefineParams:
@@ -38,7 +41,8 @@ class RefineParams:
 @dataclass(frozen=True, eq=False)
 class Refined:
     """``residual_px`` (k, n) signed, across the strand; ``used`` (k, n); ``parameters`` (n,) of the samples;
-    ``covariance`` (m, 3, m, 3) of the control points; ``noise_px`` of one residual; ``correlation`` of neighbors."""
+    ``covariance`` (m, 3, m, 3) of the control points; ``noise_px`` of one residual; ``correlation`` of neighbors;
+    ``alone_m2`` (n, 3, 3) covariance of a sample by itself, seen with a noise of one pixel across its strands."""
 
     spline: Spline3D
     parameters: FloatArray
@@ -47,12 +51,16 @@ class Refined:
     covariance: FloatArray
     noise_px: float
     correlation: float
+    alone_m2: FloatArray
 
-    def covariance_at(self, parameters: FloatArray) -> FloatArray:
-        """(n, 3, 3) of the position across the curve."""
+    def covariance_at(self, parameters: FloatArray, stray: float = 0.0) -> FloatArray:
+        """(n, 3, 3) of the position across the curve. ``stray``: share of the noise that does not average out along
+        the curve; it counts for most where strands run along the epipolar lines."""
         weights = basis(self.spline.knots, parameters)
         half = np.einsum("na,aibj->nibj", weights, self.covariance)
         full = np.einsum("nibj,nb->nij", half, weights)
+        nearest = np.rint(parameters * (len(self.parameters) - 1)).astype(np.int64)
+        full += (stray * self.noise_px) ** 2 * self.alone_m2[nearest]
         return across(full, self.spline.tangents(parameters))
 
 
@@ -97,7 +105,17 @@ def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params:
         covariance.reshape(len(spline.control_m), 3, len(spline.control_m), 3),
         state.noise,
         state.correlation,
+        _alone(measured, state.spline.at(parameters), cameras),
     )
+
+
+def _alone(measured: list[_Measured], points: FloatArray, cameras: list[Camera]) -> FloatArray:
+    """(n, 3, 3) inverse information of the views' residuals, bounded by a share of the distance to the cameras."""
+    gradients = np.stack([m.gradient * m.used[:, None] for m in measured])
+    information = np.einsum("kni,knj->nij", gradients, gradients)
+    bound = _UNSURE * np.min([np.linalg.norm(points - c.center, axis=1) for c in cameras], axis=0)
+    inverse: FloatArray = np.linalg.inv(information + np.eye(3) / bound[:, None, None] ** 2)
+    return inverse
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,11 @@ _BULKY = 1.45
 """An end so much wider than its section carries a connector."""
 _AMBIGUOUS = 0.05
 """Two matches whose costs differ by less than this a branch cannot be told apart."""
+_DROPPED = 0.15
+"""Cost of a short free section that is taken off."""
+_MOST_DROPPED = 4
+_SHORT = 0.6
+"""Only sections shorter than this share of the typical one are taken off."""
 _CUT_OFF = 0.3
 """How much cheaper it is that a section which leaves the picture is shorter than drawn."""
 
@@ -41,10 +46,10 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Match:
-    """``sections``: drawn branch's name to section index; ``points``: drawn point's name to branch-point index;
-    ``costs`` by name; ``scale`` px per unit, None if nothing matched."""
+    """``sections``: drawn branch's name to the indices of the sections that are it, in order; ``points``: drawn point's
+    name to branch-point index; ``costs`` by name; ``scale`` px per unit, None if nothing matched."""
 
-    sections: dict[str, int]
+    sections: dict[str, tuple[int, ...]]
     points: dict[str, int]
     costs: dict[str, float]
     missing: tuple[str, ...]
@@ -52,6 +57,21 @@ class Match:
     scale: float | None
     cost: float
     ambiguous: bool
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Sections in a row that are taken for one branch. ``points``: what is at its ends, a branch-point's index or
+    ``(section, end)`` of a free end; ``cut``: it leaves the picture; ``bulky``: a connector shows at either end."""
+
+    sections: tuple[int, ...]
+    length: float
+    points: tuple[object, object]
+    cut: bool
+    bulky: tuple[bool | None, bool | None]
+
+    def turned(self) -> _Piece:
+        return _Piece(self.sections[::-1], self.length, self.points[::-1], self.cut, self.bulky[::-1])
 
 
 @dataclass(frozen=True)
@@ -78,31 +98,91 @@ class _Trial:
 def match_drawing(
     topology: Topology, branches: list[Drawn], connectors: Iterable[str] = (), scale: float | None = None
 ) -> Match:
-    """The best match of drawing and picture. ``scale`` in px per unit of the drawing, or None to estimate it."""
-    drawn, seen = _drawn_tree(branches, set(connectors)), _seen_tree(topology)
-    results: list[tuple[float, dict[int, int], _Trial, float]] = []
-    sections = [k for k, s in enumerate(topology.sections) if not s.closed]
-    for d, branch in enumerate(branches):
-        for s in sections:
-            for flipped in (False, True):
-                start = scale or topology.sections[s].length / branch.length
-                result = _grown(drawn, seen, branches, topology, d, s, flipped, start, scale is not None)
-                results.append(result)
-    if not results:
+    """The best match of drawing and picture. ``scale`` in px per unit of the drawing, or None to estimate it.
+
+    The drawing may know better than the picture: short free sections that fit nowhere (a clip, a burr) are taken off
+    one by one, so that the sections on either side become one branch, as long as the match gets cheaper.
+    """
+    drawn = _drawn_tree(branches, set(connectors))
+    pieces = _pieces(topology)
+    found: list[_Found] = []
+    for dropped in range(_MOST_DROPPED + 1):
+        found += _matches(drawn, pieces, branches, scale, dropped)
+        shorter = _without_shortest(pieces)
+        if shorter is None or len(pieces) <= len(branches):
+            break
+        pieces = shorter
+    if not found:
         everything = tuple(b.name for b in branches)
         return Match({}, {}, {}, everything, tuple(range(len(topology.sections))), scale, 1.0, False)
-    results.sort(key=lambda r: r[0])
-    cost, pairs, trial, used = results[0]
-    rivals = [r for r in results[1:] if r[1] != pairs]
-    ambiguous = bool(rivals) and rivals[0][0] - cost < _AMBIGUOUS
-    names = {branches[d].name: s for d, s in pairs.items()}
-    points = {str(p): int(q) for p, q in trial.points.items() if isinstance(q, int) and q >= 0}
+    best = min(found, key=lambda f: f.cost)
+    rivals = [f.cost for f in found if f.named() != best.named()]
+    names = {branches[d].name: sections for d, sections in best.named().items()}
+    used = {k for sections in names.values() for k in sections}
     return Match(
-        names, points, {branches[d].name: c for d, c in trial.costs.items()},
+        names, {str(p): q for p, q in best.trial.points.items() if isinstance(q, int)},
+        {branches[d].name: c for d, c in best.trial.costs.items()},
         tuple(b.name for b in branches if b.name not in names),
-        tuple(k for k in range(len(topology.sections)) if k not in pairs.values()),
-        used, cost, ambiguous,
+        tuple(k for k in range(len(topology.sections)) if k not in used),
+        best.scale, best.cost, bool(rivals) and min(rivals) - best.cost < _AMBIGUOUS,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A finished match of the drawing with some pieces."""
+
+    cost: float
+    trial: _Trial
+    scale: float
+    pieces: list[_Piece]
+
+    def named(self) -> dict[int, tuple[int, ...]]:
+        return {d: self.pieces[k].sections for d, k in self.trial.pairs.items()}
+
+
+def _matches(
+    drawn: Mapping[object, list[_Edge]], pieces: list[_Piece], branches: list[Drawn], scale: float | None, dropped: int
+) -> list[_Found]:
+    """The match from every start; what was dropped costs a little, or everything would be."""
+    seen = _seen_tree(pieces)
+    return [
+        _grown(drawn, seen, branches, pieces, d, s, flipped, scale, _DROPPED * dropped)
+        for d in range(len(branches)) for s in range(len(pieces)) for flipped in (False, True)
+    ]  # fmt: skip
+
+
+def _pieces(topology: Topology) -> list[_Piece]:
+    pieces = []
+    for k, s in enumerate(topology.sections):
+        if s.closed:
+            continue
+        first, last = ((b if b >= 0 else (k, e)) for e, b in enumerate(s.branches))
+        bulky = [w > _BULKY * s.width if kind == "free" else None for w, kind in zip(s.end_widths, s.ends, strict=True)]
+        pieces.append(_Piece((k,), s.length, (first, last), "border" in s.ends, (bulky[0], bulky[1])))
+    return pieces
+
+
+def _without_shortest(pieces: list[_Piece]) -> list[_Piece] | None:
+    """The pieces without the shortest free one that hangs on a branch-point, if it is much shorter than the typical
+    piece; two that are then left at the point become one."""
+    typical = float(np.median([p.length for p in pieces])) if pieces else 0.0
+    free = [p for p in pieces if sum(isinstance(q, int) for q in p.points) == 1 and p.length < _SHORT * typical]
+    if not free:
+        return None
+    gone = min(free, key=lambda p: p.length)
+    point = next(q for q in gone.points if isinstance(q, int))
+    left = [p for p in pieces if p is not gone]
+    meeting = [p for p in left if point in p.points]
+    if len(meeting) != 2 or any(p.points[0] == p.points[1] for p in meeting):
+        return left
+    first = meeting[0] if meeting[0].points[1] == point else meeting[0].turned()
+    last = meeting[1] if meeting[1].points[0] == point else meeting[1].turned()
+    joined = _Piece(
+        first.sections + last.sections, first.length + last.length, (first.points[0], last.points[1]),
+        first.cut or last.cut, (first.bulky[0], last.bulky[1]),
+    )  # fmt: skip
+    return [p for p in left if p is not meeting[0] and p is not meeting[1]] + [joined]
 
 
 def _drawn_tree(branches: list[Drawn], connectors: set[str]) -> dict[object, list[_Edge]]:
@@ -113,50 +193,44 @@ def _drawn_tree(branches: list[Drawn], connectors: set[str]) -> dict[object, lis
     return tree
 
 
-def _seen_tree(topology: Topology) -> dict[object, list[_Edge]]:
-    """Branch-points by index; a free end of section k is ``(k, end)``."""
+def _seen_tree(pieces: list[_Piece]) -> dict[object, list[_Edge]]:
     tree: dict[object, list[_Edge]] = defaultdict(list)
-    for k, s in enumerate(topology.sections):
-        points = [b if b >= 0 else (k, e) for e, b in enumerate(s.branches)]
+    for k, piece in enumerate(pieces):
         for end in (0, 1):
-            bulky = s.end_widths[1 - end] > _BULKY * s.width if s.ends[1 - end] == "free" else None
-            tree[points[end]].append(_Edge(k, points[1 - end], s.length, "border" in s.ends, bulky))
+            edge = _Edge(k, piece.points[1 - end], piece.length, piece.cut, piece.bulky[1 - end])
+            tree[piece.points[end]].append(edge)
     return tree
 
 
 def _grown(
     drawn: Mapping[object, list[_Edge]], seen: Mapping[object, list[_Edge]], branches: list[Drawn],
-    topology: Topology, d: int, s: int, flipped: bool, scale: float, fixed: bool,
-) -> tuple[float, dict[int, int], _Trial, float]:  # fmt: skip
+    pieces: list[_Piece], d: int, s: int, flipped: bool, scale: float | None, extra_cost: float,
+) -> _Found:  # fmt: skip
     """The match that grows from one pair; with a free scale it is grown again at the scale that it implies."""
-    trial, used = _Trial(), scale
-    for _ in range(1 if fixed else 3):
-        trial = _Trial()
-        _start(trial, drawn, seen, branches, topology, d, s, flipped, used)
-        ratios = [topology.sections[k].length / branches[b].length for b, k in trial.pairs.items()
-                  if "border" not in topology.sections[k].ends]  # fmt: skip
-        if fixed or not ratios or abs(np.log(np.median(ratios) / used)) < 0.01:
+    trial, used = _Trial(), scale or pieces[s].length / branches[d].length
+    for _ in range(1 if scale else 3):
+        trial = _start(drawn, seen, branches[d], d, pieces[s].turned() if flipped else pieces[s], s, used)
+        ratios = [pieces[k].length / branches[b].length for b, k in trial.pairs.items() if not pieces[k].cut]
+        if scale or not ratios or abs(np.log(np.median(ratios) / used)) < 0.01:
             break
         used = float(np.median(ratios))
-    free = len(branches) - len(trial.pairs) + len(topology.sections) - len(trial.pairs)
-    cost = (sum(trial.costs.values()) + _UNMATCHED * free) / max(len(branches), 1)
-    return cost, trial.pairs, trial, used
+    free = len(branches) + len(pieces) - 2 * len(trial.pairs)
+    cost = (sum(trial.costs.values()) + _UNMATCHED * free + extra_cost) / max(len(branches), 1)
+    return _Found(cost, trial, used, pieces)
 
 
 def _start(
-    trial: _Trial, drawn: Mapping[object, list[_Edge]], seen: Mapping[object, list[_Edge]], branches: list[Drawn],
-    topology: Topology, d: int, s: int, flipped: bool, scale: float,
-) -> None:  # fmt: skip
-    branch, section = branches[d], topology.sections[s]
-    ends: list[object] = [b if b >= 0 else (s, e) for e, b in enumerate(section.branches)]
-    if flipped:
-        ends.reverse()
+    drawn: Mapping[object, list[_Edge]], seen: Mapping[object, list[_Edge]], branch: Drawn, d: int, piece: _Piece,
+    s: int, scale: float,
+) -> _Trial:  # fmt: skip
+    trial = _Trial()
     trial.pairs[d] = s
-    edge = _Edge(s, None, section.length, "border" in section.ends, None)
-    trial.costs[d] = _cost(_Edge(d, None, branch.length, False, None), edge, scale)
-    for point, place in zip((branch.a, branch.b), ends, strict=True):
+    trial.costs[d] = _cost(_Edge(d, None, branch.length, False, None),
+                           _Edge(s, None, piece.length, piece.cut, None), scale)  # fmt: skip
+    for point, place in zip((branch.a, branch.b), piece.points, strict=True):
         trial.points[point] = place
         _grow(trial, drawn, seen, point, place, scale)
+    return trial
 
 
 def _grow(

@@ -26,6 +26,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "planner": ["tests.benchmarks.bench_planner"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "synthesis": ["tests.benchmarks.bench_synthesis"],
+        "methods": ["tests.benchmarks.bench_methods", str(shared)],
+        "tangles": ["tests.benchmarks.bench_tangles"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
         "labelling": ["tests.benchmarks.bench_labelling"],
@@ -42,21 +44,22 @@ def trainings(shared: Path) -> dict[str, list[str]]:
     size = ["--width", "256", "--height", "160"]
     folders = [f"{name}={data / name}" for name in ("chroma", "rendered")]
     nets = ["compact", "deeplab_resnet50/4", "deeplab_swin_t/4"]
+    twice = ["--minutes-per-run", "2", "--runs", "2"]
     short = ["--minutes-per-run", "0.5", "--scale", "0.02", *pretrained]
     return {
-        "compare": [
-            mixture,
-            "compare",
-            *folders,
-            "--minutes-per-run",
-            "4",
-            "--runs",
-            "2",
-            *size,
-            *common[2:],
-            *pretrained,
-        ],
+        "compare": [mixture, "compare", *folders, *twice, *size, *common[2:], *pretrained],
         "networks": [mixture, "networks", *nets, "--minutes-per-run", "4", *size, *common],
+        "dynamics_networks": [
+            "models.manipulation.train_compare",
+            "--varied",
+            "build/varied.npz",
+            "--fixed",
+            "build/fixed.npz",
+            "--minutes",
+            "0.6",
+            "--ropes",
+            "8",
+        ],
         "mixture": [mixture, "factorial", "--real", str(data / "traced"), *short, *common],
     }
 

@@ -1,6 +1,6 @@
 """All instance methods on the same masks: quality, worn masks, confidence, parameters, time (thesis 3.6).
 
-    python -m tests.benchmarks.bench_methods [SHARED] [--quick]
+    python -m tests.benchmarks.bench_methods [SHARED] [--quick] [--only METHODS]
 
 ``ewd``: ``masks_r101`` at threshold 77. ``sbhc``: the labels as mask; ``closed gray`` closes their 1 to 2 px gaps with
 a 7 x 7 kernel and takes the color away. Worn masks: eroded 1 to 3 times with a 3 x 3 kernel; 8 squares of 5 px cleared
@@ -118,6 +118,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--only", default="", help="methods, separated by commas; the others' results are kept")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     parser.add_argument("--sheets", type=Path, default=Path("build/sheets"))
     args = parser.parse_args()
@@ -133,7 +134,9 @@ def main() -> None:
         "stages": {},
         "worst": {},
     }
-    for name in METHODS:
+    if args.only and (args.out / "methods.json").exists():
+        result |= json.loads((args.out / "methods.json").read_text())
+    for name in args.only.split(",") if args.only else METHODS:
         extract = method(name)
         extract(ewd[0].mask, ewd[0].image)  # networks and libraries warm up
         result["ewd"][name] = {}

@@ -3,7 +3,7 @@
     python -m tests.benchmarks.bench_tangles [--scenes 20] [--method section_matching]
 
 Scenes of 960 x 720 with cables 7 px wide, self-crossings included, by the number of crossings. Any two crossings, and
-any end and crossing, are at least 4 widths apart; crossing angles are at least 20 degrees; elsewhere no strands touch.
+any end and crossing, are at least 6 widths apart; crossing angles are at least 25 degrees; elsewhere no strands touch.
 A scene is right if every true crossing is found within 12 px, nothing else is, and along every cable the crossings come
 in the true order; ``order``: over and under are right at every one as well.
 Needs torch (the renderer). Prints a table and writes ``build/bench/tangles.json``.
@@ -62,12 +62,12 @@ def crossings_of(curves: list[np.ndarray]) -> list[TrueCrossing] | None:
         return None
     step = ends - starts
     step = step / np.hypot(*step.T)[:, None]
-    if len(i) and np.abs(step[i, 0] * step[j, 1] - step[i, 1] * step[j, 0]).min() < np.sin(np.deg2rad(20)):
+    if len(i) and np.abs(step[i, 0] * step[j, 1] - step[i, 1] * step[j, 0]).min() < np.sin(np.deg2rad(25)):
         return None
     tips = np.concatenate([c[[0, -1], :2] for c in curves])
     places = np.concatenate((xy, tips))
     apart = np.hypot(*(xy[:, None] - places[None]).transpose(2, 0, 1)) + 1e9 * np.eye(len(xy), len(places))
-    if len(xy) and apart.min() < 4 * WIDTH:
+    if len(xy) and apart.min() < 6 * WIDTH:
         return None
     found = []
     for a, b, place in zip(i, j, xy, strict=True):

@@ -8,6 +8,7 @@ from typing import Any
 
 from tests.benchmarks import report_labelling, report_planner, report_reconstruction, report_training
 from tests.benchmarks.markdown import table as _table
+from tests.benchmarks.report_methods import methods_section, tangles_section
 
 HEAD = """# Measured
 
@@ -111,7 +112,7 @@ def _instances(title: str, asked: str) -> Any:
     return section
 
 
-SECTIONS = {
+SECTIONS: dict[str, Any] = {
     "http": _http,
     "foreground": _foreground,
     "instances_ewd": _instances(
@@ -124,4 +125,6 @@ SECTIONS = {
     **report_planner.SECTIONS,
     "reconstruction": report_reconstruction.section,
     **report_labelling.SECTIONS,
+    "methods": methods_section,
+    "tangles": tangles_section,
 }

@@ -92,9 +92,10 @@ def _scans(part: dict[str, Any]) -> str:
 def _identical(part: dict[str, Any]) -> str:
     return (
         "### Five crossing cables of one color\n\nEvery cable is the target once, named by a pixel. Right: nine tenths "
-        "of the points within 3 mm or three stated standard deviations of it. From pictures, an instance that the "
+        "of the reprojection within 3 px of it in every view; placed: nine tenths of the points within 3 mm or three "
+        "stated standard deviations of it in space. From pictures, an instance that the "
         "networks have joined wrongly in the target's view counts as wrong.\n\n"
-        + _rows(part, ("asked", "right", "refused", "share"))
+        + _rows(part, ("asked", "right", "share", "placed", "refused"))
     )
 
 

@@ -169,13 +169,15 @@ def _turned(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 def test_the_stated_uncertainty_covers_the_truth():
-    """90 % ellipsoids across the curve, over DLOs whose errors are independent from point to point."""
+    """90 % ellipsoids across the curve, over DLOs whose errors are independent from point to point and from view to
+    view: so nothing is said to be shared, and nothing to stray."""
+    independent = ReconstructParams(shared_px=0.0, stray=0.0)
     inside = []
     for seed in range(12):
         truth = arc(bend=2 + seed / 4)
-        found = reconstruct_strand(views_of([truth], ROW, seed, 0.5), 1, 0, PARAMS)
+        found = reconstruct_strand(views_of([truth], ROW, seed, 0.5), 1, 0, independent)
         inside.append(covered(found.curve, truth))
-    assert 0.8 < np.mean(inside) <= 0.99
+    assert 0.8 < np.mean(inside) < 0.98
 
 
 def covered(curve, truth: np.ndarray) -> float:

@@ -125,6 +125,15 @@ def test_an_outlier_is_passed_over():
     assert curves.distances(merged.curve.points_m, arc()).max() < 5e-4
 
 
+def test_sections_that_contradict_one_another_still_give_a_curve():
+    """Where every point of a window was an outlier the weights were all zero, and the curve was NaN."""
+    truth = arc(0.4, count=4000)
+    bent = curve_through(truth[0:2000] + np.array([0, 0, 0.04]) * np.linspace(0, 1, 2000)[:, None] ** 8)
+    merged = merge([bent, curve_through(truth[1000:4000]), curve_through(truth[1900:4000])], MergeParams())
+    assert np.isfinite(merged.curve.points_m).all()
+    assert merged.outliers > 0
+
+
 def test_sections_of_another_dlo_are_named():
     with pytest.raises(NotOneDlo) as caught:
         merge([curve_through(arc()), curve_through(arc() + np.array([1.0, 0, 0]))], MergeParams())

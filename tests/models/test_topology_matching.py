@@ -32,7 +32,7 @@ def harness(without: str = ""):
 def test_every_branch_is_named_and_the_scale_found():
     seen, names = harness()
     match = match_drawing(seen, DRAWING)
-    assert {name: names[k] for name, k in match.sections.items()} == {n: n for n in LENGTHS}
+    assert {name: names[k] for name, (k,) in match.sections.items()} == {n: n for n in LENGTHS}
     assert match.scale == pytest.approx(2.0, rel=0.03)
     assert match.points["P"] == 0
     assert match.points["Q"] == 1
@@ -46,13 +46,26 @@ def test_a_missing_branch_is_named():
     seen, names = harness(without="short")
     match = match_drawing(seen, DRAWING)
     assert match.missing == ("short",)
-    assert {name: names[k] for name, k in match.sections.items()} == {n: n for n in LENGTHS if n != "short"}
+    assert {name: names[k] for name, (k,) in match.sections.items()} == {n: n for n in LENGTHS if n != "short"}
 
 
 def test_an_extra_section_is_pointed_out():
     seen, _ = harness()
     more = topology([*seen.sections, section([(500, 400), (600, 400)])], [(100, 240), (300, 240)])
     assert match_drawing(more, DRAWING).extra == (5,)
+
+
+def test_a_clip_that_cuts_a_branch_in_two_is_seen_through():
+    """The drawing knows that there is no branch-point: both halves of the main branch carry its name."""
+    seen, _ = harness()
+    tail, _, short, stem, long = seen.sections
+    halves = [section([(100, 240), (180, 240)], (0, 2)), section([(180, 240), (300, 240)], (2, 1))]
+    clip = section([(180, 240), (180, 215)], (2, -1))
+    cut = topology([tail, *halves, short, stem, long, clip], [(100, 240), (300, 240), (180, 240)])
+    match = match_drawing(cut, DRAWING)
+    assert sorted(match.sections["main"]) == [1, 2]
+    assert match.extra == (6,)
+    assert not match.missing
 
 
 def test_a_given_scale_is_kept():
@@ -80,8 +93,8 @@ def test_connectors_tell_twins_apart():
     plugged = replace(section([(300, 240), (400, 240)], (1, -1)), end_widths=(8.0, 20.0))
     same = topology([plain, *seen.sections[1:3], plugged, seen.sections[4]], [(100, 240), (300, 240)])
     match = match_drawing(same, twins, connectors=["X3"])
-    assert match.sections["stem"] == 3
-    assert match.sections["tail"] == 0
+    assert match.sections["stem"] == (3,)
+    assert match.sections["tail"] == (0,)
 
 
 def test_nothing_seen_means_everything_missing():

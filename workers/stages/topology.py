@@ -67,7 +67,7 @@ def run(request: TopologyRequest, tools: Tools) -> Outcome:
         result = encode(seen, match, request.drawing)
         files = {}
         if "overlay" in request.files:
-            names = {k: name for name, k in match.sections.items()} if match else None
+            names = _names(match) if match else None
             files["overlay.png"] = ("image/png", png(overlay(seen.ground, seen.topology, names)))
         if "mask" in request.files:
             files["mask.png"] = ("image/png", mask_png(seen.probability))
@@ -134,10 +134,15 @@ def _match(topology: found.Topology, drawing: HarnessDrawing) -> Match:
     return match_drawing(topology, branches, drawing.connectors, drawing.px_per_unit)
 
 
+def _names(match: Match) -> dict[int, str]:
+    """Names of the drawn branches by section index."""
+    return {k: name for name, sections in match.sections.items() for k in sections}
+
+
 def encode(seen: Seen, match: Match | None = None, drawing: HarnessDrawing | None = None) -> TopologyResult:
     """The topology as it travels: ids count from 1."""
     topology = seen.topology
-    names = {k: name for name, k in match.sections.items()} if match else {}
+    names = _names(match) if match else {}
     places = {k: name for name, k in match.points.items()} if match else {}
     height, width = topology.size
     return TopologyResult(
@@ -192,8 +197,8 @@ def _drawing_match(match: Match, drawing: HarnessDrawing, topology: found.Topolo
         branches=[
             BranchMatch(
                 name=b.name,
-                sections=[match.sections[b.name] + 1],
-                length_px=round(topology.sections[match.sections[b.name]].length, 2),
+                sections=[k + 1 for k in match.sections[b.name]],
+                length_px=round(sum(topology.sections[k].length for k in match.sections[b.name]), 2),
                 expected_px=round(scale * b.length, 2),
                 cost=round(match.costs[b.name], 4),
             )

@@ -46,6 +46,8 @@ def region_graph(mask: BoolArray, image: ByteArray | None, superpixels: int) -> 
     Strategy: one pass over the label array finds all neighbors: labels of pixels one step right, down and along both
     diagonals are compared with their own. No mask is made for any superpixel.
     """
+    if not mask.any():
+        return Regions(np.zeros((0, 2)), (), np.zeros(0, bool), np.zeros((0, 2)))
     labels = _superpixels(mask, image, superpixels)
     rows, columns = np.nonzero(labels)
     of = labels[rows, columns] - 1
@@ -115,13 +117,14 @@ def _fused_forks(node: IntArray, around: list[set[int]]) -> IntArray:
 
 def _superpixels(mask: BoolArray, image: ByteArray | None, count: int) -> IntArray:
     """``(H, W)`` labels from 1, 0 off the mask. A color picture makes superpixels; without one, position alone."""
-    if not mask.any():
-        return np.zeros(mask.shape, np.int64)
     picture = np.repeat((255 * mask.astype(np.uint8))[..., None], 3, axis=2) if image is None else image
     found = slic(
         picture, n_segments=count, compactness=_COMPACTNESS, mask=mask, start_label=1, max_num_iter=5,
         enforce_connectivity=True, channel_axis=-1,
     )  # fmt: skip
+    # SLIC leaves some foreground without a cluster: its pieces are superpixels, too.
+    left = label(mask & (found == 0), connectivity=2)
+    found = np.where(left > 0, left + found.max(), found)
     # A cluster of colors may lie in two places: each is a superpixel of its own.
     return label(np.where(mask, found, 0), connectivity=2).astype(np.int64)
 

@@ -8,16 +8,18 @@ from time import perf_counter
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from models.geometry.pixel_graph import pixel_graph, skeleton_of
+from models.geometry.pixel_graph import PixelGraph, doubled, halved, pixel_graph, skeleton_of
 from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
-from models.instances.section_matching.cleaning import clean
+from models.instances.section_matching.cleaning import CleanMask, clean
 from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
 from models.instances.section_matching.matching import match
 from models.instances.sections import Sections, sections_of
 from models.instances.strands import Joint, strands_of
+
+_WIDE_PX = 8.0
 
 
 @dataclass(frozen=True)
@@ -47,18 +49,25 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     cleaned = clean(mask, params.hole_widths)
     distances = distance_map(cleaned.mask)
     times.append(perf_counter())
-    graph = pixel_graph(skeleton_of(cleaned.mask))
+    graph = _graph(cleaned)
     times.append(perf_counter())
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
     costs = costs_of(links)
-    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost))
+    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost), links.via)
     chains = strands_of(sections, partner, _joints(links, costs, partner))
     times.append(perf_counter())
     scene = assemble(chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True)
     names = ("cleaning", "skeleton", "matching")
     timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
     return replace(scene, timings_ms={**timings, **scene.timings_ms})
+
+
+def _graph(cleaned: CleanMask) -> PixelGraph:
+    """The pixel graph; where DLOs are wide enough it is found at half the size, in a quarter of the time."""
+    if cleaned.width_px < _WIDE_PX:
+        return pixel_graph(skeleton_of(cleaned.mask))
+    return doubled(pixel_graph(skeleton_of(halved(cleaned.mask))))
 
 
 def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[int, int], Joint]:

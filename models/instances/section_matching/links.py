@@ -110,7 +110,7 @@ def _along_shared(sections: Sections) -> tuple[IntArray, IntArray]:
         leading = float(np.median(sections.end_radius[here + there]))
         thick = sections.radius[section] > _SHARED_THICK * leading
         if thick or sections.length[section] <= _SHARED_RADII * leading:
-            found = [(a, b) for a in here for b in there if a >> 1 != b >> 1]
+            found = [(min(a, b), max(a, b)) for a in here for b in there if a >> 1 != b >> 1]
             pairs += found
             via += [section] * len(found)
     return np.array(pairs, dtype=np.int64).reshape(-1, 2), np.array(via, dtype=np.int64)

@@ -14,18 +14,25 @@ from models.geometry.arrays import FloatArray, IntArray
 
 _EXACT_ENDS = 8
 """Groups of up to so many ends are solved by comparing every matching."""
+_MOST_SHARED = 12
+"""So many sections of a group are tried as shared."""
+_SHARED_MARGIN = -1.5
+"""Log odds by which sharing may be worse: not to share leaves strands that end in the middle of nowhere."""
 _FORBIDDEN = 1e6
 
 
-def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray) -> IntArray:
+def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray | None = None) -> IntArray:
     """``(n,)`` the partner of every end, itself for an end that stops.
 
     ``pairs``: ``(m, 2)`` possible links, ``costs``: ``(m,)``, ``stop``: ``(n,)``. The total of the costs of all
     links taken and of all stops is smallest over each connected group of ends, not chosen link by link.
+    ``via``: ``(m,)`` the section that a link shares, -1 for none: a section is either shared, and then its own two
+    ends (``2 s`` and ``2 s + 1``) go on nowhere else, or it is not, and no link leads along it.
     """
     partner = np.arange(count)
+    along = np.full(len(pairs), -1) if via is None else via
     worth = costs < stop[pairs[:, 0]] + stop[pairs[:, 1]]
-    pairs, costs = pairs[worth], costs[worth]
+    pairs, costs, along = pairs[worth], costs[worth], along[worth]
     if not len(pairs):
         return partner
     table = csr_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
@@ -33,10 +40,38 @@ def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray) -> I
     order = np.argsort(group[pairs[:, 0]], kind="stable")
     starts = np.flatnonzero(np.diff(group[pairs[order, 0]], prepend=-1))
     for rows in np.split(order, starts[1:]):
-        members, local = np.unique(pairs[rows], return_inverse=True)
-        found = _solve(local.reshape(-1, 2), costs[rows], stop[members])
-        partner[members] = members[found]
+        _match_group(pairs[rows], costs[rows], stop, along[rows], partner)
     return partner
+
+
+def _match_group(pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray, partner: IntArray) -> None:
+    """Fill in the partners of one group: sections become shared one by one while that lowers the total."""
+    shared: set[int] = set()
+    total, best = _matched(pairs, costs, stop, via, shared)
+    for section in np.unique(via[via >= 0]).tolist()[:_MOST_SHARED]:
+        lower, found = _matched(pairs, costs, stop, via, shared | {section})
+        if lower < total - _SHARED_MARGIN:
+            shared, total, best = shared | {section}, lower, found
+    for a, b in best.items():
+        partner[a] = b
+
+
+def _matched(
+    pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray, shared: set[int]
+) -> tuple[float, dict[int, int]]:
+    """Total (against all ends stopping) and partners when exactly these sections are shared."""
+    kept = (via < 0) | np.isin(via, list(shared))
+    kept &= (via >= 0) | ~np.isin(pairs >> 1, list(shared)).any(axis=1)
+    pairs, costs = pairs[kept], costs[kept]
+    if not len(pairs):
+        return 0.0, {}
+    members, local = np.unique(pairs, return_inverse=True)
+    found = _solve(local.reshape(-1, 2), costs, stop[members])
+    best = {int(members[k]): int(members[p]) for k, p in enumerate(found.tolist()) if p != k}
+    # Of several links between the same two ends the cheapest, written last, counts.
+    dearest_first = np.argsort(-costs, kind="stable")
+    cost = {(a, b): c for (a, b), c in zip(pairs[dearest_first].tolist(), costs[dearest_first].tolist(), strict=True)}
+    return sum(cost[a, b] - float(stop[a] + stop[b]) for a, b in best.items() if a < b), best
 
 
 def _solve(pairs: IntArray, costs: FloatArray, stop: FloatArray) -> IntArray:

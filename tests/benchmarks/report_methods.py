@@ -1,0 +1,56 @@
+"""The sections of RESULTS.md on all instance methods."""
+
+from __future__ import annotations
+
+from typing import Any
+
+KEYS = ("iou", "iou_strict", "pq", "count", "crossings_found", "order_right", "ms", "ms_p95")
+_FLOORS = """Floors on `ewd`: RT-DLO IoU 79.0, FASTDLO 76.0, Ariadne+ 75.0; `section_matching` (the default) IoU 81.0,
+PQ 78, count 86 %, with holes IoU 74 and count 70 %, eroded twice IoU 66, crossings found 90 %, order right 95 %; on
+`sbhc` closed and gray its count 97 %; calibration error 0.08. Aims: 82.5 / 81 / 93, 79 / 86, 73, 96 / 98.5, 100,
+0.03."""
+
+
+def methods_section(data: dict[str, Any]) -> str:
+    """Quality by method and mask, confidence, parameters, stages."""
+    rows = [[name, wear, *(scores[k] for k in KEYS)] for name, by in data["ewd"].items() for wear, scores in by.items()]
+    rows += [[name, "sbhc", *(scores[k] for k in KEYS)] for name, scores in data["sbhc"].items()]
+    rows += [[name, "sbhc closed gray", *(s[k] for k in KEYS)] for name, s in data["sbhc_closed_gray"].items()]
+    parts = [
+        "## Instance methods on the same masks\n\n`python -m tests.benchmarks.bench_methods`; its head says how the "
+        f"masks are worn. {_FLOORS}\n\n" + _table(["method", "masks", *KEYS], rows),
+        "\nCalibration of the instances' scores on `ewd` (fitted on rendered scenes alone):\n\n"
+        + _table(
+            ["method", "instances", "error", "[count, stated, right] by tenth"],
+            [[n, c["instances"], c["error"], c["curve"]] for n, c in data["calibration"].items()],
+        ),
+        "\nStages, median ms (wall clock):\n\n"
+        + _table(
+            ["method", "stages"], [[n, ", ".join(f"{k} {v}" for k, v in s.items())] for n, s in data["stages"].items()]
+        ),
+        "\nTen worst by strict IoU:\n\n"
+        + _table(["method and set", "worst"], [list(i) for i in data["worst"].items()]),
+    ]
+    if "rt_dlo_parameters" in data:
+        parts.append(
+            "\nRT-DLO, IoU by `neighbors sampling_ratio` (Table 3.5): "
+            + ", ".join(f"{k}: {v}" for k, v in data["rt_dlo_parameters"].items())
+            + ".\n\nAriadne+, IoU by superpixels (Fig. 3.23): "
+            + ", ".join(f"{k}: {v}" for k, v in data["ariadne_superpixels"].items()) + ".\n"
+        )  # fmt: skip
+    return "".join(parts)
+
+
+def tangles_section(data: dict[str, Any]) -> str:
+    """Share of rendered scenes whose whole crossing sequence is right."""
+    rows = [[r["crossings"], r["scenes"], r["sequence"], r["order"]] for r in data["rows"]]
+    return (
+        f"## Tangles of one color: {data['method']}\n\n`python -m tests.benchmarks.bench_tangles`. Aim: 80 % at 30 "
+        "crossings.\n\n" + _table(["crossings", "scenes", "sequence right %", "order right as well %"], rows)
+    )
+
+
+def _table(header: list[str], rows: list[list[Any]]) -> str:
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
