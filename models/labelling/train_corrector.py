@@ -21,8 +21,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from models.export import Card, export
-from models.labelling.crops import MIDDLE, SIZE
 from models.labelling.correction import FIRST_SPREAD_PX
+from models.labelling.crops import MIDDLE, SIZE
 from models.labelling.lines import LineReading, read_lines, read_lines_at, weighed
 from models.labelling.network_corrector import CorrectorNetwork, CorrectorProbabilities
 from models.labelling.train_crops import Crops, contrast, read
