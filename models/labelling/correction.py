@@ -20,13 +20,15 @@ from scipy.ndimage import gaussian_filter1d
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.cameras import Camera
-from models.labelling.crops import MIDDLE, SIZE, across_xy, pixels_per_crop_pixel, upright_crops
-from models.labelling.lines import LineReading, read_lines_at
+from models.labelling.crops import across_xy, pixels_per_crop_pixel, upright_crops
+from models.labelling.lines import LineReading, read_lines_at, weighed
 from models.labelling.strokes import ProjectedStroke, project_stroke, stretches
 
 CropReader = Callable[[ByteArray], tuple[Float32Array, Float32Array]]
 """(n, SIZE, SIZE, 3) crops to (n, SIZE) column probabilities and (n, SIZE) widths: the corrector network."""
 
+FIRST_SPREAD_PX = 18.0
+"""How far (standard deviation, pixels of the crop) a stroke may be off before anything is corrected."""
 _LEAST_TRUST = 0.3
 """A crop that shows nothing has some trust in its middle, and would hold its view where it was believed to be."""
 
@@ -38,7 +40,7 @@ class CorrectionParams:
     ``bend``: cost of one pixel of change between neighboring crops; ``agree`` off: every view and point by itself, as
     the thesis has it."""
 
-    spread_px: tuple[float, ...] = (18.0, 6.0, 3.5)
+    spread_px: tuple[float, ...] = (FIRST_SPREAD_PX, 6.0, 3.5)
     per_control: int = 6
     stiffness: float = 0.3
     bend: float = 0.35
@@ -122,9 +124,7 @@ def _read(
     probability: Float32Array, widths: Float32Array, believed: FloatArray, spread: float, params: CorrectionParams
 ) -> LineReading:
     """Columns weighted by how far they are and how well their width fits; with neighbors in agreement."""
-    away = np.arange(SIZE) - MIDDLE
-    misfit = np.log(np.maximum(widths, 1.0) / believed[:, None])
-    evidence = np.log(np.maximum(probability, 1e-5)) - away**2 / (2 * spread**2) - misfit**2 / (2 * 0.4**2)
+    evidence = weighed(probability, widths, believed, spread)
     path = best_path(evidence, params.bend) if params.agree else evidence.argmax(1)
     reading = read_lines_at(probability, widths, path)
     # A line that the prior alone has chosen says nothing.

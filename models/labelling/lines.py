@@ -12,6 +12,8 @@ import numpy as np
 from models.geometry.arrays import Float32Array, FloatArray, IntArray
 from models.labelling.crops import MIDDLE, SIZE
 
+_WIDTH_SPREAD = 0.25
+"""Of the logarithm of a width: the network's error and that of the thickness that a person gives."""
 _REACH = 4
 """Columns to either side of the peak that share in the expectation."""
 
@@ -23,6 +25,17 @@ class LineReading(NamedTuple):
     offsets: FloatArray
     widths: FloatArray
     trust: FloatArray
+
+
+def weighed(probabilities: Float32Array, widths: Float32Array, believed: FloatArray, spread_px: float) -> FloatArray:
+    """(n, SIZE) log evidence of every column: the network's probability, weighed with how far the column is from the
+    middle (standard deviation ``spread_px``) and how well its width fits the ``believed`` one (n,), crop pixels."""
+    away = np.arange(SIZE) - MIDDLE
+    misfit = np.log(np.maximum(widths, 1.0) / believed[:, None])
+    out: FloatArray = (
+        np.log(np.maximum(probabilities, 1e-5)) - away**2 / (2 * spread_px**2) - misfit**2 / (2 * _WIDTH_SPREAD**2)
+    )
+    return out
 
 
 def read_lines(probabilities: Float32Array, widths: Float32Array) -> LineReading:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from models.inference import Runtime, default_name, load
-from models.labelling.correction import CorrectionParams, CropReader
+from models.labelling.correction import FIRST_SPREAD_PX, CorrectionParams, CropReader
 from models.labelling.tracked import TrackedParams, label_tracked
 from tests.benchmarks.scoring import score_labels
 from tests.benchmarks.tracked_scenes import TrackedScene, tracked_scene
@@ -26,7 +26,7 @@ from tests.benchmarks.tracked_scenes import TrackedScene, tracked_scene
 VARIANTS = {
     "strokes as drawn, smoothed": TrackedParams(correct=False),
     "thesis: every point by itself, thickness as given": TrackedParams(
-        measured=0.0, correction=CorrectionParams(spread_px=(18.0,), agree=False)
+        measured=0.0, correction=CorrectionParams(spread_px=(FIRST_SPREAD_PX,), agree=False)
     ),
     "corrections agree": TrackedParams(measured=0.0),
     "corrections agree, width measured": TrackedParams(),
