@@ -6,10 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import report_labelling, report_planner, report_reconstruction, report_training
+from tests.benchmarks import report_labelling, report_planner, report_reconstruction, report_topology, report_training
 from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_methods import methods_section, tangles_section
-from tests.benchmarks import report_topology
 
 HEAD = """# Measured
 
@@ -114,9 +113,6 @@ def _instances(title: str, asked: str) -> Any:
 
 
 SECTIONS: dict[str, Any] = {
-SECTIONS = {
-    "topology": report_topology.topology,
-    "disentangling": report_topology.disentangling,
     "http": _http,
     "foreground": _foreground,
     "instances_ewd": _instances(
@@ -131,4 +127,6 @@ SECTIONS = {
     **report_labelling.SECTIONS,
     "methods": methods_section,
     "tangles": tangles_section,
+    "topology": report_topology.topology,
+    "disentangling": report_topology.disentangling,
 }
