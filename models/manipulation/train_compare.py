@@ -4,7 +4,7 @@ Every network is trained for the same processor time in three ways: conditioned 
 them on the same samples, and without them on samples of one fixed rope. Then ropes that none has seen are moved in
 four groups of actions (the thesis's four shapes): k_b and k_d are fitted on one group and the error is measured on
 the same group (*) and on the other three (**). Also Fig. 5.10: fitting all weights instead of the two parameters,
-and the time of a pass. Finished trainings are kept, so the command can be run again. Writes JSON.
+and the time of a pass. Finished trainings and networks are kept, so the command goes on where it was. Writes JSON.
 """
 
 from __future__ import annotations
@@ -148,7 +148,10 @@ def main() -> None:
     torch.set_num_threads(1)
     data = {"varied": Samples.load(args.varied), "fixed": Samples.load(args.fixed)}
     report: dict[str, Any] = {"minutes": args.minutes, "ropes": args.ropes, "networks": {}}
-    for name in NETWORKS:
+    if args.out.exists():
+        kept = json.loads(args.out.read_text())
+        report = kept if (kept["minutes"], kept["ropes"]) == (args.minutes, args.ropes) else report
+    for name in (n for n in NETWORKS if n not in report["networks"]):
         networks = {
             mode: trained(name, mode, data["fixed" if mode.endswith("fixed") else "varied"], args.minutes, args.folder)
             for mode in MODES
