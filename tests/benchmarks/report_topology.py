@@ -26,12 +26,12 @@ def topology(data: dict) -> str:
     return (
         "## Topology of wire harnesses\n\n`python -m tests.benchmarks.bench_topology`. Synthetic scenes that training "
         "did not see, counted as thesis Table 6.1 (accuracy: found over found, false and missed; within 25 px, points "
-        "nearer than that to the border left out). Floor .944 / .915 / .949, aim .97 each; thesis on its real masks "
-        "the same .944 / .915 / .949.\n\n"
-        + _table(["scenes", "n", "link Dice", "branches", "crossings", "branch F1", "cross F1", "both right"], held)
+        "nearer than that to the border left out). Floor, and the thesis on its real masks: .944 / .915 / .949; aim "
+        ".97 each.\n\n"
+        + _table(["scenes", "n", "link Dice", "branch-points", "crossings", "F1", "F1", "both right"], held)
         + f"\n`wh1`: {data['wh1']['right']} of {data['wh1']['of']} masks right (floor: all).\n\n"
-        "`bwh`, 25 photographs, within 30 px. True masks: floor .80 / .88 / .60, aim .95 / .96 / .88; the released "
-        "code .705 / .867 / .49 on all 75. From RGB: aim .88 / .90 / .70.\n\n"
+        "`bwh`, 25 photographs, within 30 px. True masks: floor .80 / .88 / .60, aim .95 / .96 / .88; released code "
+        ".705 / .867 / .49 on all 75. From RGB: aim .88 / .90 / .70.\n\n"
         + _table(["source", "branch F1", "crossing F1", "both counts right"], bwh)
         + f"\nBranch identity with the drawing given, rendered: {data['identity']['right']} of "
         f"{data['identity']['branches']} branches = {data['identity']['share']} (floor .95, aim .99).\n\n"
@@ -40,7 +40,7 @@ def topology(data: dict) -> str:
         + f"\nOrientation error {angle['mean']} ± {angle['spread']} degrees (thesis 0.63 ± 10.03), median "
         f"{angle['median_absolute']}.\n\nAblation (Fig. 6.14): links by RT-DLO's graph and similarity, Dice "
         f"{ablation['rt_dlo_link_dice']} against {data['synthetic']['link_dice']}; orientation by RT-DLO's network, "
-        f"median {ablation['rt_dlo_orientation_median_deg']} against {ablation['orientation_median_deg']} degrees.\n\n"
+        f"median error {ablation['rt_dlo_orientation_median_deg']} against {ablation['orientation_median_deg']}°.\n\n"
         "As an instance method (Fig. 6.13), each section an instance; measured, not offered: Dice "
         + ", ".join(f"{v['dice']} on `{k}`" for k, v in instances.items())
         + f".\n\nTime (Table 6.2) on the `wh1` masks at 640 × 480, one thread, processor time, best of repeats: mean "
@@ -57,8 +57,8 @@ def disentangling(data: dict) -> str:
                      row["triple"]["solved"], ends])  # fmt: skip
     return (
         "## Disentangling\n\n`python -m tests.benchmarks.bench_disentangling`: simulated scenes, arms that err by 2 px "
-        "3 degrees, a piece that lies under another cannot be moved. `seen`: planned from the mask and points in "
-        "space; `true`: from the true topology. One crossing removed by the best-ranked action: floor .90, aim .98. "
-        "Three crossings solved by repeated planning, the count never raised: floor .75, aim .95.\n\n"
+        "and 3 degrees, a piece that lies under another cannot be moved. `seen`: from the mask and points in space; "
+        "`true`: from the true topology. One crossing removed by the best-ranked action: floor .90, aim .98. Three "
+        "crossings solved by repeated planning, the count never raised: floor .75, aim .95.\n\n"
         + _table(["topology", "scenes", "one removed", "scenes", "three solved", "how they ended"], rows)
     )
