@@ -31,6 +31,7 @@ MAX_INSTANCES = 255
 _POINT_SPACING_PX = 5.0
 _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
+_TIP_WIDTHS = 1.5
 _SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
 _LEAST_SCORE = 0.5
@@ -120,7 +121,7 @@ def _fit(chain: Chain, mask: BoolArray, distances: Float32Array) -> Instance | N
 
 
 def _to_the_tips(points: FloatArray, mask: BoolArray, width: float) -> FloatArray:
-    """The points with both ends moved on along the strand while there is foreground, at most a width.
+    """The points with both ends moved on along the strand while there is foreground, at most a width and a half.
 
     Maxima of a distance transform end half a width before the strand does.
     """
@@ -132,7 +133,7 @@ def _tip(ordered: FloatArray, mask: BoolArray, width: float) -> FloatArray:
     """``(1, 2)`` the tip beyond the first point, or ``(0, 2)`` if that is the tip already."""
     step = ordered[0] - ordered[min(3, len(ordered) - 1)]
     direction = step / max(float(np.hypot(*step)), 1e-9)
-    ahead = ordered[0] + np.arange(1, int(width) + 2)[:, None] * direction
+    ahead = ordered[0] + np.arange(1, int(_TIP_WIDTHS * width) + 2)[:, None] * direction
     limit = np.array(mask.shape[::-1]) - 1
     inside = np.all((ahead >= 0) & (ahead <= limit), axis=1) & (read_nearest(mask, ahead) > 0)
     reached = int(np.argmin(np.append(inside, False)))

@@ -40,8 +40,7 @@ class Sections:
     ``radius``: ``(S,)`` typical half width; ``length``: ``(S,)`` pixels. ``node``: ``(E,)`` the group of
     junctions at the end, -1 for a free end. ``tip``: ``(E, 2)`` its place; ``outward``: ``(E, 2)`` unit
     direction out of it; ``end_radius``: ``(E,)``; ``color``: ``(E, 3)`` RGB (0 without a picture);
-    ``beside``: ``(E, 3)`` the color next to it; ``bend``: ``(E,)`` how much the stretch before the end turns, rad.
-    ``node_radius``: ``(nodes,)``.
+    ``beside``: ``(E, 3)`` the color next to it; ``at_border``: ``(E,)`` whether the picture ends there.
     """
 
     xy: FloatArray
@@ -55,8 +54,7 @@ class Sections:
     end_radius: FloatArray
     color: FloatArray
     beside: FloatArray
-    bend: FloatArray
-    node_radius: FloatArray
+    at_border: BoolArray
 
     def __len__(self) -> int:
         return len(self.closed)
@@ -85,7 +83,7 @@ def sections_of(
     spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, cut, junction_radius)
     if shared_radii > 0:
         inner[_between_forks(graph, ~inner & ~spur, lengths / np.maximum(typical, 1.0), shared_radii)] = True
-    group, node_radius = _grouped(graph.ends[inner], junction_radius)
+    group = _grouped(graph.ends[inner], len(junction_radius))
     kept = np.flatnonzero(~inner & ~spur & (lengths >= 2))
     if len(kept) > _MAX_SECTIONS:
         kept = np.sort(kept[np.argsort(-lengths[kept], kind="stable")[:_MAX_SECTIONS]])
@@ -98,8 +96,8 @@ def sections_of(
     xy, radii = smooth[rows], radii[rows]
     nodes = np.append(group, FREE)[graph.ends[kept]].ravel()
     # Where all but one chain were spurs, that one simply ends.
-    nodes[np.append(np.bincount(nodes[nodes != FREE], minlength=len(node_radius)) == 1, False)[nodes]] = FREE
-    return _with_ends(xy, new_bounds, graph.closed[kept], radii, colors, nodes, node_radius, image)
+    nodes[np.append(np.bincount(nodes[nodes != FREE], minlength=len(graph.junction_xy)) == 1, False)[nodes]] = FREE
+    return _with_ends(xy, new_bounds, graph.closed[kept], radii, colors, nodes, distances.shape, image)
 
 
 def _with_ends(
@@ -109,7 +107,7 @@ def _with_ends(
     radii: FloatArray,
     colors: FloatArray,
     nodes: IntArray,
-    node_radius: FloatArray,
+    shape: tuple[int, ...],
     image: ByteArray | None,
 ) -> Sections:
     count, lengths = len(closed), np.diff(bounds)
@@ -122,15 +120,16 @@ def _with_ends(
     looked = xy[samples]
     half, far = looked[:, _LOOK // 2], looked[:, -1]
     near, whole = _unit(looked[:, 0] - half), _unit(looked[:, 0] - far)
-    bend = np.arctan2(_cross(whole, near), np.einsum("ij,ij->i", whole, near))
     outward = _unit(near + 0.5 * (near - whole))
     step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) > 1 else np.zeros(0)
     along = np.concatenate(([0.0], np.cumsum(step)))
     length = along[bounds[1:] - 1] - along[bounds[:-1]] if count else np.zeros(0)
+    radius = np.maximum(np.median(radii[samples], axis=1), _LEAST_OF_TYPICAL * typical)
+    tip = looked[:, 0]
+    margin = np.minimum(tip, np.array(shape[::-1]) - 1 - tip).min(axis=1)
     return Sections(
-        xy, bounds, closed, _medians(radii, bounds), length, nodes, looked[:, 0], outward,
-        np.maximum(np.median(radii[samples], axis=1), _LEAST_OF_TYPICAL * typical), np.median(colors[samples], axis=1),
-        _beside(half, outward, typical, image), bend, node_radius,
+        xy, bounds, closed, _medians(radii, bounds), length, nodes, tip, outward, radius,
+        np.median(colors[samples], axis=1), _beside(half, outward, typical, image), margin <= np.maximum(radius, 2.0),
     )  # fmt: skip
 
 
@@ -148,11 +147,6 @@ def _beside(points: FloatArray, outward: FloatArray, radius: FloatArray, image: 
 
 def _unit(vectors: FloatArray) -> FloatArray:
     out: FloatArray = vectors / np.maximum(np.hypot(*vectors.T), 1e-9)[:, None]
-    return out
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    out: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     return out
 
 
@@ -212,16 +206,12 @@ def _between_forks(graph: PixelGraph, kept: BoolArray, length_radii: FloatArray,
     return chosen
 
 
-def _grouped(pairs: IntArray, radius: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Group of every junction when the ``(m, 2)`` pairs belong together, and the largest radius of each group."""
-    count = len(radius)
+def _grouped(pairs: IntArray, count: int) -> IntArray:
+    """``(count,)`` group of every junction when the ``(m, 2)`` pairs belong together."""
     if not count:
-        return np.zeros(0, np.int64), np.zeros(0)
+        return np.zeros(0, np.int64)
     table = csr_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
-    groups, label = connected_components(table, directed=False)
-    largest = np.zeros(groups)
-    np.maximum.at(largest, label, radius)
-    return label.astype(np.int64), largest
+    return connected_components(table, directed=False)[1].astype(np.int64)
 
 
 def pairs_at_junctions(sections: Sections) -> IntArray:

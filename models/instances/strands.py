@@ -71,8 +71,11 @@ def _walk(sections: Sections, partner: IntArray, joints: Joints, start: int, don
 
 
 def _between_tips(points: FloatArray, sections: Sections, first: int, last: int) -> FloatArray:
-    """The points without a radius at free ends, where a skeleton turns to a corner; the assembly goes on straight."""
-    cut = [round(_TIP_RADII * sections.end_radius[e]) if sections.node[e] == FREE else 0 for e in (first, last)]
+    """The points without the free ends in view, where a skeleton turns to a corner: the assembly goes on straight."""
+    loose = [sections.node[e] == FREE and not sections.at_border[e] for e in (first, last)]
+    cut = [
+        round(_TIP_RADII * sections.end_radius[e]) if free else 0 for e, free in zip((first, last), loose, strict=True)
+    ]
     cut = [min(c, len(points) // 4) for c in cut]
     return points[cut[0] : len(points) - cut[1]]
 

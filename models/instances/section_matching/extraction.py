@@ -20,6 +20,8 @@ from models.instances.sections import Sections, sections_of
 from models.instances.strands import Joint, strands_of
 
 _WIDE_PX = 8.0
+_BORDER_STOP = -2.0
+"""Log odds against a DLO that ends at the border: it leaves the picture."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
     costs = costs_of(links)
-    partner = match(len(sections.node), links.pairs, costs, _stops(sections, mask.shape, params.stop_cost), links.via)
+    partner = match(len(sections.node), links.pairs, costs, _stops(sections, params.stop_cost), links.via)
     chains = strands_of(sections, partner, _joints(links, costs, partner))
     times.append(perf_counter())
     scene = assemble(chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True)
@@ -79,9 +81,7 @@ def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[in
     return {(a, b): Joint(via, doubt) for (a, b), via, doubt in rows}
 
 
-def _stops(sections: Sections, shape: tuple[int, ...], at_crossing: float) -> FloatArray:
+def _stops(sections: Sections, at_crossing: float) -> FloatArray:
     """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the border."""
-    margin = np.minimum(sections.tip, np.array(shape[::-1]) - 1 - sections.tip).min(axis=1)
-    free = np.where(margin <= np.maximum(sections.end_radius, 2.0), -2.0, 0.0)
-    out: FloatArray = np.where(sections.node >= 0, at_crossing, free)
+    out: FloatArray = np.where(sections.node >= 0, at_crossing, np.where(sections.at_border, _BORDER_STOP, 0.0))
     return out
