@@ -31,7 +31,7 @@ class SectionMatchingParams:
 
     hole_widths: float = 0.7
     gap_widths: float = 20.0
-    stop_cost: float = 2.0
+    stop_cost: float = 3.0
 
 
 def extract(mask: BoolArray, image: ByteArray | None = None, params: SectionMatchingParams | None = None) -> Scene:
