@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from skimage.morphology import skeletonize
 
-from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 _BORDER_PX = 12
 FREE = -1
@@ -170,6 +170,18 @@ def doubled(graph: PixelGraph) -> PixelGraph:
     between = np.setdiff1d(own + 1, np.append(bounds[1:], own), assume_unique=False)
     xy[between] = (xy[between - 1] + xy[between + 1]) // 2
     return PixelGraph(xy, bounds, graph.ends, graph.closed, 2 * graph.junction_xy + 0.5)
+
+
+def uphill(points_xy: IntArray, heights: Float32Array, steps: int) -> IntArray:
+    """``(n, 2)`` pixels, each moved so many times to the highest of itself and its 8 neighbors (itself if equal)."""
+    offsets = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (1, 1), (-1, 1), (1, -1)])
+    limit = np.array(heights.shape[::-1]) - 1
+    moved = points_xy
+    for _ in range(steps):
+        around = np.clip(moved[:, None] + offsets, 0, limit)
+        best = heights[around[..., 1], around[..., 0]].argmax(axis=1)
+        moved = around[np.arange(len(moved)), best]
+    return moved
 
 
 def smoothed(points: FloatArray | IntArray, bounds: IntArray, half: int) -> FloatArray:

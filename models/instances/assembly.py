@@ -35,7 +35,8 @@ _TIP_WIDTHS = 1.5
 _SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
 _LEAST_SCORE = 0.5
-"""What is less likely a DLO than not is left out."""
+_LONG_WIDTHS = 15.0
+"""What is less likely a DLO than not is left out, unless it is long: then it is kept and called unsure."""
 _COVERED = 0.6
 """Share of a centerline that may lie on a longer DLO before it counts as a part of that one."""
 
@@ -69,7 +70,7 @@ def assemble(
     What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain. With
     ``follow_edges`` outlines and widths are those of the picture, where it shows them near the mask's.
     ``order``: what decides which strand lies on top. ``method``: whose calibration turns evidence into
-    probabilities; what is less likely a DLO than not is left out.
+    probabilities; what is short and less likely a DLO than not is left out.
     """
     started = perf_counter()
     fitted = [(found, c.doubt) for c in chains if (found := _fit(c, mask, distances)) is not None]
@@ -83,7 +84,7 @@ def assemble(
     ends = endpoints_of(instances, mask.shape)
     seen = instance_features(instances, ends, evidence)
     rough = rated(instances, ends, evidence, seen, method)
-    likely = [k for k, instance in enumerate(rough) if instance.score >= _LEAST_SCORE]
+    likely = [k for k, i in enumerate(rough) if i.score >= _LEAST_SCORE or i.length_px >= _LONG_WIDTHS * i.width_px]
     instances = [rough[k] for k in likely]
     shifts = None if shifts is None else shifts[likely]
     strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]

@@ -7,8 +7,8 @@ from time import perf_counter
 
 import numpy as np
 
-from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from models.geometry.pixel_graph import PixelGraph, doubled, halved, pixel_graph, skeleton_of
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from models.geometry.pixel_graph import PixelGraph, doubled, halved, pixel_graph, skeleton_of, uphill
 from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
 from models.instances.resolution import at_working_size
@@ -31,7 +31,7 @@ class SectionMatchingParams:
 
     hole_widths: float = 0.7
     gap_widths: float = 20.0
-    stop_cost: float = 2.0
+    stop_cost: float = 3.0
 
 
 def extract(mask: BoolArray, image: ByteArray | None = None, params: SectionMatchingParams | None = None) -> Scene:
@@ -51,7 +51,7 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     cleaned = clean(mask, params.hole_widths)
     distances = distance_map(cleaned.mask)
     times.append(perf_counter())
-    graph = _graph(cleaned)
+    graph = _graph(cleaned, distances)
     times.append(perf_counter())
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
@@ -65,11 +65,15 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     return replace(scene, timings_ms={**timings, **scene.timings_ms})
 
 
-def _graph(cleaned: CleanMask) -> PixelGraph:
-    """The pixel graph; where DLOs are wide enough it is found at half the size, in a quarter of the time."""
+def _graph(cleaned: CleanMask, distances: Float32Array) -> PixelGraph:
+    """The pixel graph; where DLOs are wide enough it is found at half the size, in a quarter of the time.
+
+    A halved mask's skeleton lies up to two pixels beside the middle: its points go uphill in the distances.
+    """
     if cleaned.width_px < _WIDE_PX:
         return pixel_graph(skeleton_of(cleaned.mask))
-    return doubled(pixel_graph(skeleton_of(halved(cleaned.mask))))
+    graph = doubled(pixel_graph(skeleton_of(halved(cleaned.mask))))
+    return replace(graph, xy=uphill(graph.xy, distances, 2))
 
 
 def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[int, int], Joint]:

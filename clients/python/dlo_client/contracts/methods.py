@@ -22,7 +22,7 @@ class SectionMatchingParams(Contract):
     )
     gap_widths: float = Field(default=20.0, ge=0, le=50, description="longest gap to bridge, in typical widths")
     stop_cost: float = Field(
-        default=2.0, ge=-5, le=20, description="log odds against a DLO that ends where others cross"
+        default=3.0, ge=-5, le=20, description="log odds against a DLO that ends where others cross"
     )
 
 
