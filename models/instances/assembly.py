@@ -31,7 +31,6 @@ MAX_INSTANCES = 255
 _POINT_SPACING_PX = 5.0
 _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
-_TIP_WIDTHS = 1.5
 _SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
 _LEAST_SCORE = 0.5
@@ -63,17 +62,19 @@ def assemble(
     *,
     method: str,
     follow_edges: bool = False,
+    tip_widths: float = 1.0,
     order: Order = order_meetings,
 ) -> Scene:
     """Splines, widths, endpoints, crossings and labels of the chains, longest first.
 
     What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain. With
     ``follow_edges`` outlines and widths are those of the picture, where it shows them near the mask's.
+    ``tip_widths``: how far a chain may be moved on to the strand's tip.
     ``order``: what decides which strand lies on top. ``method``: whose calibration turns evidence into
     probabilities; what is short and less likely a DLO than not is left out.
     """
     started = perf_counter()
-    fitted = [(found, c.doubt) for c in chains if (found := _fit(c, mask, distances)) is not None]
+    fitted = [(found, c.doubt) for c in chains if (found := _fit(c, mask, distances, tip_widths)) is not None]
     instances, doubts = _without_fragments(fitted, mask.shape)
     shifts = None
     if follow_edges and image is not None:
@@ -105,10 +106,12 @@ def assemble(
     return Scene(finished, crossings, labels, timings, features)
 
 
-def _fit(chain: Chain, mask: BoolArray, distances: Float32Array) -> Instance | None:
+def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: float) -> Instance | None:
     """The instance of one chain, or None if it is too short for its own width."""
     width = max(1.0, 2 * float(np.median(read_nearest(distances, chain.xy))) - 1)
-    points = np.concatenate((chain.xy, chain.xy[:1])) if chain.closed else _to_the_tips(chain.xy, mask, width)
+    points = (
+        np.concatenate((chain.xy, chain.xy[:1])) if chain.closed else _to_the_tips(chain.xy, mask, tip_widths * width)
+    )
     points = points[np.concatenate(([True], np.any(np.diff(points, axis=0) != 0, axis=1)))]
     rough_length = float(arc_lengths(points)[-1])
     if rough_length < _SHORTEST_WIDTHS * width:
@@ -121,20 +124,20 @@ def _fit(chain: Chain, mask: BoolArray, distances: Float32Array) -> Instance | N
     return Instance(centerline, width, length, chain.closed, spline, (), score)
 
 
-def _to_the_tips(points: FloatArray, mask: BoolArray, width: float) -> FloatArray:
-    """The points with both ends moved on along the strand while there is foreground, at most a width and a half.
+def _to_the_tips(points: FloatArray, mask: BoolArray, most: float) -> FloatArray:
+    """The points with both ends moved on along the strand while there is foreground, at most so many pixels.
 
     Maxima of a distance transform end half a width before the strand does.
     """
-    first, last = _tip(points, mask, width), _tip(points[::-1], mask, width)
+    first, last = _tip(points, mask, most), _tip(points[::-1], mask, most)
     return np.concatenate((first, points, last))
 
 
-def _tip(ordered: FloatArray, mask: BoolArray, width: float) -> FloatArray:
+def _tip(ordered: FloatArray, mask: BoolArray, most: float) -> FloatArray:
     """``(1, 2)`` the tip beyond the first point, or ``(0, 2)`` if that is the tip already."""
     step = ordered[0] - ordered[min(3, len(ordered) - 1)]
     direction = step / max(float(np.hypot(*step)), 1e-9)
-    ahead = ordered[0] + np.arange(1, int(_TIP_WIDTHS * width) + 2)[:, None] * direction
+    ahead = ordered[0] + np.arange(1, int(most) + 2)[:, None] * direction
     limit = np.array(mask.shape[::-1]) - 1
     inside = np.all((ahead >= 0) & (ahead <= limit), axis=1) & (read_nearest(mask, ahead) > 0)
     reached = int(np.argmin(np.append(inside, False)))

@@ -24,6 +24,10 @@ _BORDER_STOP = -2.0
 """Log odds against a DLO that ends at the border: it leaves the picture."""
 
 
+_TIP_WIDTHS = 1.5
+"""A skeleton ends up to a width and a half before the strand does."""
+
+
 @dataclass(frozen=True)
 class SectionMatchingParams:
     """``hole_widths``: holes up to this squared, in typical widths, are filled; ``gap_widths``: longest gap to
@@ -59,7 +63,9 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     partner = match(len(sections.node), links.pairs, costs, _stops(sections, params.stop_cost), links.via)
     chains = strands_of(sections, partner, _joints(links, costs, partner))
     times.append(perf_counter())
-    scene = assemble(chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True)
+    scene = assemble(
+        chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True, tip_widths=_TIP_WIDTHS
+    )
     names = ("cleaning", "skeleton", "matching")
     timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
     return replace(scene, timings_ms={**timings, **scene.timings_ms})
