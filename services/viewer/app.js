@@ -200,7 +200,9 @@ async function greet() {
     const networks = await api.networks();
     const choices = networks.filter(({ task }) => task === "foreground");
     const options = choices.map(({ name, version }) => new Option(`${name} ${version}`, name));
+    const chosen = byId("model").value; // a look with another key must not forget it
     byId("model").replaceChildren(new Option("default", ""), ...options);
+    if (choices.some(({ name }) => name === chosen)) byId("model").value = chosen;
     pill.textContent = networks.length ? "ready" : "no worker yet";
     pill.className = networks.length ? "pill good" : "pill";
   } catch (error) {
