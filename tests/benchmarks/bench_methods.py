@@ -155,6 +155,7 @@ def main() -> None:
         result["sbhc_closed_gray"][name] = summary(rows)
         print(name, "sbhc", result["sbhc"][name], result["sbhc_closed_gray"][name], flush=True)
         print(name, result["calibration"][name], result["stages"][name], flush=True)
+        (args.out / "methods.json").write_text(json.dumps(result, indent=1))
     if not args.quick:
         result["rt_dlo_parameters"] = _rt_dlo_table(ewd)
         result["ariadne_superpixels"] = _superpixel_table(ewd)

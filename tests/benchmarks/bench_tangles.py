@@ -80,10 +80,10 @@ def crossings_of(curves: list[np.ndarray]) -> list[TrueCrossing] | None:
 
 def tangle(rng: np.random.Generator, least: int, most: int) -> tuple[list[np.ndarray], list[TrueCrossing]]:
     """Curves with between ``least`` and ``most`` crossings, added one after the other."""
-    while True:
+    for _ in range(50):
         curves: list[np.ndarray] = []
         crossings: list[TrueCrossing] = []
-        for _ in range(60):
+        for _ in range(400):
             params = CurveParams((50.0, 90.0), rng.uniform(0.25, 0.6), 0.1, int(rng.integers(8, 18)))
             start = rng.uniform(60, np.array(SIZE[::-1]) - 60)
             curve = interpolate(propagate(rng, start.astype(np.float32), rng.uniform(-np.pi, np.pi), params), 0.7)
@@ -93,6 +93,7 @@ def tangle(rng: np.random.Generator, least: int, most: int) -> tuple[list[np.nda
                 curves, crossings = [*curves, curve], found
             if len(crossings) >= least:
                 return curves, crossings
+    raise RuntimeError(f"no scene of {least} to {most} crossings was found")
 
 
 def _apart(curves: list[np.ndarray], crossings: list[TrueCrossing]) -> bool:
@@ -161,6 +162,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     torch.set_num_threads(1)
+    args.out.mkdir(parents=True, exist_ok=True)
     extract = method(args.method)
     rows = []
     for least, most in BINS:
@@ -172,8 +174,7 @@ def main() -> None:
         sequence, order = (round(100 * float(np.mean(part)), 1) for part in zip(*right, strict=True))
         rows.append({"crossings": f"{least}-{most}", "scenes": args.scenes, "sequence": sequence, "order": order})
         print(rows[-1], flush=True)
-    args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "tangles.json").write_text(json.dumps({"method": args.method, "rows": rows}, indent=1))
+        (args.out / "tangles.json").write_text(json.dumps({"method": args.method, "rows": rows}, indent=1))
 
 
 if __name__ == "__main__":
