@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.bench_tangles [--scenes 20] [--method section_matching]
 
-Scenes of 960 x 720 with cables 7 px wide, self-crossings included, by the number of crossings. Any two crossings, and
+Scenes of 1440 x 1080 with cables 7 px wide, self-crossings included, by the number of crossings. Any two crossings, and
 any end and crossing, are at least 6 widths apart; crossing angles are at least 25 degrees; elsewhere no strands touch.
 A scene is right if every true crossing is found within 12 px, nothing else is, and along every cable the crossings come
 in the true order; ``order``: over and under are right at every one as well.
@@ -35,7 +35,7 @@ from models.synthesis.scenes import to_uint8
 from models.synthesis.textures import TexturePool
 from tests.benchmarks.instance_methods import method
 
-SIZE = (720, 960)
+SIZE = (1080, 1440)
 WIDTH = 7.0
 BINS = ((1, 3), (4, 7), (8, 12), (13, 18), (19, 24), (25, 30))
 
@@ -84,7 +84,7 @@ def tangle(rng: np.random.Generator, least: int, most: int) -> tuple[list[np.nda
         curves: list[np.ndarray] = []
         crossings: list[TrueCrossing] = []
         for _ in range(400):
-            params = CurveParams((50.0, 90.0), rng.uniform(0.25, 0.6), 0.1, int(rng.integers(8, 18)))
+            params = CurveParams((50.0, 90.0), rng.uniform(0.25, 0.6), 0.1, int(rng.integers(10, 24)))
             start = rng.uniform(60, np.array(SIZE[::-1]) - 60)
             curve = interpolate(propagate(rng, start.astype(np.float32), rng.uniform(-np.pi, np.pi), params), 0.7)
             margin = np.minimum(curve[:, :2], np.array(SIZE[::-1]) - curve[:, :2]).min()
