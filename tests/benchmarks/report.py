@@ -14,7 +14,8 @@ HEAD = """# Measured
 
 Written by `make bench` from the JSON that each benchmark leaves in `build/bench`. The real photographs are for
 measuring only: nothing is trained on them. They are the development part of each set; the rules and limits of
-RT-DLO were chosen while looking at `ewd` and `sbhc`, so pictures kept aside may score lower. Times are from a
+RT-DLO and of `section_matching` were chosen while looking at `ewd` (RT-DLO at `sbhc` too), so pictures kept aside may
+score lower. Times are from a
 machine with two shared cores: compare them within a run.
 """
 
