@@ -17,6 +17,9 @@ from torch import Tensor, nn
 
 from models.labelling.crops import SIZE
 
+ROWS = 64
+"""Rows of the crop that are looked at, the middle ones: what is farther along the DLO says little and costs as much."""
+
 
 class BasicBlock(nn.Module):
     """Two 3×3 convolutions and a shortcut."""
@@ -50,16 +53,17 @@ class ColumnTap(nn.Module):
         self.mix = nn.Conv1d(channels, lines, 3, padding=1)
 
     def forward(self, x: Tensor) -> Tensor:
-        columns = (x * self.rows[None, :, :, None]).sum(2)
+        columns = F.conv2d(x, self.rows[:, None, :, None], groups=len(self.rows))[:, :, 0]
         return F.interpolate(self.mix(columns), size=SIZE, mode="linear", align_corners=False)
 
 
 class CorrectorNetwork(nn.Module):
-    """``width`` is the share of ResNet-18's channels. Outputs a line of logits and the logarithm of the width."""
+    """``width`` is the share of ResNet-18's channels, up to its third stage: the last has as many as that one, since
+    it would hold most of the weights. Outputs a line of logits and the logarithm of the width."""
 
     def __init__(self, width: float = 0.375, lines: int = 64) -> None:
         super().__init__()
-        channels = [round(width * full) for full in (64, 64, 128, 256, 512)]
+        channels = [round(width * full) for full in (64, 64, 128, 256, 256)]
         self.stem = nn.Sequential(
             nn.Conv2d(3, channels[0], 7, (4, 2), 3, bias=False), nn.BatchNorm2d(channels[0]), nn.ReLU(inplace=True)
         )
@@ -68,8 +72,10 @@ class CorrectorNetwork(nn.Module):
             stride = 1 if k == 0 else 2
             stages.append(nn.Sequential(BasicBlock(inputs, outputs, stride), BasicBlock(outputs, outputs, 1)))
         self.stages = nn.ModuleList(stages)
-        rows = (SIZE // 4, SIZE // 8, SIZE // 16, SIZE // 32, 2)
+        rows = (ROWS // 4, ROWS // 8, ROWS // 16, ROWS // 32, ROWS // 64)
         self.taps = nn.ModuleList(ColumnTap(c, r, lines) for c, r in zip(channels, rows, strict=True))
+        # Which of several DLOs is meant follows from the place alone: the one nearest to the middle.
+        self.place = nn.Parameter(torch.zeros(lines, SIZE))
         self.line = nn.Sequential(
             nn.ReLU(), nn.Conv1d(lines, lines, 5, padding=2), nn.ReLU(), nn.Conv1d(lines, 1, 5, padding=2)
         )
@@ -78,9 +84,10 @@ class CorrectorNetwork(nn.Module):
     def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
         """``crops`` (B, SIZE, SIZE, 3), 0 to 255, to logits (B, SIZE) of the centerline's column on the middle row and
         (B, SIZE) logarithms of the width in pixels of the crop, one for each column that could be the centerline."""
-        x = (crops.permute(0, 3, 1, 2).float() - 127.5) / 64.0
+        above = (SIZE - ROWS) // 2
+        x = (crops[:, above : above + ROWS].permute(0, 3, 1, 2).float() - 127.5) / 64.0
         x = self.stem(x)
-        lines = self.taps[0](x)
+        lines = self.place + self.taps[0](x)
         x = F.max_pool2d(x, 3, 2, 1)
         for stage, tap in zip(self.stages, list(self.taps)[1:], strict=True):
             x = stage(x)

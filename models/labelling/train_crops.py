@@ -16,43 +16,51 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
+from numpy.typing import NDArray
 
-from models.geometry.arrays import ByteArray, Float32Array, FloatArray
+from models.geometry.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from models.labelling.crops import MIDDLE, SIZE, in_crop, pixels_per_crop_pixel, upright_crops
 from models.synthesis.scenes import Labelled, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
 
-HELD_OUT_SEED = 10**6
-
 
 @dataclass(frozen=True)
 class CropParams:
-    """``error_px`` the largest offset and ``tilt_rad`` the spread of the direction's error; ``per_scene`` crops of
-    one scene, ``clear_px`` how far from the picture's border they stay."""
+    """``thinnest_px`` to ``thickest_px`` the DLOs' widths, ``clutter`` how often other things lie about; ``error_px``
+    the largest offset and ``tilt_rad`` the spread of the direction's error; ``per_scene`` crops of one scene,
+    ``clear_px`` how far from the picture's border they stay."""
 
     seed: int = 1
     scenes: int = 2000
     per_scene: int = 20
     height: int = 320
     width: int = 448
+    thinnest_px: float = 5.0
+    thickest_px: float = 31.0
+    clutter: float = 0.8
     error_px: float = 16.0
     tilt_rad: float = 0.12
     clear_px: float = 8.0
 
     def scene(self) -> SceneParams:
-        return SceneParams((self.height, self.width), width_share=(0.012, 0.07), empty_share=0.0)
+        bounds = (self.thinnest_px / self.width, self.thickest_px / self.width)
+        return SceneParams((self.height, self.width), width_share=bounds, empty_share=0.0, clutter=self.clutter)
 
 
 class Crops(NamedTuple):
     """(n, SIZE, SIZE, 3) crops; (n,) column of the centerline on the middle row; (n,) width in pixels of the crop;
-    (n,) by how much, in pixels of the crop, the DLO that is meant is nearer to the crop's middle than any other: below
-    0 nothing in the crop says which one is meant."""
+    (n,) by how much, in pixels of the crop, the DLO that is meant is nearer to the crop's middle than any other, or
+    than itself where it comes back: below 0 nothing in the crop says which one is meant."""
 
     images: ByteArray
     columns: Float32Array
     widths: Float32Array
     margins: Float32Array
+
+
+    def take(self, rows: IntArray) -> Crops:
+        """Those of the given numbers."""
+        return Crops(self.images[rows], self.columns[rows], self.widths[rows], self.margins[rows])
 
 
 class Pick(NamedTuple):
@@ -64,23 +72,20 @@ class Pick(NamedTuple):
 
 def crops_of(scene: Labelled, rng: np.random.Generator, params: CropParams) -> Crops:
     """Up to ``params.per_scene`` crops of one scene; fewer where little of its DLOs is seen."""
-    image = to_uint8(scene.rgb)
+    image, ids = to_uint8(scene.rgb), scene.ids.cpu().numpy()
     lines = [np.asarray(line[:, :2], np.float64) for line in scene.centerlines]
-    trees = [cKDTree(line) for line in lines]
-    picks = _seen(scene, lines, params)
+    picks = _seen(ids, lines, params)
     images, columns, widths, margins = [], [], [], []
     for pick in (picks[i] for i in rng.permutation(len(picks))[: params.per_scene]):
         width = float(scene.widths_px[pick.cable])
         at, tangent, scale = _disturbed(lines[pick.cable], pick.sample, width, rng, params)
-        column = _column(lines[pick.cable], pick.sample, at, tangent, scale)
+        column = _column(ids, lines, pick, at, tangent, scale)
         if column is None:
             continue
         images.append(upright_crops(image, at[None], tangent[None], np.array([scale]))[0])
         columns.append(column)
         widths.append(width / scale)
-        away = [float(tree.query(at)[0]) for tree in trees]
-        others = away[: pick.cable] + away[pick.cable + 1 :]
-        margins.append((min(others, default=1e3) - away[pick.cable]) / scale)
+        margins.append(_margin(lines, pick, at) / scale)
     return Crops(
         np.asarray(images, np.uint8).reshape(-1, SIZE, SIZE, 3),
         np.asarray(columns, np.float32),
@@ -89,9 +94,8 @@ def crops_of(scene: Labelled, rng: np.random.Generator, params: CropParams) -> C
     )
 
 
-def _seen(scene: Labelled, lines: list[FloatArray], params: CropParams) -> list[Pick]:
+def _seen(ids: NDArray[np.int16], lines: list[FloatArray], params: CropParams) -> list[Pick]:
     """Every eighth sample that lies in the picture with its own DLO on top."""
-    ids = scene.ids.cpu().numpy()
     height, width = ids.shape
     low, high = params.clear_px, np.array([width, height]) - 1 - params.clear_px
     picks = []
@@ -117,17 +121,33 @@ def _disturbed(
     return line[sample] + normal * rng.uniform(-1, 1) * params.error_px * scale, tangent, scale
 
 
-def _column(line: FloatArray, sample: int, at: FloatArray, tangent: FloatArray, scale: float) -> float | None:
-    """Where the centerline, followed from the sample both ways, first crosses the crop's middle row."""
+def _column(
+    ids: NDArray[np.int16], lines: list[FloatArray], pick: Pick, at: FloatArray, tangent: FloatArray, scale: float
+) -> float | None:
+    """Where the centerline, followed from the sample both ways, first crosses the crop's middle row; None where it is
+    covered there."""
+    line = lines[pick.cable]
     local = in_crop(line, at, tangent, scale)
     below = local[:, 1] - MIDDLE
     change = np.flatnonzero((below[:-1] <= 0) != (below[1:] <= 0))
     if not len(change):
         return None
-    k = int(change[np.argmin(np.abs(change - sample))])
+    k = int(change[np.argmin(np.abs(change - pick.sample))])
     share = below[k] / (below[k] - below[k + 1])
     column = float(local[k, 0] + share * (local[k + 1, 0] - local[k, 0]))
-    return column if 4 <= column <= SIZE - 5 else None
+    x, y = np.rint(line[k]).astype(int)
+    inside = 0 <= y < ids.shape[0] and 0 <= x < ids.shape[1]
+    return column if inside and ids[y, x] == pick.cable + 1 and 4 <= column <= SIZE - 5 else None
+
+
+def _margin(lines: list[FloatArray], pick: Pick, at: FloatArray) -> float:
+    """By how much, px, the DLO near the sample is nearer to ``at`` than all others and its own farther parts."""
+    own = lines[pick.cable]
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(own, axis=0).T))))
+    here = np.abs(along - along[pick.sample]) <= SIZE / 2
+    away = np.hypot(*(own - at).T)
+    others = [float(np.hypot(*(line - at).T).min()) for k, line in enumerate(lines) if k != pick.cable]
+    return min([*others, *away[~here].tolist()], default=1e3) - float(away[here].min())
 
 
 def contrast(crops: Crops) -> FloatArray:

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from dlo_client.client import Client
 from dlo_client.commands import app, readable
 from dlo_client.connection import CONNECTION, Connection
-from dlo_client.contracts import CameraView, InstancesRequest, LabelTrackedRequest, Stroke
+from dlo_client.contracts import CameraView, InstancesRequest, LabelTrackedRequest, Pose, Stroke
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
 from dlo_client.labelling import (
     BatchStopped,
@@ -28,6 +28,7 @@ from dlo_client.labelling import (
     find_pictures,
     label_pictures,
 )
+from dlo_client.labelling.sources import picture_names
 from dlo_client.labelling.tracked import file_tracked
 from dlo_client.outcomes import result_of
 from dlo_client.printing import print_error
@@ -145,6 +146,9 @@ def label_tracked(
     strokes: Annotated[Path, typer.Argument(help="JSON: a list of {points_m, thickness_m, name?}, one a cable.")],
     images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="The pictures, in the cameras' order.")],
     out: Annotated[Path, typer.Option(help="Folder for the labels, as `dlo label` fills it.")],
+    tracker: Annotated[
+        Path | None, typer.Option(help="JSON: T_world_tracker (4×4), if strokes are in its frame.")
+    ] = None,
     formats: Formats = [],  # noqa: B006
     timeout: Annotated[float, typer.Option(min=1, max=3600, help="Seconds.")] = 600.0,
 ) -> None:
@@ -153,9 +157,18 @@ def label_tracked(
     with _readable():
         views = TypeAdapter(list[CameraView]).validate_json(_text(cameras))
         marked = TypeAdapter(list[Stroke]).validate_json(_text(strokes))
-        request = LabelTrackedRequest(views=views, strokes=marked, priority="batch", timeout_s=timeout)
-        result = result_of(client.run(request, images))
-        for label, view in zip(file_tracked(result, [i.name for i in images], out), result.views, strict=True):
+        if len(views) != len(images):
+            raise ValueError(f"{cameras}: has {len(views)} cameras for {len(images)} pictures")
+        frame = TypeAdapter(Pose).validate_json(_text(tracker)) if tracker else None
+        request = LabelTrackedRequest(
+            views=views, strokes=marked, T_world_tracker=frame, priority="batch", timeout_s=timeout
+        )
+        # The folder is opened first: nobody should wait for labels that have no place.
+        with LabelStore(out, write=True) as store:
+            store.remember({"kind": request.kind})
+            result = result_of(client.run(request, images))
+            labels = file_tracked(store, result, picture_names(images))
+        for label, view in zip(labels, result.views, strict=True):
             _print([f"{label.name}: {len(label.instances)} cables, moved by {view.moved_px:.1f} px"])
         _print([f"warning: {text}" for text in result.warnings])
         _write(out, formats)
@@ -231,6 +244,9 @@ def _readable() -> Iterator[None]:
             yield
     except ModuleNotFoundError as error:
         print_error(_NEEDS_EXTRA.format(name=error.name))
+        raise typer.Exit(1) from error
+    except OSError as error:
+        print_error(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         raise typer.Exit(1) from error
     except (SourceError, StoreError, ValueError) as error:
         print_error(str(error))

@@ -81,6 +81,8 @@ def take_corrections(store: LabelStore, imported: Imported) -> CorrectionReport:
             report.changes.append(compare(before, after))
         except StoreError as error:
             report.problems[label.name] = str(error)
+        except OSError as error:
+            report.problems[label.name] = f"cannot be filed: {error.strerror}"
     return report
 
 

@@ -61,6 +61,12 @@ def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> l
     return found
 
 
+def picture_names(files: Iterable[Path]) -> list[str]:
+    """The last part of each path, told apart where two are the same."""
+    names = _Names()
+    return [names.take(file.name) for file in files]
+
+
 def read_still(picture: SourcePicture) -> tuple[bytes, str]:
     """The bytes, and the stamp of the version they are. Raises PictureUnreadable."""
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from dlo_client.contracts import LabelTrackedResult
 from dlo_client.contracts.labelling import TrackedLabels
@@ -11,13 +10,11 @@ from dlo_client.labelling.labels import LabelledInstance, PictureLabel
 from dlo_client.labelling.store import Entry, LabelStore
 
 
-def file_tracked(result: LabelTrackedResult, names: Sequence[str], out: Path) -> list[PictureLabel]:
-    """One label a view under ``names``. Raises StoreError."""
+def file_tracked(store: LabelStore, result: LabelTrackedResult, names: Sequence[str]) -> list[PictureLabel]:
+    """One label a view under ``names``, into a store that is open for writing. Raises StoreError."""
     labels = [_label(view, name, result) for view, name in zip(result.views, names, strict=True)]
-    with LabelStore(out, write=True) as store:
-        store.remember({"kind": result.kind})
-        for label in labels:
-            store.put(Entry(label.name, "done", detail=label.doubt, certainty=label.certainty), label)
+    for label in labels:
+        store.put(Entry(label.name, "done", detail=label.doubt, certainty=label.certainty), label)
     return labels
 
 

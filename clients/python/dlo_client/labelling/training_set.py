@@ -19,7 +19,7 @@ from dlo_client.labelling.formats.exchange import FormatError
 from dlo_client.labelling.formats.indexed_png import ids_of
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.sources import PictureUnreadable, SourcePicture, read_still
-from dlo_client.labelling.store import LabelStore, read_label, write_whole
+from dlo_client.labelling.store import LabelStore, StoreError, read_label, write_whole
 
 INDEX = "index.jsonl"
 
@@ -29,7 +29,8 @@ def export_training_set(
 ) -> dict[str, str]:
     """Write every picture of ``pictures`` that has a correction, or with ``corrected_only`` off any label.
 
-    Returns name → why for those that could not be: the picture is gone, unreadable or of another size.
+    Returns name → why for those that could not be: the picture is gone, unreadable or of another size, or the
+    folder is full.
     """
     by_name = {picture.name: picture for picture in pictures}
     problems: dict[str, str] = {}
@@ -40,15 +41,18 @@ def export_training_set(
             corrected = corrected_file(store.folder, name)
             if entry.state == "failed" or (corrected_only and not corrected.exists()) or _flat(name) in written:
                 continue
-            label = read_label(corrected) if corrected.exists() else store.label(name)
             try:
+                label = read_label(corrected) if corrected.exists() else store.label(name)
                 _write(folder, label, by_name.get(name))
-            except (PictureUnreadable, FormatError) as error:
+                record = {
+                    "name": _flat(name), "source": name, "origin": label.origin, "instances": len(label.instances)
+                }  # fmt: skip
+                index.write(json.dumps(record) + "\n")
+                index.flush()
+            except (PictureUnreadable, FormatError, StoreError) as error:
                 problems[name] = str(error)
-                continue
-            record = {"name": _flat(name), "source": name, "origin": label.origin, "instances": len(label.instances)}
-            index.write(json.dumps(record) + "\n")
-            index.flush()
+            except OSError as error:
+                problems[name] = f"cannot be written: {error.strerror}"
     return problems
 
 
