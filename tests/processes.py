@@ -7,7 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -31,6 +32,25 @@ def environment(settings: Settings) -> dict[str, str]:
     """Of a process that is to have these settings."""
     values = settings.model_dump(mode="json", exclude={"onnx_providers", "webhook_hosts"})
     return os.environ | {f"DLO_{name.upper()}": str(value) for name, value in values.items()}
+
+
+@contextmanager
+def running_service(data_dir: Path, workers: int) -> Iterator[str]:
+    """``python -m services`` with its own queue and workers, ready; its address. Stopped at the end."""
+    settings = {name: value for name, value in os.environ.items() if not name.startswith("DLO_")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "services", "--port", "0", "--workers", str(workers), "--data-dir", str(data_dir)],
+        cwd=ROOT, env=settings | {"DLO_LOG_LEVEL": "WARNING"}, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    try:
+        line = process.stdout.readline()
+        assert line.startswith("ready at "), line
+        yield line.split()[-1]
+    finally:
+        process.terminate()
+        process.wait(timeout=30)
+        process.stdout.close()
 
 
 class WorkerProcess:

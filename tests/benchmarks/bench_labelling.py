@@ -2,9 +2,12 @@
 
     python -m tests.benchmarks.bench_labelling [--pictures 1000] [--throughput 60]
 
-Throughput: the same pictures through the stage alone, in one process with as many threads as the machine has cores,
-and through the service with two workers; three times in turn, best of each. On a machine with busy neighbors two
-processes get a larger share of it than one: there the processor seconds a picture are what counts.
+Throughput: new pictures go through the stage alone, in one process and one thread (to a label file each), and through
+the service with two workers (of one thread each), in turn, five times; which of the two is first changes. Rates depend
+on what else runs on the machine, and two workers get a larger share of a busy one than one process does. So what is
+compared is the processor time a picture: of the one process, and of all processes of the batch together (client,
+service, queue, workers; their start is not in it). Two workers that keep both cores busy deliver that share of what the
+bare pipeline would with both. The ratio of the rates of the same minutes and the machine's load stand beside it.
 Kills: ``dlo label`` on ``--pictures`` small pictures, killed ten times at random moments, then left to end; counted
 are labels, jobs that the service has done, and pictures in the COCO file.
 """
@@ -15,71 +18,75 @@ import argparse
 import json
 import os
 import random
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import psutil
 from dlo_client import InstancesRequest
-from dlo_client.contracts import ImageRef
-from dlo_client.labelling import LabelOptions, LabelStore, find_pictures, label_pictures
+from dlo_client.contracts import ImageRef, InstancesResult
+from dlo_client.labelling import LabelOptions, LabelStore, find_pictures, label_of, label_pictures
 from dlo_client.labelling.formats import WRITERS
+from dlo_client.labelling.store import write_whole
 from PIL import Image
 
+from tests.processes import running_service
 from tests.system.test_labelling import SAMPLES, command, fill, labelled_jobs, run_killed
 from workers import stages
 from workers.settings import Settings
+from workers.stages.outcome import Tools
 
-REPEATS = 3
-
-
-@contextmanager
-def service(folder: Path) -> Iterator[str]:
-    arguments = [sys.executable, "-m", "services", "--port", "0", "--workers", "2", "--data-dir", str(folder)]
-    environment = os.environ | {"DLO_LOG_LEVEL": "WARNING"}
-    process = subprocess.Popen(arguments, env=environment, stdout=subprocess.PIPE, text=True)
-    assert process.stdout
-    try:
-        yield process.stdout.readline().split()[-1]
-    finally:
-        process.terminate()
-        process.wait(timeout=30)
+REPEATS = 5
 
 
-def photographs(folder: Path, count: int) -> None:
-    """The samples at full size, each with a pixel of its own: no two have the same bytes."""
+@dataclass(frozen=True)
+class Cost:
+    """Of one picture: seconds on the clock, and of all processors."""
+
+    seconds: float
+    cpu_s: float
+
+
+def photographs(folder: Path, count: int, batch: int) -> list[Path]:
+    """The samples at full size, each with pixels of its own: no two have the same bytes, in no two batches."""
     folder.mkdir()
+    files = []
     for k in range(count):
         name = ("plain", "busy", "industrial")[k % 3]
         picture = Image.open(SAMPLES / f"{name}.jpg").convert("RGB")
-        picture.paste((k % 256, k // 256, 0), (0, 0, 8, 8))
-        picture.save(folder / f"{k:04d}.jpg", quality=92)
+        picture.paste((k % 256, 40 * batch, 0), (0, 0, 8, 8))
+        files.append(folder / f"{k:04d}.jpg")
+        picture.save(files[-1], quality=92)
+    return files
 
 
-def bare(folder: Path, scratch: Path) -> tuple[float, float]:
-    """Pictures a second through the stage alone, and processor seconds a picture."""
-    tools = stages.warm(Settings(data_dir=scratch, workers=1))
-    files = sorted(folder.iterdir())
+def bare(files: Sequence[Path], tools: Tools) -> Cost:
+    """Through the stage alone; a label file for each."""
     started, used = time.perf_counter(), time.process_time()
     for file in files:
         image = ImageRef(id=tools.blobs.put(file.read_bytes()))
-        stages.run(InstancesRequest(image=image, files=[]), tools)
-    return len(files) / (time.perf_counter() - started), (time.process_time() - used) / len(files)
+        result = stages.run(InstancesRequest(image=image, files=[]), tools).result
+        assert isinstance(result, InstancesResult)
+        write_whole(file.with_suffix(".json"), label_of(result, file.name).model_dump_json().encode())
+    return Cost((time.perf_counter() - started) / len(files), (time.process_time() - used) / len(files))
 
 
-def batch(address: str, folder: Path, out: Path) -> tuple[float, float]:
-    """Pictures a second through the service, and processor seconds a picture of all processes together."""
-    shutil.rmtree(out, ignore_errors=True)
-    count = len(list(folder.iterdir()))
+def batch(address: str, files: Sequence[Path]) -> Cost:
+    """Through the service."""
+    folder = files[0].parent
     started, used = time.perf_counter(), _used_by_all()
-    label_pictures(find_pictures(folder), out, LabelOptions(at_once=8), url=address)
-    return count / (time.perf_counter() - started), (_used_by_all() - used) / count
+    report = label_pictures(
+        find_pictures(folder), folder.parent / f"{folder.name}_labels", LabelOptions(at_once=8), url=address
+    )
+    cost = Cost((time.perf_counter() - started) / len(files), (_used_by_all() - used) / len(files))
+    assert report.labelled == len(files), report.lines()
+    return cost
 
 
 def _used_by_all() -> float:
@@ -89,28 +96,40 @@ def _used_by_all() -> float:
 
 
 def throughput(scratch: Path, count: int) -> dict[str, Any]:
-    photographs(scratch / "photographs", count)
-    alone, together = [], []
-    for k in range(REPEATS):
-        alone.append(bare(scratch / "photographs", scratch / "bare"))
-        # A service of its own each time: jobs that it knows already would be answered at once.
-        with service(scratch / f"service{k}") as address:
-            together.append(batch(address, scratch / "photographs", scratch / "labels"))
+    tools = stages.warm(Settings(data_dir=scratch / "bare", onnx_threads=1))
+    alone, together, load = [], [], []
+    with running_service(scratch / "service", workers=2) as address:
+        batch(address, photographs(scratch / "warm", 8, 0))
+        for k in range(1, REPEATS + 1):
+            files = photographs(scratch / f"photographs{k}", count, k)
+            turns = [lambda files=files: alone.append(bare(files, tools)),
+                     lambda files=files: together.append(batch(address, files))]  # fmt: skip
+            for turn in turns if k % 2 else turns[::-1]:
+                turn()
+            load.append(os.getloadavg()[0])
+    pairs = list(zip(alone, together, strict=True))
     return {
         "pictures": count,
-        "bare_per_s": round(max(rate for rate, _ in alone), 2),
-        "batch_per_s": round(max(rate for rate, _ in together), 2),
-        "ratio_percent": round(100 * max(rate for rate, _ in together) / max(rate for rate, _ in alone), 1),
-        "bare_cpu_s": round(min(used for _, used in alone), 3),
-        "batch_cpu_s": round(min(used for _, used in together), 3),
-        "cpu_ratio_percent": round(100 * min(used for _, used in alone) / min(used for _, used in together), 1),
+        "repeats": REPEATS,
+        "cpu_ratio_percent": _percent(a.cpu_s / b.cpu_s for a, b in pairs),
+        "cpu_ratios_percent": [round(100 * a.cpu_s / b.cpu_s, 1) for a, b in pairs],
+        "wall_ratio_percent": _percent(a.seconds / b.seconds for a, b in pairs),
+        "bare_cpu_s": round(median(a.cpu_s for a in alone), 4),
+        "batch_cpu_s": round(median(b.cpu_s for b in together), 4),
+        "bare_per_s": round(1 / median(a.seconds for a in alone), 2),
+        "batch_per_s": round(1 / median(b.seconds for b in together), 2),
+        "load": round(median(load), 1),
     }
+
+
+def _percent(ratios: Iterable[float]) -> float:
+    return round(100 * median(ratios), 1)
 
 
 def killed(scratch: Path, count: int, kills: int = 10) -> dict[str, Any]:
     source, out, rng = scratch / "many", scratch / "many_labels", random.Random(3)
     fill(source, count)
-    with service(scratch / "killed") as address:
+    with running_service(scratch / "killed", workers=2) as address:
         arguments = command(address, source, out)
         early = sum(run_killed(arguments, rng, (1.0, 5.0)) for _ in range(kills))
         subprocess.run(arguments, check=True, capture_output=True)

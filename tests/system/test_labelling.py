@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import signal
 import subprocess
@@ -17,7 +16,7 @@ from dlo_client import Client
 from dlo_client.labelling import LabelStore
 from PIL import Image
 
-from tests.processes import ROOT
+from tests.processes import running_service
 
 pytestmark = pytest.mark.system
 SAMPLES = Path(__file__).parent.parent / "samples"
@@ -27,20 +26,8 @@ KILLS = 10
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("DLO_")}
-    data = str(tmp_path_factory.mktemp("data"))
-    process = subprocess.Popen(
-        [sys.executable, "-m", "services", "--port", "0", "--workers", "1", "--data-dir", data],
-        cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    line = process.stdout.readline()
-    try:
-        assert line.startswith("ready at "), line
-        yield line.split()[-1]
-    finally:
-        process.terminate()
-        process.wait(timeout=30)
-        process.stdout.close()
+    with running_service(tmp_path_factory.mktemp("data"), workers=1) as address:
+        yield address
 
 
 def fill(folder: Path, count: int) -> None:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import subprocess
-import sys
 from io import BytesIO
 from pathlib import Path
 
@@ -14,7 +11,7 @@ import pytest
 from dlo_client import AsyncClient, Client, InstancesRequest, JobFailed, NoopRequest, SegmentRequest, result_of
 from PIL import Image
 
-from tests.processes import ROOT
+from tests.processes import running_service
 
 pytestmark = pytest.mark.system
 SAMPLES = Path(__file__).parent.parent / "samples"
@@ -22,20 +19,8 @@ SAMPLES = Path(__file__).parent.parent / "samples"
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("DLO_")}
-    data = str(tmp_path_factory.mktemp("data"))
-    process = subprocess.Popen(
-        [sys.executable, "-m", "services", "--port", "0", "--workers", "2", "--data-dir", data],
-        cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    line = process.stdout.readline()
-    try:
-        assert line.startswith("ready at "), line
-        yield line.split()[-1]
-    finally:
-        process.terminate()
-        process.wait(timeout=30)
-        process.stdout.close()
+    with running_service(tmp_path_factory.mktemp("data"), workers=2) as address:
+        yield address
 
 
 @pytest.fixture

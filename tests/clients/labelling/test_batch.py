@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import json
+import os
+import sqlite3
 import zipfile
 from collections import Counter
 from pathlib import Path
@@ -21,6 +23,7 @@ from dlo_client.labelling import (
     label_pictures,
     store,
 )
+from dlo_client.labelling import report as report_of_run
 from dlo_client.labelling.sources import PictureUnreadable, read_still
 from dlo_client.retry import RetryPolicy
 
@@ -189,6 +192,65 @@ def test_a_full_disk_stops_the_run_and_keeps_what_is_there(
     assert set(service.asked.values()) == {1} | ({2} if service.asked[b"picture b c.jpg"] == 2 else set())
 
 
+def test_a_ledger_that_takes_nothing_more_stops_the_run(
+    service: Service, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SQLite itself finds the disk full: its file may not grow."""
+    connect = sqlite3.connect
+
+    def tight(*arguments: object, **more: object) -> sqlite3.Connection:
+        ledger = connect(*arguments, **more)
+        ledger.execute("PRAGMA max_page_count = 6")
+        return ledger
+
+    fill(folder, {f"{'long name ' * 15}{k}.png": str(k).encode() for k in range(60)})
+    monkeypatch.setattr(store.sqlite3, "connect", tight)
+    with pytest.raises(BatchStopped, match="full") as stopped:
+        run(service, folder, tmp_path / "out", at_once=1)
+    assert 0 < stopped.value.report.labelled < 60
+    monkeypatch.undo()
+    report = run(service, folder, tmp_path / "out")
+    assert report.labelled + report.already == 64
+    assert report.already == stopped.value.report.labelled, "what was noted is not lost"
+
+
+def test_a_report_that_does_not_fit_stops_the_run_and_is_told(
+    service: Service, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(file: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(report_of_run, "write_whole", full)
+    with pytest.raises(BatchStopped, match="report cannot be written: No space left") as stopped:
+        run(service, folder, tmp_path / "out")
+    assert stopped.value.report.labelled == 4
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is read-only for root")
+def test_a_read_only_output_is_refused_before_anything_is_asked(service: Service, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir(mode=0o555)
+    with pytest.raises(StoreError, match="cannot be written: Permission denied"):
+        run(service, folder, tmp_path / "out")
+    assert service.requests == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is hidden from root")
+def test_a_picture_that_may_not_be_read_is_named(service: Service, folder: Path, tmp_path: Path) -> None:
+    (folder / "a.png").chmod(0)
+    report = run(service, folder, tmp_path / "out")
+    assert report.failed == {"a.png": "cannot be read: Permission denied"}
+    assert report.labelled == 3
+
+
+def test_a_damaged_ledger_is_told_and_not_written_over(service: Service, folder: Path, tmp_path: Path) -> None:
+    fill(tmp_path / "out", {store.LEDGER: b"this is no database " * 100})
+    with pytest.raises(StoreError, match="not a database"):
+        run(service, folder, tmp_path / "out")
+    with LabelStore(tmp_path / "out") as kept, pytest.raises(StoreError, match="not a database"):
+        kept.entries()
+    assert (tmp_path / "out" / store.LEDGER).read_bytes().startswith(b"this is no database")
+
+
 def test_an_output_that_cannot_be_written_is_refused_before_anything_is_asked(
     service: Service, folder: Path, tmp_path: Path
 ) -> None:
@@ -258,14 +320,28 @@ def test_a_source_without_pictures_is_refused(tmp_path: Path, wrong: str, monkey
         find_pictures(wrong)
 
 
-def test_a_hundred_thousand_entries_are_looked_through_at_once(tmp_path: Path) -> None:
-    """Going on after a kill reads the ledger once, whatever its length."""
-    entries = [store.Entry(f"{k}.png", "done", "1:1", f"{k:064x}") for k in range(100_000)]
+def test_a_run_over_a_hundred_thousand_files_goes_on_where_it_was(service: Service, tmp_path: Path) -> None:
+    """The ledger holds all but three of the list's pictures: those three are asked for, and nothing else is."""
+    fill(tmp_path / "in", {f"new {k}.png": str(k).encode() for k in range(3)})
+    known = [f"shelf {k // 1000}/{k}.png" for k in range(100_000)]
+    listed = tmp_path / "in" / "list.txt"
+    listed.write_text("\n".join([*known[:50_000], "new 0.png", "new 1.png", *known[50_000:], "new 2.png"]))
     with LabelStore(tmp_path / "out", write=True) as kept:
-        kept._ledger.executemany(
-            "INSERT INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)",
-            [(e.name, e.state, e.stamp, e.sha256, e.detail, e.certainty, e.seconds) for e in entries],
-        )
+        rows = ((name, "failed", "", "", "cannot be read", 0.0, 0.0) for name in known)
+        kept._ledger.executemany("INSERT INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
         kept._ledger.commit()
-        assert len(kept.entries()) == 100_000
-        assert kept.twin_of(f"{5:064x}", "other") == "5.png"
+    report = run(service, listed, tmp_path / "out")
+    assert (report.pictures, report.labelled, len(report.failed)) == (100_003, 3, 100_000)
+    assert sorted(service.asked) == [b"0", b"1", b"2"]
+    assert len(report.lines()) < 50, "a person is shown the first ones"
+    assert len(json.loads((tmp_path / "out" / "report.json").read_text())["failed"]) == 100_000
+
+
+def test_a_list_that_names_one_picture_again_and_again_is_read_through(tmp_path: Path) -> None:
+    """It took as many steps as the square of the lines: a hundred thousand were never done."""
+    fill(tmp_path, {"a.png": b"picture"})
+    (tmp_path / "list.txt").write_text("a.png\n" * 100_000 + "a-7.png\n")
+    names = [p.name for p in find_pictures(tmp_path / "list.txt")]
+    assert names[:3] == ["a.png", "a-2.png", "a-3.png"]
+    assert names[-2:] == ["a-100000.png", "a-7-2.png"]
+    assert len(set(names)) == len(names)

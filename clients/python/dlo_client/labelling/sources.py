@@ -149,16 +149,19 @@ class _Names:
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
+        self._counts: dict[str, int] = {}
 
     def take(self, wanted: str) -> str:
         text = wanted.replace("\\", "/").encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
         parts = [_part(p) for p in PurePosixPath(text).parts if p not in ("/", "..", ".")]
         clean = "/".join(parts) or "picture"
-        name, count = clean, 1
+        # Counting goes on where it was: a list may name one picture a hundred thousand times.
+        name, count = clean, self._counts.get(clean.casefold(), 1)
         while name.casefold() in self._taken:
             count += 1
             at = PurePosixPath(clean)
             name = str(at.with_name(f"{at.stem}-{count}{at.suffix}"))
+        self._counts[clean.casefold()] = count
         self._taken.add(name.casefold())
         return name
 

@@ -91,8 +91,11 @@ class LabelStore:
             self._ledger.execute("INSERT OR REPLACE INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(entry))
 
     def entries(self) -> dict[str, Entry]:
-        """All that is known, by name."""
-        rows = self._ledger.execute("SELECT * FROM pictures ORDER BY name")
+        """All that is known, by name. Raises StoreError: the ledger is damaged, or cannot be opened where it lies."""
+        try:
+            rows = self._ledger.execute("SELECT * FROM pictures ORDER BY name").fetchall()
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.folder / LEDGER}: cannot be read: {error}") from error
         return {row[0]: Entry(*row) for row in rows}
 
     def twin_of(self, sha256: str, name: str) -> str | None:
