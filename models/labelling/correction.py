@@ -5,7 +5,8 @@ the calibration shifts a whole view, the hand moved one point of the stroke in a
 the crops three times. First every point votes by itself, within the whole crop. The votes are explained by a smooth
 3D displacement of the stroke, common to all views, and a small motion of each view; a robust least squares leaves out
 the votes that fit neither. The explained line is where the next crops are taken, and what it predicts is, with a
-spread that shrinks, what their lines of probability are weighted with. In the last round the best path along each
+spread that shrinks, what their lines of probability are weighted with. In the first round a point may be off by more
+than the corrector has learnt to bridge: two more crops are taken beside it. In the last round the best path along each
 line's probabilities is taken (one column a crop, neighbors near one another).
 """
 
@@ -21,7 +22,7 @@ from scipy.ndimage import gaussian_filter1d
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.cameras import Camera
 from models.labelling.crops import across_xy, pixels_per_crop_pixel, upright_crops
-from models.labelling.lines import LineReading, read_lines_at, weighed
+from models.labelling.lines import LineReading, read_lines_at, side_by_side, weighed
 from models.labelling.strokes import ProjectedStroke, project_stroke, stretches
 
 CropReader = Callable[[ByteArray], tuple[Float32Array, Float32Array]]
@@ -35,12 +36,14 @@ _LEAST_TRUST = 0.3
 
 @dataclass(frozen=True)
 class CorrectionParams:
-    """``spread_px``: how far (crop pixels, standard deviation) a line may be off in each round; ``per_control``:
+    """``spread_px``: how far (crop pixels, standard deviation) a line may be off in each round; ``aside_px``: where two
+    more crops are taken in the first round, to either side (0: none); ``per_control``:
     samples of the stroke for one control point of its 3D displacement; ``stiffness`` of that displacement's bending;
     ``bend``: cost of one pixel of change between neighboring crops; ``agree`` off: every view and point by itself, as
     the thesis has it."""
 
     spread_px: tuple[float, ...] = (FIRST_SPREAD_PX, 6.0, 3.5)
+    aside_px: int = 24
     per_control: int = 6
     stiffness: float = 0.3
     bend: float = 0.35
@@ -73,7 +76,7 @@ def correct_strokes(
         last = k == len(params.spread_px) - 1
         votes = [
             [
-                _vote(image, camera, points + move, shift, thick, reader, spread, params)
+                _vote(image, camera, points + move, shift, thick, reader, spread, 0 if k else params.aside_px, params)
                 for points, move, thick in zip(strokes, moved, thickness_m, strict=True)
             ]
             for image, camera, shift in zip(images, cameras, shifts, strict=True)
@@ -101,7 +104,7 @@ class _Votes:
 
 def _vote(
     image: ByteArray, camera: Camera, points_m: FloatArray, shift: FloatArray, thickness_m: float,
-    reader: CropReader, spread: float, params: CorrectionParams,
+    reader: CropReader, spread: float, aside: int, params: CorrectionParams,
 ) -> _Votes:  # fmt: skip
     seen = project_stroke(points_m, camera)
     xy = _shifted(seen.xy, shift, camera)
@@ -111,13 +114,24 @@ def _vote(
         tangent = np.gradient(xy[run], axis=0)
         believed = thickness_m * camera.focal_px / seen.depth_m[run]
         scale = pixels_per_crop_pixel(believed)
-        probability, widths = reader(upright_crops(image, xy[run], tangent, scale))
+        probability, widths = _look(image, xy[run], tangent, scale, reader, aside)
         reading = _read(probability, widths, believed / scale, spread, params)
         votes.normal[run] = across_xy(tangent)
         votes.offset[run] = reading.offsets * scale
         votes.trust[run] = reading.trust
         votes.width[run] = reading.widths * scale
     return votes
+
+
+def _look(
+    image: ByteArray, xy: FloatArray, tangent: FloatArray, scale: FloatArray, reader: CropReader, aside: int
+) -> tuple[Float32Array, Float32Array]:
+    """(n, columns) probabilities and widths at points of one line, with crops ``aside`` too."""
+    places = (-aside, 0, aside) if aside else (0,)
+    across = across_xy(tangent) * scale[:, None]
+    seen = [reader(upright_crops(image, xy + place * across, tangent, scale)) for place in places]
+    columns, widths = zip(*seen, strict=True)
+    return side_by_side(columns, max(aside, 1)), side_by_side(widths, max(aside, 1))
 
 
 def _read(

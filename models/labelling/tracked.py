@@ -11,19 +11,22 @@ from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.cameras import Camera
 from models.labelling.correction import CorrectedStroke, CorrectionParams, CropReader, correct_strokes
 from models.labelling.drawing import Strand, StrandCrossing, draw_ids, find_crossings, strand_of
+from models.labelling.ends import EndParams, settle_ends
 from models.labelling.strokes import ProjectedStroke, project_stroke, smooth_stroke, stretches
 
 
 @dataclass(frozen=True)
 class TrackedParams:
     """``spacing_px``: distance of corrected points in the nearest view; ``hand_m``: how far the spline may miss the
-    pen's points; ``measured``: share of the crops in the width (0: the thickness as given)."""
+    pen's points; ``measured``: share of the crops in the width (0: the thickness as given); ``ends``: how the ends are
+    found (None: as the pen marked them)."""
 
     spacing_px: float = 8.0
     hand_m: float = 0.002
     measured: float = 0.7
     correct: bool = True
     correction: CorrectionParams = field(default_factory=CorrectionParams)
+    ends: EndParams | None = field(default_factory=EndParams)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,8 @@ def label_tracked(
     samples = [smooth_stroke(s, _step(s, cameras, params.spacing_px), params.hand_m) for s in strokes_m]
     if params.correct:
         corrected = correct_strokes(images, cameras, samples, thickness_m, reader, params.correction)
+        if params.ends is not None:
+            corrected = _ended(images, cameras, corrected, thickness_m, params.ends)
     else:
         corrected = [[_as_projected(project_stroke(s, camera)) for s in samples] for camera in cameras]
     views = []
@@ -56,6 +61,18 @@ def label_tracked(
         ids = draw_ids(strands, *image.shape[:2])
         views.append(TrackedView(tuple(strands), tuple(row), tuple(find_crossings(strands)), ids))
     return views
+
+
+def _ended(
+    images: Sequence[ByteArray], cameras: Sequence[Camera], corrected: Sequence[Sequence[CorrectedStroke]],
+    thickness_m: Sequence[float], params: EndParams,
+) -> list[list[CorrectedStroke]]:  # fmt: skip
+    """Per view, per stroke: both ends where the pictures show them."""
+    strokes = []
+    for in_views, thick in zip(zip(*corrected, strict=True), thickness_m, strict=True):
+        widths = [thick * camera.focal_px / s.depth_m for camera, s in zip(cameras, in_views, strict=True)]
+        strokes.append(settle_ends(images, in_views, widths, params))
+    return [list(row) for row in zip(*strokes, strict=True)]
 
 
 def _step(points_m: FloatArray, cameras: Sequence[Camera], spacing_px: float) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -57,10 +58,19 @@ class Crops(NamedTuple):
     widths: Float32Array
     margins: Float32Array
 
-
-    def take(self, rows: IntArray) -> Crops:
+    def take(self, rows: IntArray | slice) -> Crops:
         """Those of the given numbers."""
         return Crops(self.images[rows], self.columns[rows], self.widths[rows], self.margins[rows])
+
+
+def joined(parts: Sequence[Crops]) -> Crops:
+    """All of them as one."""
+    return Crops(
+        np.concatenate([part.images for part in parts]),
+        np.concatenate([part.columns for part in parts]),
+        np.concatenate([part.widths for part in parts]),
+        np.concatenate([part.margins for part in parts]),
+    )
 
 
 class Pick(NamedTuple):
@@ -183,8 +193,7 @@ def write(folder: Path, params: CropParams, pool: TexturePool) -> None:
             parts.append(crops_of(render_scene(rng, params.scene(), pool), rng, params))
         partial = file.with_suffix(".part")
         with partial.open("wb") as out:
-            whole = {name: np.concatenate([getattr(p, name) for p in parts]) for name in Crops._fields}
-            np.savez(out, **whole)  # type: ignore[arg-type]
+            np.savez(out, **joined(parts)._asdict())
         partial.replace(file)
         print(f"{file.name}: {sum(len(p.images) for p in parts)} crops", flush=True)
 
@@ -195,7 +204,7 @@ def read(folder: Path, at_most: int | None = None) -> Crops:
     if not files:
         raise FileNotFoundError(f"no crops in {folder}")
     packs = [np.load(file) for file in files]
-    return Crops(*(np.concatenate([pack[name] for pack in packs]) for name in Crops._fields))
+    return joined([Crops(*(pack[name] for name in Crops._fields)) for pack in packs])
 
 
 def main() -> None:
