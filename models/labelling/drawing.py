@@ -38,8 +38,11 @@ class StrandCrossing:
     gap_m: float
 
 
-def strand_of(stroke: CorrectedStroke, thickness_m: float, focal_px: float, measured: float = 0.7) -> Strand | None:
-    """The longest stretch in the picture, or None. Its width is the thickness at its depth, corrected by how much
+def strand_of(
+    stroke: CorrectedStroke, thickness_m: float, focal_px: float, size: tuple[int, int], measured: float = 0.7
+) -> Strand | None:
+    """The longest stretch in the picture of ``size`` (width, height), or None. Where the stroke goes on outside, the
+    stretch reaches the border. Its width is the thickness at its depth, corrected by how much
     wider or narrower the crops say that it is: ``measured`` is the share that the crops have in the logarithm. Where
     none of them is sure the thickness stands."""
     runs = stretches(np.isfinite(stroke.offset_px))
@@ -50,7 +53,21 @@ def strand_of(stroke: CorrectedStroke, thickness_m: float, focal_px: float, meas
     trust = stroke.trust[run]
     good = (trust >= np.quantile(trust, 0.5)) & (trust >= _SURE)
     ratio = float(np.median(np.log(stroke.width_px[run][good] / nominal[good]))) if good.any() else 0.0
-    return Strand(stroke.xy[run], nominal * np.exp(measured * ratio), stroke.depth_m[run])
+    return Strand(
+        _to_border(stroke.xy[run], run, len(stroke.xy), size), nominal * np.exp(measured * ratio), stroke.depth_m[run]
+    )
+
+
+def _to_border(xy: FloatArray, run: slice, samples: int, size: tuple[int, int]) -> FloatArray:
+    """(n, 2) with its ends moved on to the border, by less than a step, where the stroke goes on."""
+    xy = xy.copy()
+    last = np.array(size, np.float64) - 1
+    for goes_on, end, before in ((run.start > 0, 0, 1), (run.stop < samples, -1, -2)):
+        step = xy[end] - xy[before]
+        room = np.where(step > 0, last - xy[end], xy[end]) / np.maximum(np.abs(step), 1e-9)
+        if goes_on and room.min() < 1.5:
+            xy[end] += room.min() * step
+    return xy
 
 
 def outline(strand: Strand) -> FloatArray:

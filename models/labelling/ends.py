@@ -3,7 +3,8 @@
 Strategy: near each end of a stroke the pictures are sampled along the corrected line and a little past it. What the
 line looks like against the ground beside it is known from farther in, and what ground looks like against ground from
 either side. Each sample then speaks for cable or for ground, and the end is put where the samples of all views
-together change from one to the other: the hand's error along the DLO is the same in all of them.
+together change from one to the other: the hand's error along the DLO is the same in all of them. A view may differ a
+little: what is left of the calibration's error is its own.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ _STEP = 0.125
 @dataclass(frozen=True)
 class EndParams:
     """``reach``: samples of the stroke by which an end may be off, to either side; ``spread``: by how much it is off
-    (standard deviation, samples); ``most``: log evidence of one place in one view, at most; ``known``: samples farther
-    in that tell what the DLO looks like."""
+    (standard deviation, samples), ``own`` by how much more in one view; ``most``: log evidence of one place in one
+    view, at most; ``known``: samples farther in that tell what the DLO looks like."""
 
     reach: float = 4.0
     spread: float = 1.6
+    own: float = 0.5
     most: float = 2.0
     known: int = 8
 
@@ -44,21 +46,26 @@ def settle_ends(
     for backwards in (False, True):
         views = [(image, _turned(s, backwards), w[::-1] if backwards else w)
                  for image, s, w in zip(images, out, widths_px, strict=True)]  # fmt: skip
-        moved = _offset(views, params)
-        out = [_turned(_moved(stroke, moved, params), backwards) for _, stroke, _ in views]
+        offsets = _offsets(views, params)
+        out = [
+            _turned(_moved(stroke, offset, params), backwards)
+            for (_, stroke, _), offset in zip(views, offsets, strict=True)
+        ]
     return out
 
 
-def _offset(views: Sequence[tuple[ByteArray, CorrectedStroke, FloatArray]], params: EndParams) -> float:
-    """How many samples after (before: negative) its first sample the DLO begins."""
+def _offsets(views: Sequence[tuple[ByteArray, CorrectedStroke, FloatArray]], params: EndParams) -> list[float]:
+    """How many samples after (before: negative) its first sample the DLO begins, in each view."""
     places = np.arange(-params.reach, params.reach + _STEP / 2, _STEP)
-    evidence = np.zeros(len(places))
-    for image, stroke, widths in views:
+    evidence = np.zeros((len(views), len(places)))
+    for row, (image, stroke, widths) in zip(evidence, views, strict=True):
         if np.isfinite(stroke.xy[: int(params.reach) + params.known]).all() and len(stroke.xy) > 2 * params.known:
-            evidence += _evidence(image, stroke, float(np.mean(widths[: params.known])), places, params)
+            row[:] = _evidence(image, stroke, float(np.mean(widths[: params.known])), places, params)
     # From each place on it is cable: the sum of all that follows.
-    begins = np.cumsum(evidence[::-1])[::-1] * _STEP - places**2 / (2 * params.spread**2)
-    return float(places[int(begins.argmax())]) if evidence.any() else 0.0
+    begins = np.cumsum(evidence[:, ::-1], axis=1)[:, ::-1] * _STEP
+    common = places[(begins.sum(0) - places**2 / (2 * params.spread**2)).argmax()]
+    single = places[(begins - (places - common) ** 2 / (2 * params.own**2)).argmax(1)]
+    return [float(offset) for offset in single]
 
 
 def _evidence(

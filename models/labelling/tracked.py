@@ -57,7 +57,8 @@ def label_tracked(
     views = []
     for image, camera, row in zip(images, cameras, corrected, strict=True):
         measured = params.measured if params.correct else 0.0
-        strands = [strand_of(c, t, camera.focal_px, measured) for c, t in zip(row, thickness_m, strict=True)]
+        size = (camera.intrinsics.width, camera.intrinsics.height)
+        strands = [strand_of(c, t, camera.focal_px, size, measured) for c, t in zip(row, thickness_m, strict=True)]
         ids = draw_ids(strands, *image.shape[:2])
         views.append(TrackedView(tuple(strands), tuple(row), tuple(find_crossings(strands)), ids))
     return views
