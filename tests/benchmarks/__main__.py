@@ -33,7 +33,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "disentangling": ["tests.benchmarks.bench_disentangling", "--triple", "40"],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
         "labelling": ["tests.benchmarks.bench_labelling"],
-        "tracked": ["tests.benchmarks.bench_tracked"],
+        "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
         "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
     }
 

@@ -144,14 +144,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=12)
     parser.add_argument("--crops", type=int, default=1000)
-    parser.add_argument("--textures", type=Path, help="pack of background pictures; without it they are procedural")
+    parser.add_argument(
+        "--textures", type=Path, default=Path("build/textures.npz"),
+        help="pack of background pictures; where there is none they are procedural",
+    )  # fmt: skip
     parser.add_argument("--sheet", type=Path, help="where to draw the worst views")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     network = load(default_name("corrector"), Runtime(threads=1))
+    textures = args.textures if args.textures.exists() else None
     result = {
-        "backgrounds": "pictures" if args.textures else "procedural",
-        "corrector": corrector(network, load_pool(args.textures), args.crops),
+        "backgrounds": "pictures" if textures else "procedural",
+        "corrector": corrector(network, load_pool(textures), args.crops),
         "scenes": args.scenes,
         "clicks": tracked_scene(100, views=2).clicks,
         "variants": labels(network, args.scenes, args.sheet),
