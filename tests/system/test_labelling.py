@@ -16,6 +16,8 @@ from dlo_client import Client
 from dlo_client.labelling import LabelStore
 from PIL import Image
 
+from models.geometry.rle import decode
+from tests.benchmarks.tracked_scenes import tracked_scene
 from tests.processes import running_service
 
 pytestmark = pytest.mark.system
@@ -41,9 +43,14 @@ def fill(folder: Path, count: int) -> None:
         cut.save(folder / f"picture {k:04d}.png")
 
 
-def command(address: str, source: Path, out: Path, *more: str) -> list[str]:
+def dlo(address: str, *arguments: object) -> list[str]:
+    """A command line of ``dlo``."""
     program = "from dlo_client.cli import main; main()"
-    return [sys.executable, "-c", program, "--url", address, "label", str(source), "--out", str(out), *more]
+    return [sys.executable, "-c", program, "--url", address, *(str(argument) for argument in arguments)]
+
+
+def command(address: str, source: Path, out: Path, *more: str) -> list[str]:
+    return dlo(address, "label", source, "--out", out, *more)
 
 
 def run_killed(arguments: list[str], rng: random.Random, after_s: tuple[float, float]) -> bool:
@@ -110,3 +117,35 @@ def test_time_is_not_lost_on_a_second_run(address, tmp_path):
     done = subprocess.run(arguments, check=True, capture_output=True, text=True)
     assert "0 labelled now, 3 before" in done.stdout
     assert len(labelled_jobs(address)) == before
+
+
+def test_tracked_strokes_label_every_picture(address, tmp_path):
+    """Rendered views, clicks with a hand's errors and a calibration that is off: masks of all views, in COCO too."""
+    scene = tracked_scene(1, views=4)
+    cameras, pictures = [], []
+    for k, (image, camera) in enumerate(zip(scene.images, scene.cameras, strict=True)):
+        i = camera.intrinsics
+        intrinsics = {"width": i.width, "height": i.height, "fx": i.fx, "fy": i.fy, "cx": i.cx, "cy": i.cy}
+        cameras.append({"intrinsics": intrinsics, "T_world_camera": camera.T_world_camera.tolist()})
+        pictures.append(tmp_path / f"view {k}.png")
+        Image.fromarray(image).save(pictures[-1])
+    strokes = [
+        {"points_m": points.tolist(), "thickness_m": thick}
+        for points, thick in zip(scene.strokes_m, scene.thickness_m, strict=True)
+    ]
+    files = {"cameras.json": cameras, "strokes.json": strokes}
+    for name, content in files.items():
+        (tmp_path / name).write_text(json.dumps(content))
+    given = [*(tmp_path / name for name in files), *pictures]
+    asked = dlo(address, "label-tracked", *given, "--out", tmp_path / "out", "--format", "coco")
+    done = subprocess.run(asked, check=True, capture_output=True, text=True)
+    assert "view 3.png: 2 cables, moved by" in done.stdout
+    with LabelStore(tmp_path / "out") as store:
+        labels = list(store.labels())
+    overlaps = []
+    for label, true in zip(labels, scene.ids, strict=True):
+        for item in label.instances:
+            mask = decode(item.mask_rle.counts, item.mask_rle.size)
+            overlaps.append((mask & (true == item.id)).sum() / (mask | (true == item.id)).sum())
+    assert np.mean(overlaps) > 0.75
+    assert len(json.loads((tmp_path / "out" / "coco.json").read_text())["annotations"]) == 8
