@@ -1,7 +1,7 @@
 """Train the corrector of DLO-WSL (thesis 2.5.3) on crops of rendered scenes, and export it.
 
-    python -m models.labelling.train_crops build/train_crops --textures TEXTURES.npz
-    python -m models.labelling.train_crops build/watched --textures TEXTURES.npz --seed 1000000 --scenes 300
+    python -m models.labelling.train_crops build/train_crops --textures TEXTURES.npz --seed 3 --scenes 2400 …
+    python -m models.labelling.train_crops build/watched --textures TEXTURES.npz --seed 1000000 --scenes 300 …
     python -m models.labelling.train_corrector build/train_crops --watched build/watched
 
 The state is kept in ``--state`` after every epoch, and a second start goes on from it. Prints one JSON line an
@@ -72,11 +72,17 @@ class Course:
         return self.mean.module.eval()
 
 
-def train(config: TrainConfig, crops: Crops, watched: Crops, state: Path) -> CorrectorNetwork:
-    """The trained network, in evaluation mode. Crops where another DLO is nearer to the middle teach nothing."""
+def train(
+    config: TrainConfig, crops: Crops, watched: Crops, state: Path, initial: Path | None = None
+) -> CorrectorNetwork:
+    """The trained network, in evaluation mode. Crops where another DLO is nearer to the middle teach nothing.
+    ``initial``: the state of an earlier training, whose mean is begun from."""
     torch.manual_seed(config.seed)
     known = np.flatnonzero(crops.margins >= 0)
     course = Course.begun(config, len(known))
+    if initial is not None:
+        course.mean.load_state_dict(torch.load(initial, weights_only=True)["states"]["mean"])
+        course.network.load_state_dict(course.mean.module.state_dict())
     for epoch in range(_restore(state, config, course), config.epochs):
         loss = _train_epoch(course, config, crops, known, epoch)
         _save(state, config, course, epoch + 1)
@@ -237,13 +243,14 @@ def main() -> None:
     parser.add_argument("crops", type=Path)
     parser.add_argument("--watched", type=Path, required=True)
     parser.add_argument("--state", type=Path, default=Path("build/train/labelling_corrector.pt"))
+    parser.add_argument("--initial", type=Path, help="state of an earlier training to begin from")
     for name, default in asdict(TrainConfig()).items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
     args = parser.parse_args()
     torch.set_num_threads(1)
     config = TrainConfig(**{name: getattr(args, name) for name in asdict(TrainConfig())})
     crops, watched = read(args.crops), read(args.watched)
-    network = train(config, crops, watched, args.state)
+    network = train(config, crops, watched, args.state, args.initial)
     metrics = evaluate(network, watched)
     difference = export_network(network, config, int((crops.margins >= 0).sum()), metrics)
     print(json.dumps({"config": asdict(config), "metrics": metrics, "onnx_difference": difference}))

@@ -77,6 +77,9 @@ def test_training_goes_on_and_learns(tmp_path):
     assert losses[0] < losses[1]
     again = train(config, many, many, tmp_path / "state.pt")
     assert all(torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True))
+    still = TrainConfig(epochs=1, batch=8, width=0.125, rate=1e-9, seed=9)
+    longer = train(still, many, many, tmp_path / "second.pt", tmp_path / "state.pt")
+    assert all(torch.allclose(a, b, atol=1e-5) for a, b in zip(network.parameters(), longer.parameters(), strict=True))
 
 
 def test_errors_are_those_of_the_offset():
