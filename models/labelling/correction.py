@@ -1,13 +1,13 @@
 """Moving projected strokes onto the DLOs in the pictures (thesis 2.5.3), so that all corrections agree.
 
 Strategy: the thesis corrects every point of every view by itself. But a correction has causes that many points share:
-the calibration shifts a whole view, the hand moved one point of the stroke in all views. So corrections are read from
-the crops three times. First every point votes by itself, within the whole crop. The votes are explained by a smooth
-3D displacement of the stroke, common to all views, and a small motion of each view; a robust least squares leaves out
-the votes that fit neither. The explained line is where the next crops are taken, and what it predicts is, with a
-spread that shrinks, what their lines of probability are weighted with. In the first round a point may be off by more
-than the corrector has learnt to bridge: two more crops are taken beside it. In the last round the best path along each
-line's probabilities is taken (one column a crop, neighbors near one another).
+the calibration shifts a whole view, the tracker all strokes, the hand one point of a stroke in all views. So
+corrections are read from the crops three times. First every point votes by itself, within the whole crop and two more
+beside it: it may be off by more than the corrector has learnt to bridge. The votes are explained by a shift of all
+strokes, a smooth 3D displacement of each, common to all views, and a small motion of each view; a robust least squares
+leaves out the votes that fit none of them. The explained line is where the next crops are taken, and what it predicts
+is, with a spread that shrinks, what their lines of probability are weighted with. Each time the best path along the
+lines' probabilities is taken (one column a crop, neighbors near one another).
 """
 
 from __future__ import annotations
@@ -171,12 +171,13 @@ def _explain(
 ) -> tuple[list[FloatArray], list[FloatArray]]:  # fmt: skip
     """The displacement (n, 3) of every stroke and the motion (4,) of every view that explain the votes.
 
-    Unknowns: control points of the displacements, and for each view a shift in x and y, a turn and a growth about the
-    picture's middle. One linear equation a vote: its offset along its normal. Reweighted five times (Cauchy).
+    Unknowns: control points of the displacements, a shift (3) of all strokes, and for each view a shift in x and y, a
+    turn and a growth about the picture's middle. What a stroke shows across itself so moves the others along themselves. One linear equation a vote: its offset along its normal. Reweighted five times (Cauchy).
     """
     bases = [_basis(len(points), params.per_control) for points in strokes]
     starts = np.concatenate(([0], np.cumsum([3 * b.shape[1] for b in bases])))
-    size = int(starts[-1]) + 4 * len(cameras)
+    shared = slice(int(starts[-1]), int(starts[-1]) + 3)
+    size = shared.stop + 4 * len(cameras)
     rows, values, weights = [], [], []
     for v, (camera, row) in enumerate(zip(cameras, votes, strict=True)):
         for s, vote in enumerate(row):
@@ -187,7 +188,8 @@ def _explain(
             jacobian = _jacobian(camera, (strokes[s] + moved[s])[use])
             along = np.einsum("ni,nij->nj", vote.normal[use], jacobian)
             block[:, starts[s] : starts[s + 1]] = (bases[s][use][:, :, None] * along[:, None]).reshape(len(use), -1)
-            first = int(starts[-1]) + 4 * v
+            block[:, shared] = along
+            first = shared.stop + 4 * v
             block[:, first : first + 4] = np.einsum("ni,nij->nj", vote.normal[use], _motions(vote.xy[use], camera))
             rows.append(block)
             values.append(vote.offset[use])
@@ -203,24 +205,26 @@ def _explain(
         solution = np.asarray(np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted), np.float64)
         weight = trust / (1 + ((wanted - matrix @ solution) / 2.0) ** 2)
     displaced = [
-        m + basis @ solution[a:b].reshape(-1, 3)
+        m + basis @ solution[a:b].reshape(-1, 3) + solution[shared]
         for m, basis, a, b in zip(moved, bases, starts[:-1], starts[1:], strict=True)
     ]
-    return displaced, [shift + solution[starts[-1] + 4 * v :][:4] for v, shift in enumerate(shifts)]
+    return displaced, [shift + solution[shared.stop + 4 * v :][:4] for v, shift in enumerate(shifts)]
 
 
 def _prior(bases: Sequence[FloatArray], starts: IntArray, size: int, params: CorrectionParams) -> FloatArray:
-    """Inverse variances: a stroke is displaced by about 10 mm as a whole and bends little, views move by 4 px. What
-    all views have in common is then rather the stroke's."""
+    """Inverse variances: all strokes are shifted by about 10 mm, one by 5 mm more and bends little, views move by 4 px.
+    What all views have in common is then rather the strokes'."""
     prior = np.zeros((size, size))
     for basis, a in zip(bases, starts[:-1], strict=True):
         n = basis.shape[1]
         bending = np.diff(np.eye(n), 2, axis=0)
-        local = 1e4 / n * np.eye(n) + params.stiffness * 1e6 * bending.T @ bending
+        local = 4e4 / n * np.eye(n) + params.stiffness * 1e6 * bending.T @ bending
         for axis in range(3):
             at = int(a) + axis + 3 * np.arange(n)
             prior[np.ix_(at, at)] = local
-    views = np.arange(int(starts[-1]), size)
+    shared = np.arange(int(starts[-1]), int(starts[-1]) + 3)
+    prior[shared, shared] = 1e4
+    views = np.arange(int(starts[-1]) + 3, size)
     prior[views, views] = np.tile([0.06, 0.06, 1.0, 1.0], len(views) // 4)
     return prior
 

@@ -96,12 +96,18 @@ class CorrectorNetwork(nn.Module):
 
 
 class CorrectorProbabilities(nn.Module):
-    """What is exported: columns as probabilities that sum to 1, widths in pixels of the crop."""
+    """What is exported: columns as probabilities that sum to 1, widths in pixels of the crop. Each crop is looked at
+    twice, the second time turned by half a turn, and the mean of both is told: their mistakes differ."""
 
     def __init__(self, network: CorrectorNetwork) -> None:
         super().__init__()
         self.network = network
 
     def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
+        columns, widths = self._once(crops)
+        turned_columns, turned_widths = self._once(crops.flip(1, 2))
+        return (columns + turned_columns.flip(1)) / 2, (widths + turned_widths.flip(1)) / 2
+
+    def _once(self, crops: Tensor) -> tuple[Tensor, Tensor]:
         logits, sizes = self.network(crops)
         return torch.softmax(logits, 1), torch.exp(sizes)

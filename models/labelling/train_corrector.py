@@ -72,17 +72,11 @@ class Course:
         return self.mean.module.eval()
 
 
-def train(
-    config: TrainConfig, crops: Crops, watched: Crops, state: Path, initial: Path | None = None
-) -> CorrectorNetwork:
-    """The trained network, in evaluation mode. Crops where another DLO is nearer to the middle teach nothing.
-    ``initial``: the state of an earlier training, whose mean is begun from."""
+def train(config: TrainConfig, crops: Crops, watched: Crops, state: Path) -> CorrectorNetwork:
+    """The trained network, in evaluation mode. Crops where another DLO is nearer to the middle teach nothing."""
     torch.manual_seed(config.seed)
     known = np.flatnonzero(crops.margins >= 0)
     course = Course.begun(config, len(known))
-    if initial is not None:
-        course.mean.load_state_dict(torch.load(initial, weights_only=True)["states"]["mean"])
-        course.network.load_state_dict(course.mean.module.state_dict())
     for epoch in range(_restore(state, config, course), config.epochs):
         loss = _train_epoch(course, config, crops, known, epoch)
         _save(state, config, course, epoch + 1)
@@ -213,7 +207,7 @@ def _restore(path: Path, config: TrainConfig, course: Course) -> int:
 def export_network(network: CorrectorNetwork, config: TrainConfig, crops: int, metrics: dict[str, float]) -> float:
     """Write the ONNX file and its manifest entry; returns the largest difference to torch."""
     card = Card(
-        version="1",
+        version="2",
         task="corrector",
         default=True,
         input=f"(n, {SIZE}, {SIZE}, 3) uint8 RGB crops, the DLO upright; outputs (n, {SIZE}) probability of each "
@@ -243,14 +237,13 @@ def main() -> None:
     parser.add_argument("crops", type=Path)
     parser.add_argument("--watched", type=Path, required=True)
     parser.add_argument("--state", type=Path, default=Path("build/train/labelling_corrector.pt"))
-    parser.add_argument("--initial", type=Path, help="state of an earlier training to begin from")
     for name, default in asdict(TrainConfig()).items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
     args = parser.parse_args()
     torch.set_num_threads(1)
     config = TrainConfig(**{name: getattr(args, name) for name in asdict(TrainConfig())})
     crops, watched = read(args.crops), read(args.watched)
-    network = train(config, crops, watched, args.state, args.initial)
+    network = train(config, crops, watched, args.state)
     metrics = evaluate(network, watched)
     difference = export_network(network, config, int((crops.margins >= 0).sum()), metrics)
     print(json.dumps({"config": asdict(config), "metrics": metrics, "onnx_difference": difference}))
