@@ -172,7 +172,8 @@ def _explain(
     """The displacement (n, 3) of every stroke and the motion (4,) of every view that explain the votes.
 
     Unknowns: control points of the displacements, a shift (3) of all strokes, and for each view a shift in x and y, a
-    turn and a growth about the picture's middle. What a stroke shows across itself so moves the others along themselves. One linear equation a vote: its offset along its normal. Reweighted five times (Cauchy).
+    turn and a growth about the picture's middle. What a stroke shows across itself so moves the others along
+    themselves. One linear equation a vote: its offset along its normal. Reweighted five times (Cauchy).
     """
     bases = [_basis(len(points), params.per_control) for points in strokes]
     starts = np.concatenate(([0], np.cumsum([3 * b.shape[1] for b in bases])))

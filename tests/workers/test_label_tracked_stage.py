@@ -68,6 +68,15 @@ def test_without_correction_the_strokes_stay_as_drawn(scene, tools):
     assert result.models == []
 
 
+def test_ends_are_found_unless_that_is_off(scene, tools):
+    found, marked = (
+        stages.run(request(scene, tools, files=[], find_ends=on), tools).result.views[0].instances[0].centerline_xy
+        for on in (True, False)
+    )
+    assert np.hypot(*np.subtract(found[0], marked[0])) > 0.5
+    assert found[len(found) // 2] == marked[len(marked) // 2]
+
+
 def test_the_same_request_gives_the_same_answer(scene, tools):
     asked = request(scene, tools, files=[])
     assert stages.run(asked, tools).result == stages.run(asked, tools).result

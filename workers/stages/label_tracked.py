@@ -23,6 +23,7 @@ from models.inference import Network, default_name
 from models.instances.drawing import palette
 from models.labelling.correction import CorrectedStroke, CorrectionParams, CropReader
 from models.labelling.drawing import Strand, StrandCrossing, outline
+from models.labelling.ends import EndParams
 from models.labelling.strokes import StrokeError, in_robot_frame, stretches
 from models.labelling.tracked import TrackedParams, TrackedView, label_tracked
 from workers.stages import curves3d
@@ -48,7 +49,8 @@ def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
         spacing_px=request.spacing_px,
         measured=TrackedParams.measured if request.measure_width else 0.0,
         correct=request.correct,
-        correction=CorrectionParams(agree=request.agree),
+        correction=CorrectionParams(agree=request.agree, aside_px=CorrectionParams.aside_px if request.agree else 0),
+        ends=EndParams() if request.find_ends else None,
     )
     thickness = [stroke.thickness_m for stroke in request.strokes]
     with watch.step("correct"):

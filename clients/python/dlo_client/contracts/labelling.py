@@ -75,5 +75,8 @@ class LabelTrackedRequest(JobRequest[LabelTrackedResult]):
     correct: bool = Field(default=True, description="off: the strokes as they were drawn, smoothed")
     agree: bool = Field(default=True, description="corrections agree along the DLO and across views; off: thesis 2.5.3")
     measure_width: bool = Field(default=True, description="each view's widths are measured; off: thickness as given")
+    find_ends: bool = Field(
+        default=True, description="ends are put where the pictures show them; off: where the strokes have them"
+    )
     spacing_px: float = Field(default=8.0, ge=2, le=50, description="between corrected points, in the nearest view")
     files: list[LabelFile] = Field(default=["labels", "overlay"], max_length=2)
