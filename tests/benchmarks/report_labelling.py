@@ -25,7 +25,7 @@ def batches(data: dict[str, Any]) -> str:
         f"{speed['pictures']} new pictures of 640 × 360 in each of {speed['repeats']} runs in turn, through the stage "
         f"alone in one process ({min(speed['bare_cpu_ms']):.0f} ms of processor time a picture) and through the "
         f"service with two workers ({min(speed['batch_cpu_ms']):.0f} ms, client, service, queue and workers "
-        "together; the least of the runs, as neighbors can only add to it). Processor time does not depend on the share "
+        "together; the least of the runs: neighbors only add to it). Processor time does not depend on the share "
         "of the machine that a process gets; the clock does. "
         "Then `dlo label` killed ten times.\n\n" + table(["", "floor", "aim", "measured"], rows)
     )
