@@ -50,10 +50,15 @@ def _match_group(pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntA
     total, best = _matched(pairs, costs, stop, via, shared)
     for section in np.unique(via[via >= 0]).tolist()[:_MOST_SHARED]:
         lower, found = _matched(pairs, costs, stop, via, shared | {section})
-        if lower < total - _SHARED_MARGIN:
+        if lower < total - _SHARED_MARGIN and _followed(found, pairs[via == section]) > 1:
             shared, total, best = shared | {section}, lower, found
     for a, b in best.items():
         partner[a] = b
+
+
+def _followed(partners: dict[int, int], along: IntArray) -> int:
+    """How many of the links along a section are taken: one DLO alone does not share it."""
+    return sum(partners.get(a) == b for a, b in along.tolist() if a ^ b != 1)
 
 
 def _matched(
