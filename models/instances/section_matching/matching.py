@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.components import components
 
 _EXACT_ENDS = 8
 """Groups of up to so many ends are solved by comparing every matching."""
@@ -35,8 +34,7 @@ def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via:
     pairs, costs, along = pairs[worth], costs[worth], along[worth]
     if not len(pairs):
         return partner
-    table = csr_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
-    _, group = connected_components(table, directed=False)
+    group = components(pairs, count)
     order = np.argsort(group[pairs[:, 0]], kind="stable")
     starts = np.flatnonzero(np.diff(group[pairs[order, 0]], prepend=-1))
     for rows in np.split(order, starts[1:]):

@@ -28,18 +28,19 @@ class TrainScene:
     widths_px: tuple[float, ...]
 
 
-def make_scene(rng: np.random.Generator, pool: TexturePool, wear: float = 1.0) -> TrainScene:
-    """One scene; every sixth is without its picture. ``wear``: at most how worn its mask is, 0 to 1."""
+def make_scene(rng: np.random.Generator, pool: TexturePool, wear: float = 1.0, cut_share: float = 0.0) -> TrainScene:
+    """One scene; every sixth is without its picture. ``wear``: at most how worn its mask is, 0 to 1; ``cut_share``: of
+    its cables are two whose ends face each other."""
     params = SceneParams(
         size=_SIZES[rng.integers(len(_SIZES))], width_share=(0.008, 0.04), empty_share=0.0, clutter=0.5,
-        max_cables=int(rng.integers(2, 8)), cut_share=0.15,
+        max_cables=int(rng.integers(2, 8)), cut_share=cut_share,
     )  # fmt: skip
     scene = render_scene(rng, params, pool)
     ids = scene.ids.numpy().astype(np.uint8)
     image = None if rng.random() < 1 / 6 else np.ascontiguousarray(to_uint8(scene.rgb))
     curves = tuple(c[:, :2].astype(np.float64) for c in scene.centerlines)
     severity = wear * rng.random() ** 0.5
-    seen = (ids > 0) & ~_lost_at_crossings(scene, ids, rng, 0.5 * severity)
+    seen = (ids > 0) & ~_lost_at_crossings(scene, ids, rng, 0.5 * severity**2)
     return TrainScene(image, worn(seen, rng, severity), ids, curves, scene.widths_px)
 
 
