@@ -40,8 +40,6 @@ def why(found: np.ndarray, true: np.ndarray, mask: np.ndarray) -> str:
             said.append(f"{piece} is no cable")
     if not said:
         overlap = np.sum((found > 0) & (true > 0)) / max(np.sum((found > 0) | (true > 0)), 1)
-        missing = 1 - float(mask[true > 0].mean()) if (true > 0).any() else 0.0
-        said.append(
-            f"outlines: foreground IoU {100 * overlap:.0f}, {100 * missing:.0f} % of the cables unmasked"
-        )
+        lost = 1 - float(mask[true > 0].mean()) if (true > 0).any() else 0.0
+        said.append(f"outlines: foreground IoU {100 * overlap:.0f}, {100 * lost:.0f} % of the cables unmasked")
     return "; ".join(said)
