@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from skimage.morphology import skeletonize
 
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from models.geometry.components import components
 
 _BORDER_PX = 12
 FREE = -1
@@ -95,8 +94,8 @@ def _junctions(pixels: IntArray, neighbors: IntArray, is_junction: BoolArray) ->
     local[members] = np.arange(len(members))
     linked = local[neighbors[members]]  # neighbor -1 reads the extra last entry, which stays -1
     rows, columns = np.nonzero(linked >= 0)
-    table = csr_array((np.ones(len(rows), np.int8), (rows, linked[rows, columns])), (len(members), len(members)))
-    count, label = connected_components(table, directed=False)
+    label = components(np.stack((rows, linked[rows, columns]), axis=1), len(members))
+    count = int(label.max()) + 1
     of[members] = label
     sums = np.stack([np.bincount(label, pixels[members, axis], count) for axis in (0, 1)], axis=1)
     middles: FloatArray = sums / np.bincount(label, minlength=count)[:, None]
@@ -167,7 +166,9 @@ def doubled(graph: PixelGraph) -> PixelGraph:
     xy = np.zeros((int(bounds[-1]), 2), dtype=np.int64)
     own = 2 * np.arange(len(graph.xy)) - np.repeat(np.arange(len(lengths)), lengths)
     xy[own] = 2 * graph.xy
-    between = np.setdiff1d(own + 1, np.append(bounds[1:], own), assume_unique=False)
+    is_between = np.ones(len(xy), dtype=bool)
+    is_between[own] = False
+    between = np.flatnonzero(is_between)
     xy[between] = (xy[between - 1] + xy[between + 1]) // 2
     return PixelGraph(xy, bounds, graph.ends, graph.closed, 2 * graph.junction_xy + 0.5)
 
@@ -175,13 +176,13 @@ def doubled(graph: PixelGraph) -> PixelGraph:
 def uphill(points_xy: IntArray, heights: Float32Array, steps: int) -> IntArray:
     """``(n, 2)`` pixels, each moved so many times to the highest of itself and its 8 neighbors (itself if equal)."""
     offsets = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (1, 1), (-1, 1), (1, -1)])
-    limit = np.array(heights.shape[::-1]) - 1
-    moved = points_xy
+    framed = np.pad(heights, 1, constant_values=-np.inf)
+    width = framed.shape[1]
+    around = offsets[:, 1] * width + offsets[:, 0]
+    flat, values = (points_xy[:, 1] + 1) * width + points_xy[:, 0] + 1, framed.ravel()
     for _ in range(steps):
-        around = np.clip(moved[:, None] + offsets, 0, limit)
-        best = heights[around[..., 1], around[..., 0]].argmax(axis=1)
-        moved = around[np.arange(len(moved)), best]
-    return moved
+        flat = flat + around[values[flat[:, None] + around].argmax(axis=1)]
+    return np.stack((flat % width - 1, flat // width - 1), axis=1)
 
 
 def smoothed(points: FloatArray | IntArray, bounds: IntArray, half: int) -> FloatArray:

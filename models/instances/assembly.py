@@ -35,7 +35,8 @@ _SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
 _LEAST_SCORE = 0.5
 _LONG_WIDTHS = 15.0
-"""What is less likely a DLO than not is left out, unless it is long: then it is kept and called unsure."""
+"""What is less likely a DLO than not is left out, unless it is so long (in widths of the scene's typical DLO): then it
+is kept and called unsure."""
 _COVERED = 0.6
 """Share of a centerline that may lie on a longer DLO before it counts as a part of that one."""
 
@@ -85,7 +86,8 @@ def assemble(
     ends = endpoints_of(instances, mask.shape)
     seen = instance_features(instances, ends, evidence)
     rough = rated(instances, ends, evidence, seen, method)
-    likely = [k for k, i in enumerate(rough) if i.score >= _LEAST_SCORE or i.length_px >= _LONG_WIDTHS * i.width_px]
+    long = _LONG_WIDTHS * _typical_width(rough)
+    likely = [k for k, i in enumerate(rough) if i.score >= _LEAST_SCORE or i.length_px >= long]
     instances = [rough[k] for k in likely]
     shifts = None if shifts is None else shifts[likely]
     strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]

@@ -38,16 +38,16 @@ def edge_shifts(instances: Sequence[Instance], distances: Float32Array, image: B
     if not len(owner):
         return shifts
     across = np.arange(-_INSIDE_PX, _OUTSIDE_PX + 1)
-    explained = np.zeros((len(instances), len(across) - 1))
-    weight = np.zeros(len(instances))
+    explained, weight = np.zeros((len(across) - 1, len(instances))), np.zeros(len(instances))
     for side in (-1, 1):
         reach = side * (half[:, None] + across)
         places = points[:, None] + reach[..., None] * normals[:, None]
         alone = _alone(places, half[:, None] + across, distances, image.shape)
         share = _explained(_read(image, places))
-        np.add.at(explained, owner[alone], share[alone])
-        np.add.at(weight, owner[alone], 1)
-    return _best_shifts(explained / np.maximum(weight, 1)[:, None], weight > 8)
+        mine = owner[alone]
+        explained += [np.bincount(mine, column, len(instances)) for column in share[alone].T]
+        weight += np.bincount(mine, minlength=len(instances))
+    return _best_shifts((explained / np.maximum(weight, 1)).T, weight > 8)
 
 
 def _best_shifts(explained: FloatArray, known: BoolArray) -> FloatArray:

@@ -8,11 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from models.geometry.components import components
 from models.geometry.pixel_graph import FREE, PixelGraph, smoothed
 
 _SMOOTHING_PX = 3
@@ -83,7 +82,7 @@ def sections_of(
     spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, cut, junction_radius)
     if shared_radii > 0:
         inner[_between_forks(graph, ~inner & ~spur, lengths / np.maximum(typical, 1.0), shared_radii)] = True
-    group = _grouped(graph.ends[inner], len(junction_radius))
+    group = components(graph.ends[inner], len(junction_radius))
     kept = np.flatnonzero(~inner & ~spur & (lengths >= 2))
     if len(kept) > _MAX_SECTIONS:
         kept = np.sort(kept[np.argsort(-lengths[kept], kind="stable")[:_MAX_SECTIONS]])
@@ -204,14 +203,6 @@ def _between_forks(graph: PixelGraph, kept: BoolArray, length_radii: FloatArray,
             taken |= {a, b}
             chosen.append(chain)
     return chosen
-
-
-def _grouped(pairs: IntArray, count: int) -> IntArray:
-    """``(count,)`` group of every junction when the ``(m, 2)`` pairs belong together."""
-    if not count:
-        return np.zeros(0, np.int64)
-    table = csr_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
-    return connected_components(table, directed=False)[1].astype(np.int64)
 
 
 def pairs_at_junctions(sections: Sections) -> IntArray:

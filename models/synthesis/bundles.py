@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from models.synthesis.curves import FloatArray, coil, parallel_curve, random_curve
+from models.synthesis.ribbons import STEP_PX
 
 Rng = np.random.Generator
 Course = tuple[FloatArray, float]
@@ -34,6 +35,21 @@ def random_layout(rng: Rng, size: tuple[int, int], width_share: tuple[float, flo
 
     arrange = (loose, harness, coiled)[rng.choice(3, p=[0.80, 0.14, 0.06])] if max_cables >= 3 else loose
     return arrange(rng, size, width, int(rng.integers(1, max_cables + 1)))
+
+
+def cut_through(rng: Rng, layout: Layout, share: float) -> Layout:
+    """This ``share`` of the cables becomes two whose ends face each other, up to 25 widths apart; wrapped ones stay."""
+    if layout.trunk is not None:
+        return layout
+    courses: list[Course] = []
+    for curve, thick in layout.courses:
+        gap = round(thick * float(np.exp(rng.uniform(0.0, np.log(25.0)))) / STEP_PX)
+        if rng.random() < share and len(curve) > 3 * gap:
+            at = int(rng.integers(gap, len(curve) - 2 * gap))
+            courses += [(curve[:at], thick), (curve[at + gap :], thick)]
+        else:
+            courses.append((curve, thick))
+    return replace(layout, courses=tuple(courses))
 
 
 def loose(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: int) -> Layout:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from models.synthesis import truth
-from models.synthesis.bundles import Course, Layout, random_layout, wired
+from models.synthesis.bundles import Course, Layout, cut_through, random_layout, wired
 from models.synthesis.cables import Cable, paint_cables
 from models.synthesis.canvas import Canvas
 from models.synthesis.clutter import Style, occluder, paint_clutter
@@ -27,7 +27,7 @@ from models.synthesis.textures import TexturePool
 class SceneParams:
     """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's width (6 to
     60 px at 640); ``max_cables``; ``empty_share`` pictures without any; ``clutter`` how often there is some, and
-    of which ``style``."""
+    of which ``style``; ``cut_share`` cables whose ends face each other over a gap."""
 
     size: tuple[int, int] = (192, 320)
     width_share: tuple[float, float] = (0.008, 0.095)
@@ -35,6 +35,7 @@ class SceneParams:
     empty_share: float = 0.1
     clutter: float = 0.8
     style: Style = "mixed"
+    cut_share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,8 @@ def _layout(canvas: Canvas, rng: np.random.Generator, params: SceneParams) -> La
         return Layout(())
     if rng.random() < 0.1 * params.clutter:
         return _out_of_terminals(canvas, rng, params)
-    return random_layout(rng, params.size, params.width_share, params.max_cables)
+    layout = random_layout(rng, params.size, params.width_share, params.max_cables)
+    return cut_through(rng, layout, params.cut_share) if params.cut_share else layout
 
 
 def _out_of_terminals(canvas: Canvas, rng: np.random.Generator, params: SceneParams) -> Layout:

@@ -12,12 +12,14 @@ export function showResult(result, onHover, onClick) {
     const items = entries.map(([focus, parts]) => item(focus, parts, onHover, onClick));
     byId(name).replaceChildren(...(items.length ? items : [element("li", "none", "none found")]));
   }
+  byId("status").textContent = statusOf(result.status);
+  byId("status").className = result.status.code === "ok" ? "sure" : "unsure";
   byId("instance-count").value = result.instances.length;
   byId("crossing-count").value = result.crossings.length;
 }
 
 export function clearResult() {
-  for (const id of ["instances", "crossings", "timings", "bar", "files"]) byId(id).replaceChildren();
+  for (const id of ["status", "instances", "crossings", "timings", "bar", "files"]) byId(id).replaceChildren();
   for (const id of ["instance-count", "crossing-count", "total"]) byId(id).value = "";
 }
 
@@ -69,12 +71,31 @@ export function showProblem(problem) {
 
 export const byId = (id) => document.getElementById(id);
 
-function instanceRow({ id, score, width_px, length_px, closed, endpoints }) {
-  const ends = closed ? "closed ring" : endpoints.map(({ kind }) => kind).join(" – ");
+const REASONS = {
+  gap: "gap",
+  border: "short, at the border",
+  parallel: "beside another",
+  low_contrast: "low contrast",
+  blur: "blurred",
+};
+
+const inWords = (reasons) => reasons.map((reason) => REASONS[reason] ?? reason).join(", ");
+
+function statusOf({ code, limit, reasons }) {
+  if (code === "none_found") return "No cable is seen";
+  if (code === "ok") return `Sure: every score is at least ${limit}`;
+  return `Unsure: a score is below ${limit}${reasons.length ? ` (${inWords(reasons)})` : ""}`;
+}
+
+function instanceRow({ id, score, width_px, length_px, closed, endpoints, reasons }) {
+  const ends = [closed ? "closed ring" : endpoints.map(({ kind }) => kind).join(" – ")];
+  if (reasons.length) ends.push(inWords(reasons));
   const swatch = element("i", "swatch", String(id));
   swatch.style.background = color(id);
   const size = `${width_px.toFixed(1)} × ${length_px.toFixed(0)} px`;
-  return [swatch, element("span", "size", size), element("span", "ends", ends), scoreOf(score)];
+  const about = element("span", "ends", ends.join("; "));
+  about.title = about.textContent; // a narrow row cuts it off
+  return [swatch, element("span", "size", size), about, scoreOf(score)];
 }
 
 function crossingRow(crossing) {

@@ -23,7 +23,7 @@ from skimage.morphology import skeletonize
 
 from models.inference import Network, Runtime, default_name, load, manifest
 from models.instances.overlay import overlay
-from models.instances.rt_dlo import RtDloParams, extract
+from models.instances.section_matching import extract
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from tests.benchmarks.bench_instances import contact_sheet, photos
 from tests.benchmarks.scoring import score_labels
@@ -169,14 +169,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     network = load(args.network or default_name("foreground"), Runtime(threads=2))
-    orientation = load(default_name("orientation"), Runtime(threads=2))
     settings = ForegroundInput.from_manifest(network.spec.preprocess)
 
     def probability(image: np.ndarray) -> np.ndarray:
         return segment(image, network, settings)
 
     def instances(p: np.ndarray, image: np.ndarray):
-        return extract(foreground_mask(p, settings), image, RtDloParams(), orientation)
+        return extract(foreground_mask(p, settings), image)
 
     def sheet(name: str) -> Path | None:
         return args.sheets / f"{name}.png" if args.sheets else None

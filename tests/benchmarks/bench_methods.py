@@ -6,7 +6,8 @@
 a 7 x 7 kernel and takes the color away. Worn masks: eroded 1 to 3 times with a 3 x 3 kernel; 8 squares of 5 px cleared
 around random foreground pixels, seed [5, place of the picture in the set]. Times are processor time of one thread.
 Every method has one set of parameters for everything, except in the two tables that vary them. ``--quick`` leaves those
-out. Prints tables and writes ``build/bench/methods.json`` and ``build/sheets/<method>_<set>.png`` (ten worst).
+out. Prints tables and writes ``build/bench/methods.json`` and ``build/sheets/<method>_<set>.png`` (ten worst, with
+a line on each of what is wrong).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from models.instances.overlay import overlay
 from models.instances.scene import Scene
 from tests.benchmarks.bench_instances import Photo, contact_sheet, photos
 from tests.benchmarks.instance_methods import METHODS, Extract, closed, eroded, gray, method, with_holes
+from tests.benchmarks.reasons import why
 from tests.benchmarks.scoring import FoundCrossing, crossings_in_labels, score_crossings, score_labels
 
 Wear = Callable[[np.ndarray, int], np.ndarray]
@@ -55,6 +57,7 @@ def run(extract: Extract, pictures: list[Photo], wear: Wear, colorless: bool = F
             "ms": elapsed,
             "parts_ms": scene.timings_ms,
             "scores": _scores(scene, photo.labels),
+            "why": why(scene.labels, photo.labels, mask),
         }
         rows.append(row)
         scenes.append(scene)
@@ -183,12 +186,12 @@ def _superpixel_table(pictures: list[Photo]) -> dict[str, float]:
     return table
 
 
-def _sheet(rows: list[dict], scenes: list[Scene], pictures: list[Photo], path: Path) -> str:
-    """Write the ten worst overlays; returns their names and strict IoU."""
+def _sheet(rows: list[dict], scenes: list[Scene], pictures: list[Photo], path: Path) -> list[tuple[str, int, str]]:
+    """Write the ten worst overlays; returns their names, strict IoU in percent and what is wrong."""
     worst = sorted(zip(rows, scenes, pictures, strict=True), key=lambda item: item[0]["iou_strict"])[:10]
     overlays = {row["name"]: overlay(photo.image, scene) for row, scene, photo in worst}
     cv2.imwrite(str(path), contact_sheet([row for row, _, _ in worst], overlays))
-    return ", ".join(f"{row['name']} {100 * row['iou_strict']:.0f}" for row, _, _ in worst)
+    return [(row["name"], round(100 * row["iou_strict"]), row["why"]) for row, _, _ in worst]
 
 
 if __name__ == "__main__":

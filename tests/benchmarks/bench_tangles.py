@@ -27,11 +27,13 @@ from scipy.spatial import cKDTree
 
 from models.geometry.polylines import arc_lengths, crossing_segments
 from models.instances.scene import Scene
-from models.synthesis.cables import Look, paint_cable, random_color, random_light
+from models.synthesis.cables import Cable, paint_cables
 from models.synthesis.canvas import Canvas
 from models.synthesis.curves import CurveParams, interpolate, propagate
+from models.synthesis.looks import Look, random_color, random_light
 from models.synthesis.optics import photograph
 from models.synthesis.scenes import to_uint8
+from models.synthesis.stacking import Stack
 from models.synthesis.textures import TexturePool
 from tests.benchmarks.instance_methods import method
 
@@ -42,21 +44,18 @@ BINS = ((1, 3), (4, 7), (8, 12), (13, 18), (19, 24), (25, 30))
 
 @dataclass(frozen=True)
 class TrueCrossing:
-    """Where, on which two curves (the first is the upper one) and at which arc lengths."""
+    """Where, on which two curves (the first is the upper one) and at which of their samples."""
 
     xy: np.ndarray
     curves: tuple[int, int]
-    at: tuple[float, float]
+    at: tuple[int, int]
 
 
-def crossings_of(curves: list[np.ndarray]) -> list[TrueCrossing] | None:
-    """All crossings, or None where they are too near each other, an end or too shallow."""
-    curves = [c[::3] for c in curves]
-    starts, ends = np.concatenate([c[:-1, :2] for c in curves]), np.concatenate([c[1:, :2] for c in curves])
-    owner = np.repeat(np.arange(len(curves)), [len(c) - 1 for c in curves])
-    along = np.concatenate([arc_lengths(c[:, :2])[:-1] for c in curves])
-    height = np.concatenate([c[:-1, 2] for c in curves])
-    i, j, _, _, xy = crossing_segments(starts.astype(float), ends.astype(float))
+def crossing_places(curves: list[np.ndarray]) -> np.ndarray | None:
+    """``(K, 2)`` all crossings, or None where they are too near each other, an end or too shallow."""
+    curves = [c[::3, :2].astype(float) for c in curves]
+    starts, ends = np.concatenate([c[:-1] for c in curves]), np.concatenate([c[1:] for c in curves])
+    i, j, _, _, xy = crossing_segments(starts, ends)
     inside = np.all((xy > 3 * WIDTH) & (xy < np.array(SIZE[::-1]) - 3 * WIDTH), axis=1)
     if not inside.all():
         return None
@@ -64,39 +63,30 @@ def crossings_of(curves: list[np.ndarray]) -> list[TrueCrossing] | None:
     step = step / np.hypot(*step.T)[:, None]
     if len(i) and np.abs(step[i, 0] * step[j, 1] - step[i, 1] * step[j, 0]).min() < np.sin(np.deg2rad(25)):
         return None
-    tips = np.concatenate([c[[0, -1], :2] for c in curves])
-    places = np.concatenate((xy, tips))
+    places = np.concatenate((xy, *(c[[0, -1]] for c in curves)))
     apart = np.hypot(*(xy[:, None] - places[None]).transpose(2, 0, 1)) + 1e9 * np.eye(len(xy), len(places))
-    if len(xy) and apart.min() < 6 * WIDTH:
-        return None
-    found = []
-    for a, b, place in zip(i, j, xy, strict=True):
-        # A cable drawn later lies on top; of two parts of one cable the higher.
-        first = owner[a] > owner[b] or (owner[a] == owner[b] and height[a] > height[b])
-        upper, lower = (a, b) if first else (b, a)
-        found.append(TrueCrossing(place, (int(owner[upper]), int(owner[lower])), (along[upper], along[lower])))
-    return found
+    return None if len(xy) and apart.min() < 6 * WIDTH else xy
 
 
-def tangle(rng: np.random.Generator, least: int, most: int) -> tuple[list[np.ndarray], list[TrueCrossing]]:
+def tangle(rng: np.random.Generator, least: int, most: int) -> list[np.ndarray]:
     """Curves with between ``least`` and ``most`` crossings, added one after the other."""
     for _ in range(50):
         curves: list[np.ndarray] = []
-        crossings: list[TrueCrossing] = []
+        places = np.zeros((0, 2))
         for _ in range(400):
             params = CurveParams((50.0, 90.0), rng.uniform(0.25, 0.6), 0.1, int(rng.integers(10, 24)))
             start = rng.uniform(60, np.array(SIZE[::-1]) - 60)
             curve = interpolate(propagate(rng, start.astype(np.float32), rng.uniform(-np.pi, np.pi), params), 0.7)
             margin = np.minimum(curve[:, :2], np.array(SIZE[::-1]) - curve[:, :2]).min()
-            found = crossings_of([*curves, curve]) if margin > 2 * WIDTH else None
+            found = crossing_places([*curves, curve]) if margin > 2 * WIDTH else None
             if found is not None and len(found) <= most and _apart([*curves, curve], found):
-                curves, crossings = [*curves, curve], found
-            if len(crossings) >= least:
-                return curves, crossings
+                curves, places = [*curves, curve], found
+            if len(places) >= least:
+                return curves
     raise RuntimeError(f"no scene of {least} to {most} crossings was found")
 
 
-def _apart(curves: list[np.ndarray], crossings: list[TrueCrossing]) -> bool:
+def _apart(curves: list[np.ndarray], crossings: np.ndarray) -> bool:
     """Away from crossings, no two strands touch: what touches there is another question than what crosses."""
     points = np.concatenate([c[::6, :2] for c in curves])
     owner = np.repeat(np.arange(len(curves)), [len(c[::6]) for c in curves])
@@ -105,9 +95,9 @@ def _apart(curves: list[np.ndarray], crossings: list[TrueCrossing]) -> bool:
     other = (owner[a] != owner[b]) | (np.abs(along[a] - along[b]) > 8 * WIDTH)
     if not other.any():
         return True
-    if not crossings:
+    if not len(crossings):
         return False
-    away = cKDTree(np.array([c.xy for c in crossings])).query(points[a[other]])[0]
+    away = cKDTree(crossings).query(points[a[other]])[0]
     return bool(away.max() < 7 * WIDTH)
 
 
@@ -115,18 +105,27 @@ def _look(color: tuple[float, float, float]) -> Look:
     return Look(color, color, "plain", 10.0, 0.2, 12.0, 0.0, 1.0)
 
 
-def render(rng: np.random.Generator, curves: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Mask and RGB picture, all cables of one color."""
+def render(rng: np.random.Generator, curves: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, list[TrueCrossing]]:
+    """Mask and RGB picture, all cables of one color, and what was drawn over what."""
     canvas = Canvas(TexturePool(()).sample(rng, SIZE, torch.device("cpu")).contiguous())
     light, look = random_light(rng), _look(random_color(rng))
-    for k, curve in enumerate(curves, start=1):
-        paint_cable(canvas, curve, np.full(len(curve), WIDTH / 2, np.float32), look, light, k, rng)
-    return canvas.ids.numpy() > 0, np.ascontiguousarray(to_uint8(photograph(canvas.rgb, rng)))
+    cables = [Cable(curve, np.full(len(curve), WIDTH / 2, np.float32), look) for curve in curves]
+    plan = paint_cables(canvas, cables, light, rng)
+    picture = np.ascontiguousarray(to_uint8(photograph(canvas.rgb, rng)))
+    return canvas.ids.numpy() > 0, picture, _true_crossings(plan)
 
 
-def judge(scene: Scene, curves: list[np.ndarray], crossings: list[TrueCrossing]) -> tuple[bool, bool]:
+def _true_crossings(plan: Stack) -> list[TrueCrossing]:
+    found = []
+    for meeting in plan.meetings:
+        over, under = plan.over_and_under(meeting)
+        found.append(TrueCrossing(np.array(meeting.xy), (over[0], under[0]), (over[1], under[1])))
+    return found
+
+
+def judge(scene: Scene, cables: int, crossings: list[TrueCrossing]) -> tuple[bool, bool]:
     """(whole sequence right, over and under right as well)."""
-    if len(scene.crossings) != len(crossings) or len(scene.instances) != len(curves):
+    if len(scene.crossings) != len(crossings) or len(scene.instances) != cables:
         return False, False
     if not crossings:
         return True, True
@@ -134,7 +133,7 @@ def judge(scene: Scene, curves: list[np.ndarray], crossings: list[TrueCrossing])
     rows, columns = linear_sum_assignment(apart)
     if apart[rows, columns].max() > 12:
         return False, False
-    true: dict[int, list[tuple[float, int, bool]]] = {}
+    true: dict[int, list[tuple[int, int, bool]]] = {}
     found: dict[int, list[tuple[float, int, bool]]] = {}
     for k, crossing in enumerate(crossings):
         for strand, at, upper in zip(crossing.curves, crossing.at, (True, False), strict=True):
@@ -169,8 +168,9 @@ def main() -> None:
         right = []
         for k in range(args.scenes):
             rng = np.random.default_rng([9, least, k])
-            curves, crossings = tangle(rng, least, most)
-            right.append(judge(extract(*render(rng, curves)), curves, crossings))
+            curves = tangle(rng, least, most)
+            mask, picture, crossings = render(rng, curves)
+            right.append(judge(extract(mask, picture), len(curves), crossings))
         sequence, order = (round(100 * float(np.mean(part)), 1) for part in zip(*right, strict=True))
         rows.append({"crossings": f"{least}-{most}", "scenes": args.scenes, "sequence": sequence, "order": order})
         print(rows[-1], flush=True)

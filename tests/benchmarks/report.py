@@ -63,7 +63,7 @@ def _foreground(data: dict) -> str:
         f"best {data['time_ms']['best']} ms.\n\n"
         + _others(data["others"])
         + "The ten worst of each set, by Dice:\n\n" + _table(["set", "worst"], worst)
-        + "\n### RGB to instances on `ewd`\n\nThe whole chain. Floor: IoU ≥ 72, aim 82.\n\n"
+        + "\n### RGB to instances on `ewd`\n\nThe whole chain with the default method. Floor: IoU ≥ 72, aim 82.\n\n"
         + _quality(data["rgb_to_instances"])
     )  # fmt: skip
 

@@ -27,8 +27,11 @@ def methods_section(data: dict[str, Any]) -> str:
         + _table(
             ["method", "stages"], [[n, ", ".join(f"{k} {v}" for k, v in s.items())] for n, s in data["stages"].items()]
         ),
-        "\nTen worst by strict IoU:\n\n"
-        + _table(["method and set", "worst"], [list(i) for i in data["worst"].items()]),
+        "\nTen worst of each by strict IoU, and what is wrong there:\n\n"
+        + _table(
+            ["method and set", "picture", "IoU", "why"],
+            [[name, *worst] for name, ten in data["worst"].items() for worst in ten],
+        ),
     ]
     if "rt_dlo_parameters" in data:
         parts.append(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dlo_client.contracts import SceneStatus
 from PIL import ExifTags, Image
 
 from models.geometry.rle import encode
@@ -112,6 +113,22 @@ def test_a_picture_becomes_lists(page: Any, service: FakeService) -> None:
     assert '"kind":"instances"' in service.requests[0]
 
 
+def test_the_page_says_what_is_unsure_and_why(page: Any, service: FakeService) -> None:
+    analyze(page)
+    assert page.inner_text("#status") == "Sure: every score is at least 0.8"
+    result = service.finished.result
+    unsure = result.instances[1].model_copy(update={"score": 0.4, "reasons": ["gap", "parallel"]})
+    status = SceneStatus(code="unsure", limit=0.8, reasons=["gap", "parallel"])
+    changed = result.model_copy(update={"instances": [result.instances[0], unsure], "status": status})
+    service.finished = service.finished.model_copy(update={"result": changed})
+    page.click("#run")
+    page.wait_for_selector("#status.unsure")
+    assert page.inner_text("#status") == "Unsure: a score is below 0.8 (gap, beside another)"
+    first, second = page.locator("#instances .ends").all_inner_texts()
+    assert first == "free – border"
+    assert second == "free – hidden; gap, beside another"
+
+
 def test_a_picture_can_be_dropped(page: Any, service: FakeService) -> None:
     script = """() => {
         const dataTransfer = new DataTransfer();
@@ -191,10 +208,10 @@ def test_the_request_is_shown_as_code(page: Any) -> None:
     page.press("#key", "Tab")
     analyze(page)
     curl, python = page.inner_text("#curl"), page.inner_text("#python")
-    assert """'request={"kind":"instances","method":"rt_dlo","threshold":0.25}'""" in curl
+    assert """'request={"kind":"instances","method":"section_matching","threshold":0.25}'""" in curl
     assert r"""-F 'image=@"it'\''s.jpg"'""" in curl
     assert "Bearer $DLO_API_KEY" in curl
-    assert 'InstancesRequest(method="rt_dlo", threshold=0.25), "it\'s.jpg"' in python
+    assert 'InstancesRequest(method="section_matching", threshold=0.25), "it\'s.jpg"' in python
     compile(python, "snippet", "exec")
     assert "secret" not in curl + python
 

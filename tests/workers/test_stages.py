@@ -159,14 +159,16 @@ def test_a_mask_alone_gives_an_order_that_is_not_known(tools):
     outcome = stages.run(request, tools)
     assert len(outcome.result.instances) == 2
     assert [c.score for c in outcome.result.crossings] == [0.5]
-    assert [m.name for m in outcome.result.models] == ["rt_dlo_orientation"]
+    assert outcome.result.models == []
 
 
-def test_the_whole_chain_from_a_picture(tools):
-    outcome = stages.run(InstancesRequest(image=put(tools, Image.fromarray(crossing_picture()))), tools)
+@pytest.mark.parametrize(("method", "networks"), [("section_matching", []), ("rt_dlo", ["rt_dlo_orientation"])])
+def test_the_whole_chain_from_a_picture(tools, method, networks):
+    image = put(tools, Image.fromarray(crossing_picture()))
+    outcome = stages.run(InstancesRequest(image=image, method=method), tools)
     assert outcome.result.width == 200
     assert outcome.result.height == 120
-    assert [m.name for m in outcome.result.models] == ["foreground_compact", "rt_dlo_orientation"]
+    assert [m.name for m in outcome.result.models] == ["foreground_compact", *networks]
 
 
 def test_equal_requests_give_equal_bytes(tools):

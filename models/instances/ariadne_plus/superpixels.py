@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from skimage.measure import label
 from skimage.segmentation import slic
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from models.geometry.components import components
 
 _COMPACTNESS = 40.0
 _LEAST_CONTACT = 2
@@ -155,8 +154,7 @@ def _simplified(pairs: IntArray, count: int) -> IntArray:
     """``(R,)`` node of every superpixel: touching superpixels with more than two neighbors become one (3.3.4)."""
     degree = np.bincount(pairs.ravel(), minlength=count)
     both = pairs[(degree[pairs] > 2).all(axis=1)]
-    table = csr_array((np.ones(len(both), np.int8), (both[:, 0], both[:, 1])), (count, count))
-    return connected_components(table, directed=False)[1].astype(np.int64) if count else np.zeros(0, np.int64)
+    return components(both, count)
 
 
 def _means(values: FloatArray, of: IntArray, count: int) -> FloatArray:

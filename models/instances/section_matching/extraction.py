@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
-from models.geometry.pixel_graph import PixelGraph, doubled, halved, pixel_graph, skeleton_of, uphill
+from models.geometry.pixel_graph import FREE, PixelGraph, doubled, halved, pixel_graph, skeleton_of, uphill
 from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
 from models.instances.resolution import at_working_size
@@ -23,7 +23,8 @@ _WIDE_PX = 8.0
 _BORDER_STOP = -2.0
 """Log odds against a DLO that ends at the border: it leaves the picture."""
 
-
+_WHOLE_RADII = 12.0
+"""A section of so many radii from a crossing to a free end is no stub."""
 _TIP_WIDTHS = 1.5
 """A skeleton ends up to a width and a half before the strand does."""
 
@@ -92,6 +93,11 @@ def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[in
 
 
 def _stops(sections: Sections, at_crossing: float) -> FloatArray:
-    """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the border."""
-    out: FloatArray = np.where(sections.node >= 0, at_crossing, np.where(sections.at_border, _BORDER_STOP, 0.0))
+    """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the border; at a crossing
+    the less the shorter a section is that ends freely on its other side: most such stubs are no DLO's."""
+    other = np.arange(len(sections.node)) ^ 1
+    stub = (sections.node[other] == FREE) & ~sections.at_border[other]
+    size = np.repeat(sections.length / (_WHOLE_RADII * sections.radius), 2)
+    crossing = at_crossing * np.where(stub, np.minimum(size, 1.0), 1.0)
+    out: FloatArray = np.where(sections.node >= 0, crossing, np.where(sections.at_border, _BORDER_STOP, 0.0))
     return out

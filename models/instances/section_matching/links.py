@@ -26,6 +26,7 @@ two ends, which says that it is shared and no strand of its own."""
 FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
 """``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where it does."""
 _NOISE_LEVELS = 8.0
+_BOWS_RADII = (-3.0, -1.5, 0.0, 1.5, 3.0)
 
 WEIGHTS_FILE = Path(__file__).with_name("link_weights.toml")
 
@@ -189,16 +190,28 @@ def _likeness(
 ) -> FloatArray:
     """``(m,)`` 0 to 1: how far the picture in the gap looks like the ends rather than like what lies beside them.
 
-    A half where there is no gap or no picture.
+    A half where there is no gap or no picture. A DLO may bend in a gap: of several ways to bow, the likest counts.
     """
-    if image is None:
-        return np.full(len(a), 0.5)
-    own = np.minimum(_away(image, points, sections.color[a]), _away(image, points, sections.color[b]))
+    out = np.full(len(a), 0.5)
+    rows = np.flatnonzero(off.any(axis=1))
+    if image is None or not len(rows):
+        return out
+    a, b, points, off = a[rows], b[rows], points[rows], off[rows]
     beside = (sections.beside[a] + sections.beside[b]) / 2
     contrast = np.abs(beside - (sections.color[a] + sections.color[b]) / 2).mean(axis=1)
-    like = np.exp(-((own / (0.4 * contrast + _NOISE_LEVELS)[:, None]) ** 2))
-    counted = off.sum(axis=1)
-    return np.where(counted > 0, (like * off).sum(axis=1) / np.maximum(counted, 1), 0.5)
+    width = 0.4 * contrast + _NOISE_LEVELS
+    radius = np.maximum(sections.end_radius[a], sections.end_radius[b])
+    link = sections.tip[b] - sections.tip[a]
+    normal = np.stack((-link[:, 1], link[:, 0]), axis=1) / np.maximum(np.hypot(*link.T), 1e-9)[:, None]
+    bulge = np.sin(np.linspace(0, np.pi, points.shape[1]))[:, None]
+    best = np.zeros(len(rows))
+    for bow in _BOWS_RADII:
+        bowed = points + bow * bulge * (radius[:, None] * normal)[:, None]
+        own = np.minimum(_away(image, bowed, sections.color[a]), _away(image, bowed, sections.color[b]))
+        like = np.exp(-((own / width[:, None]) ** 2))
+        best = np.maximum(best, (like * off).sum(axis=1) / off.sum(axis=1))
+    out[rows] = best
+    return out
 
 
 def _away(image: ByteArray, points: FloatArray, colors: FloatArray) -> FloatArray:

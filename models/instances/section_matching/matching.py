@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.components import components
 
 _EXACT_ENDS = 8
 """Groups of up to so many ends are solved by comparing every matching."""
@@ -35,8 +34,7 @@ def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via:
     pairs, costs, along = pairs[worth], costs[worth], along[worth]
     if not len(pairs):
         return partner
-    table = csr_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
-    _, group = connected_components(table, directed=False)
+    group = components(pairs, count)
     order = np.argsort(group[pairs[:, 0]], kind="stable")
     starts = np.flatnonzero(np.diff(group[pairs[order, 0]], prepend=-1))
     for rows in np.split(order, starts[1:]):
@@ -50,10 +48,15 @@ def _match_group(pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntA
     total, best = _matched(pairs, costs, stop, via, shared)
     for section in np.unique(via[via >= 0]).tolist()[:_MOST_SHARED]:
         lower, found = _matched(pairs, costs, stop, via, shared | {section})
-        if lower < total - _SHARED_MARGIN:
+        if lower < total - _SHARED_MARGIN and _followed(found, pairs[via == section]) > 1:
             shared, total, best = shared | {section}, lower, found
     for a, b in best.items():
         partner[a] = b
+
+
+def _followed(partners: dict[int, int], along: IntArray) -> int:
+    """How many of the links along a section are taken: one DLO alone does not share it."""
+    return sum(partners.get(a) == b for a, b in along.tolist() if a ^ b != 1)
 
 
 def _matched(

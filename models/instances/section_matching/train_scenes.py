@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths
-from models.synthesis.scenes import SceneParams, render_scene, to_uint8
+from models.synthesis.scenes import Labelled, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool
 
 _SIZES = ((360, 640), (480, 640), (400, 560))
@@ -28,17 +28,35 @@ class TrainScene:
     widths_px: tuple[float, ...]
 
 
-def make_scene(rng: np.random.Generator, pool: TexturePool, wear: float = 1.0) -> TrainScene:
-    """One scene; every sixth is without its picture. ``wear``: at most how worn its mask is, 0 to 1."""
+def make_scene(rng: np.random.Generator, pool: TexturePool, wear: float = 1.0, cut_share: float = 0.0) -> TrainScene:
+    """One scene; every sixth is without its picture. ``wear``: at most how worn its mask is, 0 to 1; ``cut_share``: of
+    its cables are two whose ends face each other."""
     params = SceneParams(
         size=_SIZES[rng.integers(len(_SIZES))], width_share=(0.008, 0.04), empty_share=0.0, clutter=0.5,
-        max_cables=int(rng.integers(2, 8)),
+        max_cables=int(rng.integers(2, 8)), cut_share=cut_share,
     )  # fmt: skip
     scene = render_scene(rng, params, pool)
     ids = scene.ids.numpy().astype(np.uint8)
     image = None if rng.random() < 1 / 6 else np.ascontiguousarray(to_uint8(scene.rgb))
     curves = tuple(c[:, :2].astype(np.float64) for c in scene.centerlines)
-    return TrainScene(image, worn(ids > 0, rng, wear * rng.random() ** 0.5), ids, curves, scene.widths_px)
+    severity = wear * rng.random() ** 0.5
+    seen = (ids > 0) & ~_lost_at_crossings(scene, ids, rng, 0.5 * severity**2)
+    return TrainScene(image, worn(seen, rng, severity), ids, curves, scene.widths_px)
+
+
+def _lost_at_crossings(scene: Labelled, ids: ByteArray, rng: np.random.Generator, share: float) -> BoolArray:
+    """Lower strands near this ``share`` of the crossings, on one side or both: networks often see them end there."""
+    lost = np.zeros(ids.shape, bool)
+    rows, columns = np.indices(ids.shape)
+    for crossing in scene.crossings:
+        if crossing.over == crossing.under or rng.random() >= share:
+            continue
+        x, y = columns - crossing.xy[0], rows - crossing.xy[1]
+        reach = rng.uniform(0.6, 3.0) * scene.widths_px[crossing.over - 1]
+        angle = rng.uniform(-np.pi, np.pi)
+        side = (x * np.cos(angle) + y * np.sin(angle) > 0) | (rng.random() < 0.3)
+        lost |= (ids == crossing.under) & (x**2 + y**2 < reach**2) & side
+    return lost
 
 
 def worn(mask: BoolArray, rng: np.random.Generator, wear: float = 1.0) -> BoolArray:

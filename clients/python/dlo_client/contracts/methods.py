@@ -10,7 +10,7 @@ from pydantic import Field
 from dlo_client.contracts.base import Contract
 
 InstanceMethod = Literal["section_matching", "rt_dlo", "fastdlo", "ariadne_plus"]
-DEFAULT_METHOD: InstanceMethod = "rt_dlo"
+DEFAULT_METHOD: InstanceMethod = "section_matching"
 
 
 class SectionMatchingParams(Contract):
