@@ -1,16 +1,20 @@
 // The corrector page: pictures, the tool in hand, and what it does to the label shown.
 
 import { Api, ProblemError } from "./api.js";
-import { add, certainty, join, remove, reshape, split, swap } from "./label_edit.js";
+import { add, anchors, certainty, join, reclicked, remove, reshape, split, swap } from "./label_edit.js";
 import { coco, finished, jsonLines } from "./label_save.js";
-import { cheapest, prepare, settle, trace } from "./livewire.js";
+import { normalAt, prepare, trace } from "./livewire.js";
+import { outlined, pull, stroke } from "./outline.js";
+import { paint } from "./strip.js";
 
 const NEAR_PX = 12; // on the screen
-const BRUSH_PX = 40; // how much of a line a drag takes along, in picture pixels to either side
+const BRUSH_PX = 40; // how much of a line a drag is shown to take along, in picture pixels to either side
+const INNER_PART = 0.5; // of the half width, where a drag takes the line and not an edge
+const USUAL_PX = 6; // the width of a line that does not snap
 const KEYS = { a: "add", m: "move", s: "split", j: "join", d: "delete", w: "swap" };
 const HINTS = {
-  add: "Click along the cable; Enter or a double click ends it, Backspace takes a click back, with Shift it is exact.",
-  move: "Drag a line to where the cable is.",
+  add: "Click both ends of a cable, and where the line leaves it; Enter or a double click ends it, Backspace takes a click back.",
+  move: "Drag a line to where the cable is, or its edge to where the cable ends.",
   split: "Click where one cable should become two.",
   join: "Click two cables one after the other.",
   delete: "Click a cable to remove it.",
@@ -20,7 +24,8 @@ const byId = (id) => document.getElementById(id);
 const canvas = byId("canvas");
 const context = canvas.getContext("2d");
 const api = new Api();
-const pictures = []; // { file, bitmap, map, label, history, touched }
+const pictures = []; // { file, bitmap, mask, label, history, touched }
+let view = null; // of the picture shown: probability, depth and planes
 let [shown, clicks, chosen, drag, pointer] = [null, [], null, null, null];
 
 const tool = () => document.querySelector("[name=tool]:checked").value;
@@ -51,20 +56,23 @@ async function analyzed(file) {
     format: "dlo-label/1", name: file.name, sha256: null, width, height, instances, crossings,
     origin: "service", method, threshold, models,
   };
-  return { file, bitmap: await createImageBitmap(file), map: probability(mask), label, history: [], touched: false };
+  return { file, bitmap: await createImageBitmap(file), mask, label, history: [], touched: false };
 }
 
-function probability(bitmap) {
-  const sheet = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d", { willReadFrequently: true });
-  sheet.drawImage(bitmap, 0, 0);
-  const { data } = sheet.getImageData(0, 0, bitmap.width, bitmap.height);
-  const p = new Float32Array(bitmap.width * bitmap.height);
-  for (let i = 0; i < p.length; i += 1) p[i] = data[4 * i] / 255;
-  return { ...prepare(p, bitmap.width, bitmap.height), bitmap };
+function prepared({ bitmap, mask, label: { width, height } }) {
+  const seen = pixels(mask, width, height);
+  const p = Float32Array.from({ length: width * height }, (_, i) => seen[4 * i] / 255);
+  return { ...prepare(p, width, height), planes: paint(pixels(bitmap, width, height), width, height) };
+}
+
+function pixels(bitmap, width, height) {
+  const sheet = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  sheet.drawImage(bitmap, 0, 0, width, height);
+  return sheet.getImageData(0, 0, width, height).data;
 }
 
 function show(picture) {
-  [shown, clicks, chosen] = [picture, [], null];
+  [shown, clicks, chosen, view] = [picture, [], null, prepared(picture)];
   byId("drop").classList.remove("empty");
   canvas.width = picture.label.width;
   canvas.height = picture.label.height;
@@ -91,30 +99,28 @@ function undo() {
 
 // The tools -------------------------------------------------------------------------------------------------------
 
-const snapped = (points) => (byId("snap").checked ? trace(shown.map, points) : { line: points.map(([x, y]) => [x, y]), width: null });
+const snaps = () => byId("snap").checked;
+const shaped = (points, pulls, width = USUAL_PX) => (snaps() ? outlined(view, points, pulls) : stroke(points, width, pulls));
+const shapeOf = (instance) => instance.shape ?? stroke(instance.centerline_xy, instance.width_px);
 
 function finishLine() {
-  if (clicks.length > 1) {
-    const { line, width, taper } = snapped(clicks);
-    edit(add(shown.label, line, width, taper));
-  }
+  if (clicks.length > 1) edit(add(shown.label, shaped(clicks, [])));
   clicks = [];
   draw();
 }
 
-function click(point, exact) {
+function click(point) {
   const near = nearest(point);
   switch (tool()) {
     case "add":
-      clicks.push([...point, exact]);
+      clicks.push(point);
       break;
     case "split":
-      if (near) edit(split(shown.label, near.instance.id, near.index));
+      if (near) edit(split(shown.label, near.instance.id, near.index, shapeOf));
       break;
     case "join":
       if (near && chosen && chosen !== near.instance.id) {
-        const bridge = (from, to) => (byId("snap").checked ? cheapest(shown.map, from, to) : [from, to]);
-        edit(join(shown.label, chosen, near.instance.id, bridge));
+        edit(join(shown.label, chosen, near.instance.id, shaped));
         chosen = null;
       } else chosen = near?.instance.id ?? null;
       break;
@@ -131,20 +137,46 @@ function click(point, exact) {
   draw();
 }
 
-/** The line with everything near the grabbed point moved along, less with distance. */
-function dragged({ instance, index, from }, to) {
-  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-  const origin = instance.centerline_xy[index];
-  return instance.centerline_xy.map((point) => {
-    const weight = Math.exp(-((away(point, origin) / BRUSH_PX) ** 2));
-    return [point[0] + weight * dx, point[1] + weight * dy];
-  });
+/** What is grabbed at a point near an instance: its line, or the edge on one side. */
+function grabbed({ instance, index }, from) {
+  const shape = shapeOf(instance);
+  const [x, y] = shape.line[index];
+  const [nx, ny] = normalAt(shape.line, index, 3);
+  const t = (from[0] - x) * nx + (from[1] - y) * ny;
+  const side = t > INNER_PART * shape.high[index] ? 1 : t < INNER_PART * shape.low[index] ? -1 : 0;
+  return { instance, shape, index, from, side };
 }
 
-function drop(point) {
-  const line = dragged(drag, point);
-  const { line: settled, width, taper } = byId("snap").checked ? settle(shown.map, line) : { line };
-  edit(reshape(shown.label, drag.instance.id, settled, width, taper));
+/** The line and both edges while they are dragged: the line with what is near taken along, or the pulled edge. */
+function dragged({ shape, index, from, side }, to) {
+  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+  if (side) {
+    const edges = { low: [...shape.low], high: [...shape.high] };
+    const [nx, ny] = shape.normals[index];
+    const t = (side < 0 ? edges.low : edges.high)[index] + dx * nx + dy * ny;
+    pull(edges, [{ i: index, t, side }]);
+    return { ...shape, ...edges };
+  }
+  const line = shape.line.map((point) => {
+    const weight = Math.exp(-((away(point, shape.line[index]) / BRUSH_PX) ** 2));
+    return [point[0] + weight * dx, point[1] + weight * dy];
+  });
+  return { ...shape, line };
+}
+
+function drop({ instance, shape, index, from, side }, to) {
+  const pulls = shape.pulls ?? [];
+  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+  if (Math.hypot(dx, dy) < 0.1) return;
+  const [x, y] = shape.line[index];
+  if (!side) {
+    edit(reshape(shown.label, instance.id, shaped(reclicked(instance, index, [x + dx, y + dy]), pulls, instance.width_px)));
+    return;
+  }
+  const [nx, ny] = shape.normals[index];
+  const t = (side < 0 ? shape.low : shape.high)[index] + dx * nx + dy * ny;
+  const pulled = [...pulls, { at: [x + t * nx, y + t * ny], side }];
+  edit(reshape(shown.label, instance.id, shaped(anchors(instance), pulled, instance.width_px)));
 }
 
 const away = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
@@ -153,7 +185,7 @@ const reach = () => (NEAR_PX * canvas.width) / (canvas.getBoundingClientRect().w
 function nearest(point) {
   let best = null;
   for (const instance of shown.label.instances) {
-    instance.centerline_xy.forEach((xy, index) => {
+    shapeOf(instance).line.forEach((xy, index) => {
       const distance = away(xy, point);
       if (distance < (best?.distance ?? Math.max(reach(), instance.width_px))) best = { instance, index, distance };
     });
@@ -176,22 +208,26 @@ function draw() {
   context.drawImage(shown.bitmap, 0, 0, canvas.width, canvas.height);
   if (byId("probability").checked) {
     context.globalAlpha = 0.7;
-    context.drawImage(shown.map.bitmap, 0, 0, canvas.width, canvas.height);
+    context.drawImage(shown.mask, 0, 0, canvas.width, canvas.height);
     context.globalAlpha = 1;
   }
   for (const instance of shown.label.instances) {
     const moving = drag?.instance.id === instance.id && pointer;
-    stroke(moving ? dragged(drag, pointer) : instance.centerline_xy, color(instance.id), instance.id === chosen ? 4 : 2);
+    const shape = moving ? dragged(drag, pointer) : instance.shape;
+    if (shape) for (const edge of [shape.low, shape.high]) curve(beside(shape, edge), color(instance.id), 1);
+    curve(shape?.line ?? instance.centerline_xy, color(instance.id), instance.id === chosen ? 4 : 2);
   }
   for (const { xy, score } of shown.label.crossings) ring(xy, score > 0.5 ? "#fff" : "#ffd500");
   if (clicks.length) {
     const points = pointer && tool() === "add" ? [...clicks, pointer] : clicks;
-    if (points.length > 1) stroke(snapped(points).line, "#fff", 2);
+    if (points.length > 1) curve(snaps() ? trace(view, points).line : points, "#fff", 2);
     for (const xy of clicks) ring(xy, "#fff", 3);
   }
 }
 
-function stroke(line, style, width) {
+const beside = ({ line, normals }, edge) => line.map(([x, y], i) => [x + edge[i] * normals[i][0], y + edge[i] * normals[i][1]]);
+
+function curve(line, style, width) {
   context.lineJoin = context.lineCap = "round";
   context.beginPath();
   line.forEach(([x, y], i) => (i ? context.lineTo(x + 0.5, y + 0.5) : context.moveTo(x + 0.5, y + 0.5)));
@@ -254,7 +290,7 @@ function save(name, text) {
 
 // Wiring ----------------------------------------------------------------------------------------------------------
 
-const all = () => pictures.map((picture) => finished(picture.label, byId("contour").checked ? picture.map : null));
+const all = () => pictures.map((picture) => finished(picture.label));
 byId("save").addEventListener("click", () => save("labels.jsonl", jsonLines(all())));
 byId("save-coco").addEventListener("click", () => save("coco.json", coco(all())));
 byId("undo").addEventListener("click", undo);
@@ -276,16 +312,16 @@ canvas.addEventListener("pointerdown", (event) => {
   const point = position(event);
   const near = nearest(point);
   if (tool() === "move" && near) {
-    drag = { ...near, from: point };
+    drag = grabbed(near, point);
     canvas.setPointerCapture(event.pointerId);
-  } else click(point, event.shiftKey);
+  } else click(point);
 });
 canvas.addEventListener("pointermove", (event) => {
   pointer = position(event);
   if (drag || clicks.length) draw();
 });
 canvas.addEventListener("pointerup", (event) => {
-  if (drag) drop(position(event));
+  if (drag) drop(drag, position(event));
   drag = null;
   draw();
 });

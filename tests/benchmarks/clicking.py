@@ -1,0 +1,172 @@
+"""A simulated person in front of the corrector, who knows the true mask of a cable: where the next click goes.
+
+The first two clicks go on the ends of the cable. Then, as in RITM's protocol, every action goes where the error is
+largest: a click on the true centerline where the line left the cable, else a pull at the edge that is most off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+from skimage.morphology import skeletonize
+
+from models.geometry.arrays import BoolArray, FloatArray
+
+SEEN_PX = 0.25
+"""A person does not see (and pull away) less than this."""
+
+
+_SPECK_PX = 12
+_MARGIN_PX = 6
+_NEAR = 8  # points of the drawn line over which an edge's error is averaged
+_LOOK_PX = 45
+
+
+@dataclass
+class Person:
+    """``mask`` (H, W) of the cable that is wanted, ``others`` of all other cables; ``hand_px`` is the standard deviation
+    of the hand, drawn from ``rng``."""
+
+    mask: BoolArray
+    others: BoolArray
+    hand_px: float = 0.0
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+    def __post_init__(self) -> None:
+        line = true_line(self.mask)
+        self.line = line
+        self.width_px = float(self.mask.sum() / max(len(line), 1))
+        self._clicked = [0, len(line) - 1] if len(line) > 1 else []
+        self._hand = {i: self._shaken(line[i]) for i in self._clicked}
+        self.pulls: list[dict[str, Any]] = []
+
+    @property
+    def clicks(self) -> list[list[float]]:
+        """In the order along the cable."""
+        return [self._hand[i].tolist() for i in sorted(self._clicked)]
+
+    @property
+    def actions(self) -> int:
+        return len(self._clicked) + len(self.pulls)
+
+    def act(self, drawn: dict[str, Any]) -> bool:
+        """One more click or pull, seeing what the page has ``drawn``; False when there is nothing left to see."""
+        line = np.array(drawn["line"])
+        away = cKDTree(line).query(self.line)[0]
+        away[self._clicked] = 0
+        worst = int(np.argmax(away))
+        if away[worst] > self.width_px / 2 + 1:
+            self._clicked.append(worst)
+            self._hand[worst] = self._shaken(self.line[worst])
+            return True
+        return self._pull(line, drawn)
+
+    def _pull(self, line: FloatArray, drawn: dict[str, Any]) -> bool:
+        normals = np.array(drawn["normals"])
+        size = np.array(self.mask.shape[::-1]) - 1
+        inside = ((line >= 0) & (line <= size)).all(1)
+        wanted = []
+        for side, key in ((-1, "low"), (1, "high")):
+            now = np.abs(np.array(drawn[key]))
+            true = np.array([edge_px(self.mask, self.others, p, side * n) for p, n in zip(line, normals, strict=True)])
+            known = ~np.isnan(true) & inside
+            if not known.any():
+                continue
+            missing = np.where(known, np.clip(true - now, -self.width_px, self.width_px), 0)
+            weight = gaussian_filter1d(known.astype(float), _NEAR, mode="constant")
+            off = gaussian_filter1d(missing, _NEAR, mode="constant") / np.maximum(weight, 0.2)
+            i = int(np.argmax(np.where(known, np.abs(off), -1)))
+            wanted.append((abs(off[i]), i, side, now[i] + off[i]))
+        if not wanted or max(wanted)[0] < SEEN_PX:
+            return False
+        _, i, side, distance = max(wanted)
+        self.pulls.append({"at": self._shaken(line[i] + side * distance * normals[i]).tolist(), "side": side})
+        return True
+
+    def _shaken(self, xy: FloatArray) -> FloatArray:
+        return np.asarray(xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64)
+
+
+def true_line(mask: BoolArray) -> FloatArray:
+    """(n, 2) from end to end of a cable: the skeletons of its pieces, joined where others pass over it."""
+    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    pieces = [labels == k for k in range(1, count)]
+    lines = [_skeleton(piece) for piece in pieces if np.count_nonzero(piece) >= _SPECK_PX]
+    lines = [line for line in lines if len(line)]
+    while len(lines) > 1:
+        ways = [
+            (float(np.linalg.norm(a[-1] - b[0])), i, j, a, b)
+            for i, first in enumerate(lines)
+            for j, second in enumerate(lines[:i])
+            for a in (first, first[::-1])
+            for b in (second, second[::-1])
+        ]
+        _, i, j, a, b = min(ways, key=lambda way: way[:3])
+        lines = [line for k, line in enumerate(lines) if k not in (i, j)] + [np.vstack([a, b])]
+    return _to_the_ends(lines[0], mask) if lines else np.zeros((0, 2))
+
+
+def _skeleton(piece: BoolArray) -> FloatArray:
+    """The longest path through one piece's skeleton. Beyond the border the cable goes on, or the skeleton would fork
+    into the corners."""
+    y, x = np.nonzero(skeletonize(np.pad(piece, _MARGIN_PX, mode="edge")))
+    points = np.stack([x, y], 1) - _MARGIN_PX
+    pairs = cKDTree(points).query_pairs(1.5, output_type="ndarray")
+    if not len(pairs):
+        return np.zeros((0, 2))
+    length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    graph = coo_matrix((length, pairs.T), shape=(len(x), len(x))).tocsr()
+    first = int(np.argmax(_finite(dijkstra(graph, directed=False, indices=0))))
+    reached, before = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
+    path = [int(np.argmax(_finite(reached)))]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    line = points[path].astype(np.float64)
+    return line[((line >= 0) & (line < np.array(piece.shape[::-1]))).all(1)]
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, -1)
+
+
+def _to_the_ends(line: FloatArray, mask: BoolArray) -> FloatArray:
+    """The line goes on straight to where the mask ends: a skeleton stops half a width before."""
+    for _ in range(2):
+        step = line[-1] - line[-1 - min(12, len(line) - 1)]
+        step = step / (np.linalg.norm(step) + 1e-9)
+        more = line[-1] + np.arange(1, _LOOK_PX)[:, None] * step
+        at = np.rint(more).astype(int)
+        size = np.array(mask.shape[::-1])
+        valid = ((at >= 0) & (at < size)).all(1)
+        at = np.clip(at, 0, size - 1)
+        on = valid & mask[at[:, 1], at[:, 0]]
+        line = np.vstack([line, more[: len(on) if on.all() else int(np.argmin(on))]])[::-1]
+    return line
+
+
+def edge_px(mask: BoolArray, others: BoolArray, xy: FloatArray, outward: FloatArray) -> float:
+    """How far from ``xy`` along the unit vector ``outward`` the mask ends; NaN where another cable or the border of
+    the picture hides it."""
+    distance = np.arange(-6, _LOOK_PX, 0.25)
+    at = np.rint(xy + distance[:, None] * outward).astype(int)
+    keep = ((at >= 0) & (at < np.array(mask.shape[::-1]))).all(1)
+    distance, at = distance[keep], at[keep]
+    own = mask[at[:, 1], at[:, 0]]
+    if not own.any():
+        return float("nan")
+    here = int(np.searchsorted(distance, 0))
+    before = np.nonzero(own[: here + 1])[0]
+    start = int(before[-1]) if len(before) else int(np.argmax(own))
+    rest = np.nonzero(~own[start:])[0]
+    if not len(rest):
+        return float("nan")
+    end = start + int(rest[0])
+    hidden = others[at[end : end + 5, 1], at[end : end + 5, 0]].any()
+    return float("nan") if hidden else float(distance[end] - 0.125)
