@@ -1,20 +1,19 @@
 // The corrector page: pictures, the tool in hand, and what it does to the label shown.
 
 import { Api, ProblemError } from "./api.js";
-import { add, anchors, certainty, join, reclicked, remove, reshape, split, swap } from "./label_edit.js";
+import { dragged, dropped, grabbed } from "./label_drag.js";
+import { add, certainty, join, remove, reshape, split, swap } from "./label_edit.js";
 import { coco, finished, jsonLines } from "./label_save.js";
-import { normalAt, prepare, trace } from "./livewire.js";
-import { outlined, pull, stroke } from "./outline.js";
+import { prepare, trace } from "./livewire.js";
+import { outlined, stroke } from "./outline.js";
 import { paint } from "./strip.js";
 
 const NEAR_PX = 12; // on the screen
-const BRUSH_PX = 40; // how much of a line a drag is shown to take along, in picture pixels to either side
-const INNER_PART = 0.5; // of the half width, where a drag takes the line and not an edge
 const USUAL_PX = 6; // the width of a line that does not snap
 const KEYS = { a: "add", m: "move", s: "split", j: "join", d: "delete", w: "swap" };
 const HINTS = {
-  add: "Click both ends of a cable, and where the line leaves it; Enter or a double click ends it, Backspace takes a click back.",
-  move: "Drag a line to where the cable is, or its edge to where the cable ends.",
+  add: "Click the ends of a cable, and between them where the line would leave it; Enter or a double click ends it, Backspace takes a click back.",
+  move: "Drag a line to where the cable is, or an edge to where it ends; with Shift both edges.",
   split: "Click where one cable should become two.",
   join: "Click two cables one after the other.",
   delete: "Click a cable to remove it.",
@@ -137,46 +136,10 @@ function click(point) {
   draw();
 }
 
-/** What is grabbed at a point near an instance: its line, or the edge on one side. */
-function grabbed({ instance, index }, from) {
-  const shape = shapeOf(instance);
-  const [x, y] = shape.line[index];
-  const [nx, ny] = normalAt(shape.line, index, 3);
-  const t = (from[0] - x) * nx + (from[1] - y) * ny;
-  const side = t > INNER_PART * shape.high[index] ? 1 : t < INNER_PART * shape.low[index] ? -1 : 0;
-  return { instance, shape, index, from, side };
-}
-
-/** The line and both edges while they are dragged: the line with what is near taken along, or the pulled edge. */
-function dragged({ shape, index, from, side }, to) {
-  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-  if (side) {
-    const edges = { low: [...shape.low], high: [...shape.high] };
-    const [nx, ny] = shape.normals[index];
-    const t = (side < 0 ? edges.low : edges.high)[index] + dx * nx + dy * ny;
-    pull(edges, [{ i: index, t, side }]);
-    return { ...shape, ...edges };
-  }
-  const line = shape.line.map((point) => {
-    const weight = Math.exp(-((away(point, shape.line[index]) / BRUSH_PX) ** 2));
-    return [point[0] + weight * dx, point[1] + weight * dy];
-  });
-  return { ...shape, line };
-}
-
-function drop({ instance, shape, index, from, side }, to) {
-  const pulls = shape.pulls ?? [];
-  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-  if (Math.hypot(dx, dy) < 0.1) return;
-  const [x, y] = shape.line[index];
-  if (!side) {
-    edit(reshape(shown.label, instance.id, shaped(reclicked(instance, index, [x + dx, y + dy]), pulls, instance.width_px)));
-    return;
-  }
-  const [nx, ny] = shape.normals[index];
-  const t = (side < 0 ? shape.low : shape.high)[index] + dx * nx + dy * ny;
-  const pulled = [...pulls, { at: [x + t * nx, y + t * ny], side }];
-  edit(reshape(shown.label, instance.id, shaped(anchors(instance), pulled, instance.width_px)));
+function drop(drag, to) {
+  if (away(drag.from, to) < 0.1) return;
+  const { clicks, pulls } = dropped(drag, to);
+  edit(reshape(shown.label, drag.instance.id, shaped(clicks, pulls, drag.instance.width_px)));
 }
 
 const away = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
@@ -312,7 +275,7 @@ canvas.addEventListener("pointerdown", (event) => {
   const point = position(event);
   const near = nearest(point);
   if (tool() === "move" && near) {
-    drag = grabbed(near, point);
+    drag = grabbed(near.instance, shapeOf(near.instance), near.index, point, event.shiftKey);
     canvas.setPointerCapture(event.pointerId);
   } else click(point);
 });

@@ -4,6 +4,8 @@
 const SIDE_PX = 60; // how far a path may leave the box around its two clicks, and as far as these are apart
 const SPACING_PX = 4;
 const SAME_TONE = 12; // gray levels
+const OTHER_TONE = 40;
+const OTHER_SHARE = 0.5;
 const TONE_SHARE = 0.8; // of the probability, where the color is that of the clicks
 const STEPS = [[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [1, 1, Math.SQRT2], [1, -1, Math.SQRT2], [-1, 1, Math.SQRT2], [-1, -1, Math.SQRT2]];
 
@@ -35,7 +37,28 @@ export function trace(view, clicks) {
   const map = { ...view, tones: clicks.map((click) => toneAt(view, click)) };
   const path = [clicks[0]];
   for (let i = 1; i < clicks.length; i += 1) path.push(...cheapest(map, clicks[i - 1], clicks[i]).slice(1));
-  return settle(view, path);
+  const { line, width } = settle(map, path);
+  return { line: through(line, clicks, 0.2 * (width ?? 0)), width };
+}
+
+/** The line moved so that it passes within `slack` of every click: where cables lie side by side, the map's middle is
+ *  between them. Between two clicks their moves are blended, beyond the outer ones kept. */
+function through(line, clicks, slack) {
+  const moves = clicks.map(([x, y]) => {
+    const distances = line.map(([a, b]) => Math.hypot(a - x, b - y));
+    const away = Math.min(...distances);
+    const index = distances.indexOf(away);
+    const share = away > slack ? 1 - slack / away : 0;
+    return { index, by: [share * (x - line[index][0]), share * (y - line[index][1])] };
+  });
+  moves.sort((a, b) => a.index - b.index);
+  return line.map((point, i) => {
+    const after = moves.find((move) => move.index >= i) ?? moves.at(-1);
+    const before = moves.findLast((move) => move.index <= i) ?? moves[0];
+    const span = after.index - before.index;
+    const share = span ? (i - before.index) / span : 0;
+    return point.map((value, axis) => value + (1 - share) * before.by[axis] + share * after.by[axis]);
+  });
 }
 
 const toneAt = ({ planes, width, height }, [x, y]) => planes.map((plane) => plane[clamp(y, height - 1) * width + clamp(x, width - 1)]);
@@ -103,20 +126,21 @@ function price(map, x, y) {
   return 0.05 + 3 * (1 - likely(map, i)) ** 2 + 0.6 / (1 + map.depth[i]);
 }
 
-/** The probability, raised where the color is that of a click: the network misses a gray cable on gray ground. */
+/** The probability, raised where the color is that of a click, for the network misses a gray cable on gray ground, and
+ *  lowered where it is far from that, for there are other cables. */
 function likely({ p, planes, tones }, i) {
-  if (p[i] >= TONE_SHARE) return p[i];
   let least = Infinity;
   for (const tone of tones) {
     const brighter = 0.5 * (planes[0][i] - tone[0]); // light changes along a cable more than its color does
     least = Math.min(least, brighter ** 2 + (planes[1][i] - tone[1]) ** 2 + (planes[2][i] - tone[2]) ** 2);
   }
-  return Math.max(p[i], TONE_SHARE * Math.exp(-least / (2 * SAME_TONE ** 2)));
+  const other = 1 - Math.exp(-least / (2 * OTHER_TONE ** 2));
+  return Math.max(p[i] * (1 - OTHER_SHARE * other), TONE_SHARE * Math.exp(-least / (2 * SAME_TONE ** 2)));
 }
 
 /** Where the cut along `normal` through `point` crosses the cable: `{ middle, width }` in pixels, or null. */
 function crossSection(map, [x, y], [nx, ny]) {
-  const seen = (t) => (within(map, x + t * nx, y + t * ny) ? sample(map.p, map, x + t * nx, y + t * ny) : 0);
+  const seen = (t) => (within(map, x + t * nx, y + t * ny) ? between(map, x + t * nx, y + t * ny) : 0);
   const inside = (t) => seen(t) >= 0.5;
   let start = null;
   for (const t of [0, 1, -1, 2, -2, 3, -3, 4, -4]) {
@@ -131,6 +155,14 @@ function crossSection(map, [x, y], [nx, ny]) {
   };
   const [low, high] = [edge(-1), edge(1)];
   return { middle: (low + high) / 2, width: high - low };
+}
+
+/** What is likely at a place between pixels. */
+function between(map, x, y) {
+  const [u, v] = [Math.floor(x), Math.floor(y)];
+  const [a, b, i] = [x - u, y - v, v * map.width + u];
+  const at = (k, share) => (share > 0 ? share * likely(map, k) : 0);
+  return at(i, (1 - a) * (1 - b)) + at(i + 1, a * (1 - b)) + at(i + map.width, (1 - a) * b) + at(i + map.width + 1, a * b);
 }
 
 const within = ({ width, height }, x, y) => x >= 0 && y >= 0 && x <= width - 1 && y <= height - 1;

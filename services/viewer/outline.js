@@ -9,22 +9,30 @@ const USUAL_PX = 10; // a cable's width where nothing is known of it
 const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
 const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
 export const WEIGHTS = Object.freeze({
-  color: 0.5, probability: 0.5, edge: 6, // what is seen
-  bend: 2, swell: 3, prior: 1.5, // against a middle or a width that changes, and a width off the even one
-  core: 0.75, beyond: 1.35, far: 2.6, // parts of the half width: surely cable; surely not, from and to
-  kinds: 16, clip: 2, blend: 0.3, inWindow: 100, outWindow: 40, along: 3, smooth: 2.5, // colors; cuts
-  small: 1.5, firm: 30, whole: 0.6, spread: 15, // pulls
+  color: 0.6, probability: 0.3, edge: 2.6, // what is seen
+  bend: 2, swell: 3.5, prior: 1.7, // against a middle or a width that changes, and a width off the even one
+  core: 0.75, beyond: 1.29, far: 2.6, // parts of the half width: surely cable; surely not, from and to
+  kinds: 16, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, // colors; cuts
+  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.6, spread: 15, // what a person says
 });
 
 /** The cable through `clicks`: `{ line, low, high, normals, width, clicks, pulls }`. `line` runs in its middle; `low` and
  *  `high` are the edges' distances from it along the normal, negative and positive. A pull `{ at, side }` says that the
  *  edge on that side (-1 or 1) passes through `at`. `view` is a prepared map with the picture's `planes`. */
 export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
-  const { line, width } = trace(view, clicks);
-  return { ...outline(view, line, width ?? USUAL_PX, pulls, weights), clicks, pulls };
+  const { line, width } = traced(view, clicks);
+  const held = [...pulls, ...clicks.map((at) => ({ at, side: 0 }))];
+  return { ...outline(view, line, width ?? USUAL_PX, held, weights), clicks, pulls };
 }
 
-/** The same about a line that is known roughly. */
+/** The last trace in a view is kept: a pull does not change it. */
+function traced(view, clicks) {
+  const key = JSON.stringify(clicks);
+  if (view.last?.key !== key) view.last = { key, ...trace(view, clicks) };
+  return view.last;
+}
+
+/** The same about a line that is known roughly; a pull of side 0 lies somewhere on the cable. */
 export function outline(view, path, width, pulls = [], o = WEIGHTS) {
   const unit = Math.max(1, width / FINE_WIDTH_PX);
   let line = soft(resample(leaving(path, width, view), 2 * unit), 4);
@@ -56,16 +64,38 @@ export function stroke(clicks, width, pulls = []) {
 
 /** Both edges of every cut in one round; in the last, pulled to where they were asked to be. */
 function found(strip, half, pins, round, unit, o) {
-  const evidence = weighed(strip, half, o);
+  const taught = pins.filter((pin) => pin.side).map((pin) => pin.i);
+  const evidence = weighed(strip, half, taught, o);
   const even = (trust) => (round ? fitted(half, trust) : null);
   const free = divided(strip, evidence, even(evidence.trust), half, [], o);
-  const missed = ({ i, t, side }) => Math.abs(t - (side < 0 ? free.low : free.high)[i]);
-  const far = pins.filter((pin) => missed(pin) > Math.max(o.small * unit, 0.25 * half[pin.i]));
-  const trust = evidence.trust.map((t, i) => (far.some((pin) => Math.abs(pin.i - i) <= 2) ? o.firm : t));
+  const far = pins.filter((pin) => missed(pin, free.low[pin.i], free.high[pin.i]) > Math.max(o.small * unit, 0.25 * half[pin.i]));
+  const trust = evidence.trust.map((t, i) => (far.some((pin) => pin.side && Math.abs(pin.i - i) <= 2) ? o.sure : t));
   const best = far.length ? divided(strip, evidence, even(trust), half, far, o) : free;
-  const edges = { low: average(best.low, evidence.trust, o.smooth), high: average(best.high, evidence.trust, o.smooth) };
+  const edges = { low: refined(strip, evidence, best.low, o), high: refined(strip, evidence, best.high, o) };
   if (round === ROUNDS - 1) pull(edges, pins, o);
   return edges;
+}
+
+/** An edge between the samples, where the step is strongest, and smoothed; clear steps count more. */
+function refined({ m, r, fine }, { edge, trust }, places, o) {
+  const at = places.map((t, i) => i * m + r + Math.round(t / fine));
+  const exact = places.map((t, i) => t + fine * peak(edge, at[i]));
+  return average(exact, at.map((k, i) => trust[i] * (o.plain + edge[k] ** 2)), o.smooth);
+}
+
+/** How far the top of the parabola through the strongest of three samples and its neighbors lies from `k`; 0 where
+ *  there is none. */
+function peak(values, k) {
+  const top = [k - 1, k, k + 1].reduce((best, other) => (values[other] > values[best] ? other : best), k);
+  const [before, here, after] = [values[top - 1], values[top], values[top + 1]];
+  const bend = before - 2 * here + after;
+  return before > here || after > here || !bend ? 0 : top - k + (before - after) / (2 * bend);
+}
+
+/** How far an edge, or the whole cable, is from where a pin says. */
+function missed({ side, t }, low, high) {
+  if (!side) return Math.max(0, low - t, t - high);
+  return Math.abs(t - (side < 0 ? low : high));
 }
 
 const along = ([x, y], [nx, ny], t) => [x + t * nx, y + t * ny];
@@ -144,7 +174,7 @@ function divided({ n, m, r, fine }, { gain, edge, trust }, even, half, pins, o) 
         const body = sums[high + 1] - sums[low] - 0.5 * fine * (gain[first] + gain[last]);
         let here = trust[i] * (body + o.edge * (edge[first] + edge[last]));
         if (even) here -= o.prior * Math.abs(b + least - even[i] / fine);
-        for (const { side, t } of own) here -= o.firm * Math.abs((side < 0 ? low : high) - r - t / fine);
+        for (const pin of own) here -= (o.firm * missed(pin, (low - r) * fine, (high - r) * fine)) / fine;
         came[a * rows + b] += here;
       }
     }

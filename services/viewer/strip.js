@@ -38,14 +38,16 @@ export function straightened(view, line, reach, fine) {
   return { n: line.length, m, r, fine, normals, colors: view.planes.map(cut), p: cut(view.p) };
 }
 
-/** `gain`: what speaks for a sample being cable, `half` being the half widths so far; `edge`: the strength of the step
+/** `gain`: what speaks for a sample being cable, `half` being the half widths so far and `taught` the cuts at which a
+ *  person has shown the edges; `edge`: the strength of the step
  *  there, 0 to 1; `trust`: of every cut, low where what lies between the edges does not look like this cable. */
-export function weighed(strip, half, o) {
+export function weighed(strip, half, taught, o) {
   const { n, m, r, fine, p } = strip;
   const kinds = sorted(strip, o.kinds);
   const part = (i, k) => (Math.abs(k - r) * fine) / half[i];
-  const inside = shares(strip, kinds, o, o.inWindow, (i, k) => part(i, k) < o.core);
-  const outside = shares(strip, kinds, o, o.outWindow, (i, k) => part(i, k) > o.beyond && part(i, k) < o.far);
+  const rows = half.map((_, i) => 1 + o.teach * Math.max(0, ...taught.map((at) => Math.exp(-(((i - at) / 8) ** 2)))));
+  const inside = shares(strip, kinds, o, o.inWindow, rows, (i, k) => part(i, k) < o.core);
+  const outside = shares(strip, kinds, o, o.outWindow, rows, (i, k) => part(i, k) > o.beyond && part(i, k) < o.far);
   const gain = new Float32Array(n * m);
   const trust = new Float32Array(n);
   for (let i = 0; i < n; i += 1) {
@@ -93,12 +95,12 @@ function sorted({ n, m, colors: [light, red, yellow] }, count) {
 }
 
 /** For every cut the shares of the kinds among the samples that `belongs` takes, within `window` cuts to either side,
- *  blended with those of the whole strip. */
-function shares({ n, m }, kinds, o, window, belongs) {
+ *  blended with those of the whole strip; `weights` of the cuts. */
+function shares({ n, m }, kinds, o, window, weights, belongs) {
   const whole = new Float64Array(o.kinds).fill(0.5);
   const rows = Array.from({ length: n }, (_, i) => {
     const row = new Float64Array(o.kinds);
-    for (let k = 0; k < m; k += 1) if (belongs(i, k)) row[kinds[i * m + k]] += 1;
+    for (let k = 0; k < m; k += 1) if (belongs(i, k)) row[kinds[i * m + k]] += weights[i];
     row.forEach((count, kind) => (whole[kind] += count));
     return row;
   });

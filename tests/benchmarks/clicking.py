@@ -1,7 +1,7 @@
 """A simulated person in front of the corrector, who knows the true mask of a cable: where the next click goes.
 
 The first two clicks go on the ends of the cable. Then, as in RITM's protocol, every action goes where the error is
-largest: a click on the true centerline where the line left the cable, else a pull at the edge that is most off.
+largest: a click on the true centerline where the outline left the cable, else a drag of one edge or both.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
@@ -31,8 +31,8 @@ _LOOK_PX = 45
 
 @dataclass
 class Person:
-    """``mask`` (H, W) of the cable that is wanted, ``others`` of all other cables; ``hand_px`` is the standard deviation
-    of the hand, drawn from ``rng``."""
+    """``mask`` (H, W) of the cable that is wanted, ``others`` of all other cables; ``hand_px`` is the standard
+    deviation of the hand, drawn from ``rng``."""
 
     mask: BoolArray
     others: BoolArray
@@ -46,6 +46,7 @@ class Person:
         self._clicked = [0, len(line) - 1] if len(line) > 1 else []
         self._hand = {i: self._shaken(line[i]) for i in self._clicked}
         self.pulls: list[dict[str, Any]] = []
+        self._drags = 0
 
     @property
     def clicks(self) -> list[list[float]]:
@@ -54,15 +55,17 @@ class Person:
 
     @property
     def actions(self) -> int:
-        return len(self._clicked) + len(self.pulls)
+        return len(self._clicked) + self._drags
 
     def act(self, drawn: dict[str, Any]) -> bool:
-        """One more click or pull, seeing what the page has ``drawn``; False when there is nothing left to see."""
+        """One more click or drag, seeing what the page has ``drawn``, with its ``mask`` (H, W); False when there is
+        nothing left to see."""
         line = np.array(drawn["line"])
-        away = cKDTree(line).query(self.line)[0]
-        away[self._clicked] = 0
-        worst = int(np.argmax(away))
-        if away[worst] > self.width_px / 2 + 1:
+        at = np.rint(self.line).astype(int)
+        outside = distance_transform_edt(~drawn["mask"])[at[:, 1], at[:, 0]]
+        outside[self._clicked] = 0
+        worst = int(np.argmax(outside))
+        if outside[worst] > self.width_px / 4:
             self._clicked.append(worst)
             self._hand[worst] = self._shaken(self.line[worst])
             return True
@@ -72,26 +75,40 @@ class Person:
         normals = np.array(drawn["normals"])
         size = np.array(self.mask.shape[::-1]) - 1
         inside = ((line >= 0) & (line <= size)).all(1)
-        wanted = []
-        for side, key in ((-1, "low"), (1, "high")):
-            now = np.abs(np.array(drawn[key]))
-            true = np.array([edge_px(self.mask, self.others, p, side * n) for p, n in zip(line, normals, strict=True)])
-            known = ~np.isnan(true) & inside
-            if not known.any():
-                continue
-            missing = np.where(known, np.clip(true - now, -self.width_px, self.width_px), 0)
-            weight = gaussian_filter1d(known.astype(float), _NEAR, mode="constant")
-            off = gaussian_filter1d(missing, _NEAR, mode="constant") / np.maximum(weight, 0.2)
-            i = int(np.argmax(np.where(known, np.abs(off), -1)))
-            wanted.append((abs(off[i]), i, side, now[i] + off[i]))
-        if not wanted or max(wanted)[0] < SEEN_PX:
+        edges = [np.array(drawn["low"]), np.array(drawn["high"])]
+        off = [self._off(line, normals, edge, side, inside) for edge, side in zip(edges, (-1, 1), strict=True)]
+        i = int(np.argmax(np.abs(off[0]) + np.abs(off[1])))
+        drag = best_drag(float(off[0][i]), float(off[1][i]))
+        if max(np.abs(drag)) < SEEN_PX:
             return False
-        _, i, side, distance = max(wanted)
-        self.pulls.append({"at": self._shaken(line[i] + side * distance * normals[i]).tolist(), "side": side})
+        self._drags += 1
+        shake = self.rng.normal(0, self.hand_px) if self.hand_px else 0.0
+        for edge, side, by in zip(edges, (-1, 1), drag, strict=True):
+            if by:
+                at = line[i] + (edge[i] + by + shake) * normals[i]
+                self.pulls.append({"at": at.tolist(), "side": side})
         return True
+
+    def _off(self, line: FloatArray, normals: FloatArray, edge: FloatArray, side: int, inside: BoolArray) -> FloatArray:
+        """(n,) how far along the normal the edge should move, averaged along the line; 0 where nobody can tell."""
+        pairs = zip(line, side * normals, strict=True)
+        true = np.array([side * edge_px(self.mask, self.others, point, outward) for point, outward in pairs])
+        known = ~np.isnan(true) & inside
+        missing = np.where(known, np.clip(true - edge, -self.width_px, self.width_px), 0)
+        weight = gaussian_filter1d(known.astype(float), _NEAR, mode="constant")
+        average = gaussian_filter1d(missing, _NEAR, mode="constant") / np.maximum(weight, 0.2)
+        return np.asarray(np.where(known, average, 0), np.float64)
 
     def _shaken(self, xy: FloatArray) -> FloatArray:
         return np.asarray(xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64)
+
+
+def best_drag(low: float, high: float) -> tuple[float, float]:
+    """What the page offers in one drag, so that least is left of both edges' errors: one edge, both together, or both
+    apart (the width)."""
+    shift, wider = (low + high) / 2, (high - low) / 2
+    choices = [(low, 0.0), (0.0, high), (shift, shift), (-wider, wider)]
+    return min(choices, key=lambda by: abs(low - by[0]) + abs(high - by[1]))
 
 
 def true_line(mask: BoolArray) -> FloatArray:
@@ -137,13 +154,14 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _to_the_ends(line: FloatArray, mask: BoolArray) -> FloatArray:
-    """The line goes on straight to where the mask ends: a skeleton stops half a width before."""
+    """The line goes on straight to where the mask ends: a skeleton stops before that, or forks into a corner."""
+    size = np.array(mask.shape[::-1])
+    half = int(np.ceil(0.5 * mask.sum() / len(line)))
     for _ in range(2):
-        step = line[-1] - line[-1 - min(12, len(line) - 1)]
-        step = step / (np.linalg.norm(step) + 1e-9)
-        more = line[-1] + np.arange(1, _LOOK_PX)[:, None] * step
+        line = line[: -half or None] if len(line) > 6 * half else line
+        step = line[-1] - line[-1 - min(2 * half, len(line) - 1)]
+        more = line[-1] + np.arange(1, _LOOK_PX)[:, None] * step / (np.linalg.norm(step) + 1e-9)
         at = np.rint(more).astype(int)
-        size = np.array(mask.shape[::-1])
         valid = ((at >= 0) & (at < size)).all(1)
         at = np.clip(at, 0, size - 1)
         on = valid & mask[at[:, 1], at[:, 0]]
