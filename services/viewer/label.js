@@ -9,6 +9,7 @@ import { outlined, stroke } from "./outline.js";
 import { paint } from "./strip.js";
 
 const NEAR_PX = 12; // on the screen
+const MOST_ZOOM = 3;
 const USUAL_PX = 6; // the width of a line that does not snap
 const KEYS = { a: "add", m: "move", s: "split", j: "join", d: "delete", w: "swap" };
 const HINTS = {
@@ -24,6 +25,7 @@ const canvas = byId("canvas");
 const context = canvas.getContext("2d");
 const api = new Api();
 const pictures = []; // { file, bitmap, mask, label, history, touched }
+let zoom = 1; // screen pixels a picture pixel
 let view = null; // of the picture shown: probability, depth and planes
 let [shown, clicks, chosen, drag, pointer] = [null, [], null, null, null];
 
@@ -73,8 +75,10 @@ function pixels(bitmap, width, height) {
 function show(picture) {
   [shown, clicks, chosen, view] = [picture, [], null, prepared(picture)];
   byId("drop").classList.remove("empty");
-  canvas.width = picture.label.width;
-  canvas.height = picture.label.height;
+  // Half a pixel matters at an edge: a small picture is shown as large as it fits.
+  zoom = Math.max(1, Math.min(MOST_ZOOM, byId("drop").clientWidth / picture.label.width));
+  canvas.width = picture.label.width * zoom;
+  canvas.height = picture.label.height * zoom;
   canvas.setAttribute("aria-label", picture.label.name);
   list();
   draw();
@@ -143,7 +147,7 @@ function drop(drag, to) {
 }
 
 const away = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
-const reach = () => (NEAR_PX * canvas.width) / (canvas.getBoundingClientRect().width || canvas.width);
+const reach = () => (NEAR_PX * shown.label.width) / (canvas.getBoundingClientRect().width || canvas.width);
 
 function nearest(point) {
   let best = null;
@@ -159,8 +163,8 @@ function nearest(point) {
 function position(event) {
   const box = canvas.getBoundingClientRect();
   return [
-    ((event.clientX - box.left) / box.width) * canvas.width - 0.5,
-    ((event.clientY - box.top) / box.height) * canvas.height - 0.5,
+    ((event.clientX - box.left) / box.width) * shown.label.width - 0.5,
+    ((event.clientY - box.top) / box.height) * shown.label.height - 0.5,
   ];
 }
 
@@ -168,10 +172,12 @@ function position(event) {
 
 function draw() {
   if (!shown) return;
-  context.drawImage(shown.bitmap, 0, 0, canvas.width, canvas.height);
+  const { width, height } = shown.label;
+  context.setTransform(zoom, 0, 0, zoom, 0, 0);
+  context.drawImage(shown.bitmap, 0, 0, width, height);
   if (byId("probability").checked) {
     context.globalAlpha = 0.7;
-    context.drawImage(shown.mask, 0, 0, canvas.width, canvas.height);
+    context.drawImage(shown.mask, 0, 0, width, height);
     context.globalAlpha = 1;
   }
   for (const instance of shown.label.instances) {
@@ -196,16 +202,16 @@ function curve(line, style, width) {
   line.forEach(([x, y], i) => (i ? context.lineTo(x + 0.5, y + 0.5) : context.moveTo(x + 0.5, y + 0.5)));
   for (const [color, extra] of [["#0008", 2], [style, 0]]) {
     context.strokeStyle = color;
-    context.lineWidth = width + extra;
+    context.lineWidth = (width + extra) / zoom;
     context.stroke();
   }
 }
 
 function ring([x, y], style, radius = 7) {
   context.beginPath();
-  context.arc(x + 0.5, y + 0.5, radius, 0, 2 * Math.PI);
+  context.arc(x + 0.5, y + 0.5, radius / zoom, 0, 2 * Math.PI);
   context.strokeStyle = style;
-  context.lineWidth = 2;
+  context.lineWidth = 2 / zoom;
   context.stroke();
 }
 
@@ -280,6 +286,7 @@ canvas.addEventListener("pointerdown", (event) => {
   } else click(point);
 });
 canvas.addEventListener("pointermove", (event) => {
+  if (!shown) return;
   pointer = position(event);
   if (drag || clicks.length) draw();
 });
