@@ -62,7 +62,8 @@ async function analyzed(file) {
 
 function prepared({ bitmap, mask, label: { width, height } }) {
   const seen = pixels(mask, width, height);
-  const p = Float32Array.from({ length: width * height }, (_, i) => seen[4 * i] / 255);
+  const p = new Float32Array(width * height);
+  for (let i = 0; i < p.length; i += 1) p[i] = seen[4 * i] / 255;
   return { ...prepare(p, width, height), planes: paint(pixels(bitmap, width, height), width, height) };
 }
 
@@ -107,7 +108,7 @@ const shaped = (points, pulls, width = USUAL_PX) => (snaps() ? outlined(view, po
 const shapeOf = (instance) => instance.shape ?? stroke(instance.centerline_xy, instance.width_px);
 
 function finishLine() {
-  if (clicks.length > 1) edit(add(shown.label, shaped(clicks, [])));
+  if (clicks.some((one) => away(one, clicks[0]) > 1)) edit(add(shown.label, shaped(clicks, [])));
   clicks = [];
   draw();
 }
