@@ -2,7 +2,7 @@
 
 import { Api, ProblemError } from "./api.js";
 import { dragged, dropped, grabbed } from "./label_drag.js";
-import { add, certainty, join, remove, reshape, split, swap } from "./label_edit.js";
+import { add, certainty, join, remove, reshape, shapeOf, split, swap } from "./label_edit.js";
 import { coco, finished, jsonLines } from "./label_save.js";
 import { prepare, trace } from "./livewire.js";
 import { outlined, stroke } from "./outline.js";
@@ -105,7 +105,6 @@ function undo() {
 
 const snaps = () => byId("snap").checked;
 const shaped = (points, pulls, width = USUAL_PX) => (snaps() ? outlined(view, points, pulls) : stroke(points, width, pulls));
-const shapeOf = (instance) => instance.shape ?? stroke(instance.centerline_xy, instance.width_px);
 
 function finishLine() {
   if (clicks.some((one) => away(one, clicks[0]) > 1)) edit(add(shown.label, shaped(clicks, [])));
@@ -120,7 +119,7 @@ function click(point) {
       clicks.push(point);
       break;
     case "split":
-      if (near) edit(split(shown.label, near.instance.id, near.index, shapeOf));
+      if (near) edit(split(shown.label, near.instance.id, near.index));
       break;
     case "join":
       if (near && chosen && chosen !== near.instance.id) {

@@ -2,6 +2,8 @@
 // A label is `{ name, width, height, instances, crossings, … }` as in dlo-label/1; an edited instance has a `shape`, as
 // `outlined` gives it.
 
+import { stroke } from "./outline.js";
+
 const SAME_PLACE_PX = 15;
 const ANCHOR_PX = 60; // between the points that stand for the clicks of a line that nobody clicked
 const SAME_CLICK_PX = 20;
@@ -18,7 +20,7 @@ export const reshape = (label, id, shape) => replaced(label, id, () => [drawn(la
 export const remove = (label, id) => replaced(label, id, () => []);
 
 /** Two instances from one, cut at the `index`-th point of its line; the second gets a new id. */
-export function split(label, id, index, shapeOf) {
+export function split(label, id, index) {
   const next = 1 + Math.max(...label.instances.map((i) => i.id));
   return replaced(label, id, (old) => {
     const shape = shapeOf(old);
@@ -28,14 +30,17 @@ export function split(label, id, index, shapeOf) {
   });
 }
 
+/** An instance's shape; one that nobody edited is as wide everywhere. */
+export const shapeOf = (instance) => instance.shape ?? stroke(instance.centerline_xy, instance.width_px);
+
 /** Points `from` to `to` of a shape, its clicks forgotten. */
 export function part(shape, from, to) {
-  const cut = (values) => values.slice(from, to);
-  return { ...shape, line: cut(shape.line), low: cut(shape.low), high: cut(shape.high), normals: cut(shape.normals), clicks: null, pulls: [] };
+  const [line, low, high, normals] = [shape.line, shape.low, shape.high, shape.normals].map((all) => all.slice(from, to));
+  return { ...shape, line, low, high, normals, clicks: null, pulls: [] };
 }
 
-/** One instance from two, by their nearest ends; `shapeOf(clicks, pulls)` gives its shape. */
-export function join(label, first, second, shapeOf) {
+/** One instance from two, by their nearest ends; `shaped(clicks, pulls)` gives its shape. */
+export function join(label, first, second, shaped) {
   const [a, b] = [first, second].map((id) => label.instances.find((i) => i.id === id));
   if (!a || !b || a === b) return label;
   const [p, q] = [anchors(a), anchors(b)];
@@ -43,7 +48,7 @@ export function join(label, first, second, shapeOf) {
   const gap = ([head, tail]) => Math.hypot(head.at(-1)[0] - tail[0][0], head.at(-1)[1] - tail[0][1]);
   const [head, tail] = ways.reduce((best, way) => (gap(way) < gap(best) ? way : best));
   const kept = replaced(label, second, () => []);
-  return replaced(kept, first, () => [drawn(label, first, shapeOf([...head, ...tail], []))]);
+  return replaced(kept, first, () => [drawn(label, first, shaped([...head, ...tail], []))]);
 }
 
 /** The clicks of an instance; of one that nobody clicked, points along it. */
@@ -101,6 +106,7 @@ function drawn({ width, height }, id, shape) {
     mask_rle: null, spline: null, endpoints: [], length_px: round(lengths(line).at(-1)), edited: true, shape,
   };
 }
+
 const round = (value) => Math.round(value * 100) / 100;
 
 function replaced(label, id, change) {

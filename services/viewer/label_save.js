@@ -1,9 +1,9 @@
 // Corrected labels as files: dlo-label/1 lines, from which `dlo label-import` and `label-export` make every other
 // format, and COCO at once.
 
-import { part } from "./label_edit.js";
+import { part, shapeOf } from "./label_edit.js";
 import { labelMap } from "./masks.js";
-import { filled, stroke } from "./outline.js";
+import { filled } from "./outline.js";
 
 /** The label with a mask for every instance: what was not edited keeps its own, edited ones are filled between their
  *  edges, and at each crossing the upper strand owns the pixels. */
@@ -44,8 +44,6 @@ export function coco(labels) {
     annotations: annotations.map((annotation, k) => ({ id: k + 1, ...annotation })),
   });
 }
-
-const shapeOf = (instance) => instance.shape ?? stroke(instance.centerline_xy, instance.width_px);
 
 /** The upper strand once more around the crossing. */
 function raise(ids, label, crossing) {

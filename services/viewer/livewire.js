@@ -3,10 +3,10 @@
 
 const SIDE_PX = 60; // how far a path may leave the box around its two clicks, and as far as these are apart
 const SPACING_PX = 4;
-const SAME_TONE = 12; // gray levels
-const OTHER_TONE = 40;
-const OTHER_SHARE = 0.5;
-const TONE_SHARE = 0.8; // of the probability, where the color is that of the clicks
+const SAME_TONE = 12; // gray levels from a click's color, within which it is the cable's
+const TONE_SHARE = 0.8; // the probability there, at least
+const OTHER_TONE = 40; // gray levels, beyond which it is something else
+const OTHER_SHARE = 0.5; // of the probability, that is taken away there
 const STEPS = [[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [1, 1, Math.SQRT2], [1, -1, Math.SQRT2], [-1, 1, Math.SQRT2], [-1, -1, Math.SQRT2]];
 
 /** `{ p, depth, width, height }` of a probability map (Float32Array, row by row): `depth` is a pixel's distance to
@@ -67,7 +67,7 @@ const clamp = (v, most) => Math.max(0, Math.min(most, Math.round(v)));
 
 /** The line moved to the middle of the cable, smoothed; where no cable is seen it stays. `width` is the median of the
  *  widths seen, or null. */
-export function settle(map, path) {
+function settle(map, path) {
   let line = smooth(resample(path, SPACING_PX), 2);
   let width = null;
   for (let round = 0; round < 2; round += 1) {
