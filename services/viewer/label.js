@@ -1,16 +1,20 @@
 // The corrector page: pictures, the tool in hand, and what it does to the label shown.
 
 import { Api, ProblemError } from "./api.js";
-import { add, certainty, join, remove, reshape, split, swap } from "./label_edit.js";
+import { dragged, dropped, grabbed } from "./label_drag.js";
+import { add, certainty, join, remove, reshape, shapeOf, split, swap } from "./label_edit.js";
 import { coco, finished, jsonLines } from "./label_save.js";
-import { cheapest, prepare, settle, trace } from "./livewire.js";
+import { prepare, trace } from "./livewire.js";
+import { outlined, stroke } from "./outline.js";
+import { paint } from "./strip.js";
 
 const NEAR_PX = 12; // on the screen
-const BRUSH_PX = 40; // how much of a line a drag takes along, in picture pixels to either side
+const MOST_ZOOM = 3;
+const USUAL_PX = 6; // the width of a line that does not snap
 const KEYS = { a: "add", m: "move", s: "split", j: "join", d: "delete", w: "swap" };
 const HINTS = {
-  add: "Click along the cable; Enter or a double click ends it, Backspace takes a click back, with Shift it is exact.",
-  move: "Drag a line to where the cable is.",
+  add: "Click the ends of a cable, and between them where the line would leave it; Enter or a double click ends it, Backspace takes a click back.",
+  move: "Drag a line to where the cable is, or an edge to where it ends; with Shift both edges.",
   split: "Click where one cable should become two.",
   join: "Click two cables one after the other.",
   delete: "Click a cable to remove it.",
@@ -20,7 +24,9 @@ const byId = (id) => document.getElementById(id);
 const canvas = byId("canvas");
 const context = canvas.getContext("2d");
 const api = new Api();
-const pictures = []; // { file, bitmap, map, label, history, touched }
+const pictures = []; // { file, bitmap, mask, label, history, touched }
+let zoom = 1; // screen pixels a picture pixel
+let view = null; // of the picture shown: probability, depth and planes
 let [shown, clicks, chosen, drag, pointer] = [null, [], null, null, null];
 
 const tool = () => document.querySelector("[name=tool]:checked").value;
@@ -51,23 +57,29 @@ async function analyzed(file) {
     format: "dlo-label/1", name: file.name, sha256: null, width, height, instances, crossings,
     origin: "service", method, threshold, models,
   };
-  return { file, bitmap: await createImageBitmap(file), map: probability(mask), label, history: [], touched: false };
+  return { file, bitmap: await createImageBitmap(file), mask, label, history: [], touched: false };
 }
 
-function probability(bitmap) {
-  const sheet = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d", { willReadFrequently: true });
-  sheet.drawImage(bitmap, 0, 0);
-  const { data } = sheet.getImageData(0, 0, bitmap.width, bitmap.height);
-  const p = new Float32Array(bitmap.width * bitmap.height);
-  for (let i = 0; i < p.length; i += 1) p[i] = data[4 * i] / 255;
-  return { ...prepare(p, bitmap.width, bitmap.height), bitmap };
+function prepared({ bitmap, mask, label: { width, height } }) {
+  const seen = pixels(mask, width, height);
+  const p = new Float32Array(width * height);
+  for (let i = 0; i < p.length; i += 1) p[i] = seen[4 * i] / 255;
+  return { ...prepare(p, width, height), planes: paint(pixels(bitmap, width, height), width, height) };
+}
+
+function pixels(bitmap, width, height) {
+  const sheet = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  sheet.drawImage(bitmap, 0, 0, width, height);
+  return sheet.getImageData(0, 0, width, height).data;
 }
 
 function show(picture) {
-  [shown, clicks, chosen] = [picture, [], null];
+  [shown, clicks, chosen, view] = [picture, [], null, prepared(picture)];
   byId("drop").classList.remove("empty");
-  canvas.width = picture.label.width;
-  canvas.height = picture.label.height;
+  // Half a pixel matters at an edge: a small picture is shown as large as it fits.
+  zoom = Math.max(1, Math.min(MOST_ZOOM, byId("drop").clientWidth / picture.label.width));
+  canvas.width = picture.label.width * zoom;
+  canvas.height = picture.label.height * zoom;
   canvas.setAttribute("aria-label", picture.label.name);
   list();
   draw();
@@ -91,30 +103,27 @@ function undo() {
 
 // The tools -------------------------------------------------------------------------------------------------------
 
-const snapped = (points) => (byId("snap").checked ? trace(shown.map, points) : { line: points.map(([x, y]) => [x, y]), width: null });
+const snaps = () => byId("snap").checked;
+const shaped = (points, pulls, width = USUAL_PX) => (snaps() ? outlined(view, points, pulls) : stroke(points, width, pulls));
 
 function finishLine() {
-  if (clicks.length > 1) {
-    const { line, width, taper } = snapped(clicks);
-    edit(add(shown.label, line, width, taper));
-  }
+  if (clicks.some((one) => away(one, clicks[0]) > 1)) edit(add(shown.label, shaped(clicks, [])));
   clicks = [];
   draw();
 }
 
-function click(point, exact) {
+function click(point) {
   const near = nearest(point);
   switch (tool()) {
     case "add":
-      clicks.push([...point, exact]);
+      clicks.push(point);
       break;
     case "split":
       if (near) edit(split(shown.label, near.instance.id, near.index));
       break;
     case "join":
       if (near && chosen && chosen !== near.instance.id) {
-        const bridge = (from, to) => (byId("snap").checked ? cheapest(shown.map, from, to) : [from, to]);
-        edit(join(shown.label, chosen, near.instance.id, bridge));
+        edit(join(shown.label, chosen, near.instance.id, shaped));
         chosen = null;
       } else chosen = near?.instance.id ?? null;
       break;
@@ -131,29 +140,19 @@ function click(point, exact) {
   draw();
 }
 
-/** The line with everything near the grabbed point moved along, less with distance. */
-function dragged({ instance, index, from }, to) {
-  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-  const origin = instance.centerline_xy[index];
-  return instance.centerline_xy.map((point) => {
-    const weight = Math.exp(-((away(point, origin) / BRUSH_PX) ** 2));
-    return [point[0] + weight * dx, point[1] + weight * dy];
-  });
-}
-
-function drop(point) {
-  const line = dragged(drag, point);
-  const { line: settled, width, taper } = byId("snap").checked ? settle(shown.map, line) : { line };
-  edit(reshape(shown.label, drag.instance.id, settled, width, taper));
+function drop(drag, to) {
+  if (away(drag.from, to) < 0.1) return;
+  const { clicks, pulls } = dropped(drag, to);
+  edit(reshape(shown.label, drag.instance.id, shaped(clicks, pulls, drag.instance.width_px)));
 }
 
 const away = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
-const reach = () => (NEAR_PX * canvas.width) / (canvas.getBoundingClientRect().width || canvas.width);
+const reach = () => (NEAR_PX * shown.label.width) / (canvas.getBoundingClientRect().width || canvas.width);
 
 function nearest(point) {
   let best = null;
   for (const instance of shown.label.instances) {
-    instance.centerline_xy.forEach((xy, index) => {
+    shapeOf(instance).line.forEach((xy, index) => {
       const distance = away(xy, point);
       if (distance < (best?.distance ?? Math.max(reach(), instance.width_px))) best = { instance, index, distance };
     });
@@ -164,8 +163,8 @@ function nearest(point) {
 function position(event) {
   const box = canvas.getBoundingClientRect();
   return [
-    ((event.clientX - box.left) / box.width) * canvas.width - 0.5,
-    ((event.clientY - box.top) / box.height) * canvas.height - 0.5,
+    ((event.clientX - box.left) / box.width) * shown.label.width - 0.5,
+    ((event.clientY - box.top) / box.height) * shown.label.height - 0.5,
   ];
 }
 
@@ -173,40 +172,46 @@ function position(event) {
 
 function draw() {
   if (!shown) return;
-  context.drawImage(shown.bitmap, 0, 0, canvas.width, canvas.height);
+  const { width, height } = shown.label;
+  context.setTransform(zoom, 0, 0, zoom, 0, 0);
+  context.drawImage(shown.bitmap, 0, 0, width, height);
   if (byId("probability").checked) {
     context.globalAlpha = 0.7;
-    context.drawImage(shown.map.bitmap, 0, 0, canvas.width, canvas.height);
+    context.drawImage(shown.mask, 0, 0, width, height);
     context.globalAlpha = 1;
   }
   for (const instance of shown.label.instances) {
     const moving = drag?.instance.id === instance.id && pointer;
-    stroke(moving ? dragged(drag, pointer) : instance.centerline_xy, color(instance.id), instance.id === chosen ? 4 : 2);
+    const shape = moving ? dragged(drag, pointer) : instance.shape;
+    if (shape) for (const edge of [shape.low, shape.high]) curve(beside(shape, edge), color(instance.id), 1);
+    curve(shape?.line ?? instance.centerline_xy, color(instance.id), instance.id === chosen ? 4 : 2);
   }
   for (const { xy, score } of shown.label.crossings) ring(xy, score > 0.5 ? "#fff" : "#ffd500");
   if (clicks.length) {
     const points = pointer && tool() === "add" ? [...clicks, pointer] : clicks;
-    if (points.length > 1) stroke(snapped(points).line, "#fff", 2);
+    if (points.length > 1) curve(snaps() ? trace(view, points).line : points, "#fff", 2);
     for (const xy of clicks) ring(xy, "#fff", 3);
   }
 }
 
-function stroke(line, style, width) {
+const beside = ({ line, normals }, edge) => line.map(([x, y], i) => [x + edge[i] * normals[i][0], y + edge[i] * normals[i][1]]);
+
+function curve(line, style, width) {
   context.lineJoin = context.lineCap = "round";
   context.beginPath();
   line.forEach(([x, y], i) => (i ? context.lineTo(x + 0.5, y + 0.5) : context.moveTo(x + 0.5, y + 0.5)));
   for (const [color, extra] of [["#0008", 2], [style, 0]]) {
     context.strokeStyle = color;
-    context.lineWidth = width + extra;
+    context.lineWidth = (width + extra) / zoom;
     context.stroke();
   }
 }
 
 function ring([x, y], style, radius = 7) {
   context.beginPath();
-  context.arc(x + 0.5, y + 0.5, radius, 0, 2 * Math.PI);
+  context.arc(x + 0.5, y + 0.5, radius / zoom, 0, 2 * Math.PI);
   context.strokeStyle = style;
-  context.lineWidth = 2;
+  context.lineWidth = 2 / zoom;
   context.stroke();
 }
 
@@ -254,7 +259,7 @@ function save(name, text) {
 
 // Wiring ----------------------------------------------------------------------------------------------------------
 
-const all = () => pictures.map((picture) => finished(picture.label, byId("contour").checked ? picture.map : null));
+const all = () => pictures.map((picture) => finished(picture.label));
 byId("save").addEventListener("click", () => save("labels.jsonl", jsonLines(all())));
 byId("save-coco").addEventListener("click", () => save("coco.json", coco(all())));
 byId("undo").addEventListener("click", undo);
@@ -276,16 +281,17 @@ canvas.addEventListener("pointerdown", (event) => {
   const point = position(event);
   const near = nearest(point);
   if (tool() === "move" && near) {
-    drag = { ...near, from: point };
+    drag = grabbed(near.instance, shapeOf(near.instance), near.index, point, event.shiftKey);
     canvas.setPointerCapture(event.pointerId);
-  } else click(point, event.shiftKey);
+  } else click(point);
 });
 canvas.addEventListener("pointermove", (event) => {
+  if (!shown) return;
   pointer = position(event);
   if (drag || clicks.length) draw();
 });
 canvas.addEventListener("pointerup", (event) => {
-  if (drag) drop(position(event));
+  if (drag) drop(drag, position(event));
   drag = null;
   draw();
 });

@@ -1,49 +1,81 @@
 // A label under correction: plain functions from one label to the next, so that undo is keeping the old ones.
-// A label is `{ name, width, height, instances, crossings, … }` as in dlo-label/1; an edited instance has `edited`.
+// A label is `{ name, width, height, instances, crossings, … }` as in dlo-label/1; an edited instance has a `shape`, as
+// `outlined` gives it.
 
-const DEFAULT_WIDTH_PX = 6;
+import { stroke } from "./outline.js";
+
 const SAME_PLACE_PX = 15;
+const ANCHOR_PX = 60; // between the points that stand for the clicks of a line that nobody clicked
+const SAME_CLICK_PX = 20;
 
 /** A new instance on top of the others. */
-export function add(label, line, width, taper = null) {
+export function add(label, shape) {
   const id = 1 + Math.max(0, ...label.instances.map((i) => i.id));
-  return crossed({ ...label, instances: [...label.instances, drawn(id, line, width, taper)] });
+  return crossed({ ...label, instances: [...label.instances, drawn(label, id, shape)] });
 }
 
-/** The instance with another centerline (and width, when it was measured). */
-export function reshape(label, id, line, width, taper = null) {
-  return replaced(label, id, (old) => [drawn(id, line, width ?? old.width_px, taper)]);
-}
+/** The instance with another shape. */
+export const reshape = (label, id, shape) => replaced(label, id, () => [drawn(label, id, shape)]);
 
-export function remove(label, id) {
-  return replaced(label, id, () => []);
-}
+export const remove = (label, id) => replaced(label, id, () => []);
 
-/** Two instances from one, cut at the centerline's `index`-th point; the second gets a new id. */
+/** Two instances from one, cut at the `index`-th point of its line; the second gets a new id. */
 export function split(label, id, index) {
   const next = 1 + Math.max(...label.instances.map((i) => i.id));
   return replaced(label, id, (old) => {
-    const line = old.centerline_xy;
-    if (index < 1 || index > line.length - 2) return [old];
-    return [drawn(id, line.slice(0, index + 1), old.width_px), drawn(next, line.slice(index), old.width_px)];
+    const shape = shapeOf(old);
+    if (index < 1 || index > shape.line.length - 2) return [old];
+    const [first, second] = [part(shape, 0, index + 1), part(shape, index, shape.line.length)];
+    return [drawn(label, id, first), drawn(label, next, second)];
   });
 }
 
-/** One instance from two, by their nearest ends; `bridge(from, to)` gives the line between these. */
-export function join(label, first, second, bridge) {
+/** An instance's shape; one that nobody edited is as wide everywhere. */
+export const shapeOf = (instance) => instance.shape ?? stroke(instance.centerline_xy, instance.width_px);
+
+/** Points `from` to `to` of a shape, its clicks forgotten. */
+export function part(shape, from, to) {
+  const [line, low, high, normals] = [shape.line, shape.low, shape.high, shape.normals].map((all) => all.slice(from, to));
+  return { ...shape, line, low, high, normals, clicks: null, pulls: [] };
+}
+
+/** One instance from two, by their nearest ends; `shaped(clicks, pulls)` gives its shape. */
+export function join(label, first, second, shaped) {
   const [a, b] = [first, second].map((id) => label.instances.find((i) => i.id === id));
   if (!a || !b || a === b) return label;
-  const ways = [
-    [a.centerline_xy, b.centerline_xy],
-    [a.centerline_xy, b.centerline_xy.toReversed()],
-    [a.centerline_xy.toReversed(), b.centerline_xy],
-    [a.centerline_xy.toReversed(), b.centerline_xy.toReversed()],
-  ];
-  const gap = ([p, q]) => Math.hypot(p.at(-1)[0] - q[0][0], p.at(-1)[1] - q[0][1]);
+  const [p, q] = [anchors(a), anchors(b)];
+  const ways = [[p, q], [p, q.toReversed()], [p.toReversed(), q], [p.toReversed(), q.toReversed()]];
+  const gap = ([head, tail]) => Math.hypot(head.at(-1)[0] - tail[0][0], head.at(-1)[1] - tail[0][1]);
   const [head, tail] = ways.reduce((best, way) => (gap(way) < gap(best) ? way : best));
-  const line = [...head, ...bridge(head.at(-1), tail[0]).slice(1, -1), ...tail];
   const kept = replaced(label, second, () => []);
-  return replaced(kept, first, () => [drawn(first, line, (a.width_px + b.width_px) / 2)]);
+  return replaced(kept, first, () => [drawn(label, first, shaped([...head, ...tail], []))]);
+}
+
+/** The clicks of an instance; of one that nobody clicked, points along it. */
+export function anchors({ shape, centerline_xy }) {
+  if (shape?.clicks) return shape.clicks;
+  const line = shape?.line ?? centerline_xy;
+  const at = lengths(line);
+  const count = Math.max(1, Math.round(at.at(-1) / ANCHOR_PX));
+  return Array.from({ length: count + 1 }, (_, k) => line[at.findIndex((s) => s >= (at.at(-1) * k) / count - 1e-9)]);
+}
+
+/** The clicks with one more where the line was grabbed at its `index`-th point, or the one near it moved. */
+export function reclicked(instance, index, to) {
+  const line = instance.shape?.line ?? instance.centerline_xy;
+  const at = lengths(line);
+  const clicks = anchors(instance);
+  let from = 0;
+  const places = clicks.map((click) => {
+    const away = line.map((point, i) => (i < from ? Infinity : Math.hypot(point[0] - click[0], point[1] - click[1])));
+    from = away.indexOf(Math.min(...away));
+    return at[from];
+  });
+  const gaps = places.map((place) => Math.abs(place - at[index]));
+  const near = gaps.indexOf(Math.min(...gaps));
+  if (gaps[near] < SAME_CLICK_PX) return clicks.with(near, to);
+  const before = places.filter((place) => place < at[index]).length;
+  return clicks.toSpliced(before, 0, to);
 }
 
 /** The other strand on top. */
@@ -65,10 +97,13 @@ export function certainty(label) {
   return label.instances.length ? Math.min(...scores) : 0;
 }
 
-function drawn(id, line, width, taper = null) {
+function drawn({ width, height }, id, shape) {
+  // A shape goes on a little beyond the border.
+  const inside = shape.line.filter(([x, y]) => x > -0.5 && y > -0.5 && x < width - 0.5 && y < height - 0.5);
+  const line = inside.length > 1 ? inside : shape.line;
   return {
-    id, score: null, centerline_xy: line.map(([x, y]) => [round(x), round(y)]), width_px: round(width ?? DEFAULT_WIDTH_PX),
-    closed: false, mask_rle: null, spline: null, endpoints: [], length_px: round(lengths(line).at(-1)), edited: true, taper,
+    id, score: null, centerline_xy: line.map(([x, y]) => [round(x), round(y)]), width_px: round(shape.width), closed: false,
+    mask_rle: null, spline: null, endpoints: [], length_px: round(lengths(line).at(-1)), edited: true, shape,
   };
 }
 

@@ -1,23 +1,23 @@
 // Corrected labels as files: dlo-label/1 lines, from which `dlo label-import` and `label-export` make every other
 // format, and COCO at once.
 
-import { body } from "./livewire.js";
+import { part, shapeOf } from "./label_edit.js";
 import { labelMap } from "./masks.js";
+import { filled } from "./outline.js";
 
-/** The label with a mask for every instance: what was not edited keeps its own, edited strokes are drawn, and at
- *  each crossing the upper strand owns the pixels. `map` is the probability that edited instances follow, or null. */
-export function finished(label, map) {
+/** The label with a mask for every instance: what was not edited keeps its own, edited ones are filled between their
+ *  edges, and at each crossing the upper strand owns the pixels. */
+export function finished(label) {
   const { width, height } = label;
   const ids = new Uint16Array(width * height);
-  const untouched = label.instances.filter((i) => !i.edited && i.mask_rle);
-  const { ids: given, step } = labelMap({ width, height, instances: untouched });
-  if (step === 1) ids.set(given);
-  for (const item of label.instances.filter((i) => i.edited || !i.mask_rle)) {
-    for (const at of body(map, item.centerline_xy, item.taper ?? [item.width_px, item.width_px], width, height)) ids[at] = item.id;
+  const untouched = label.instances.filter((i) => !i.shape && i.mask_rle);
+  ids.set(labelMap({ width, height, instances: untouched }, Infinity).ids);
+  for (const item of label.instances.filter((i) => i.shape || !i.mask_rle)) {
+    for (const at of filled(shapeOf(item), width, height)) ids[at] = item.id;
   }
-  for (const crossing of label.crossings) raise(ids, label, crossing, map);
+  for (const crossing of label.crossings) raise(ids, label, crossing);
   const changed = label.instances.some((i) => i.edited);
-  const instances = label.instances.map(({ edited, taper, ...item }) => ({
+  const instances = label.instances.map(({ edited, shape, ...item }) => ({
     ...item,
     mask_rle: changed ? { size: [height, width], counts: encode(ids, item.id, width, height) } : item.mask_rle,
   }));
@@ -46,13 +46,17 @@ export function coco(labels) {
 }
 
 /** The upper strand once more around the crossing. */
-function raise(ids, label, crossing, map) {
+function raise(ids, label, crossing) {
   const [upper, lower] = [crossing.over, crossing.under].map((s) => label.instances.find((i) => i.id === s.instance));
   if (!upper || !lower || !(upper.edited || lower.edited)) return;
   const reach = 1.2 * lower.width_px + upper.width_px;
-  const near = upper.centerline_xy.filter(([x, y]) => Math.hypot(x - crossing.xy[0], y - crossing.xy[1]) < reach);
-  const around = near.length > 1 ? near : [crossing.xy, crossing.xy];
-  for (const at of body(map, around, [upper.width_px, upper.width_px], label.width, label.height)) ids[at] = upper.id;
+  const shape = shapeOf(upper);
+  const near = shape.line.map(([x, y]) => Math.hypot(x - crossing.xy[0], y - crossing.xy[1]) < reach);
+  for (let from = near.indexOf(true); from >= 0; ) {
+    const end = near.indexOf(false, from);
+    for (const at of filled(part(shape, from, end < 0 ? near.length : end), label.width, label.height)) ids[at] = upper.id;
+    from = end < 0 ? -1 : near.indexOf(true, end);
+  }
 }
 
 /** COCO's compressed run lengths of the pixels that have this id. */
@@ -86,7 +90,7 @@ function packed(value) {
 
 function measured(rle) {
   const [height, width] = rle.size;
-  const { ids } = labelMap({ width, height, instances: [{ id: 1, mask_rle: rle }] });
+  const { ids } = labelMap({ width, height, instances: [{ id: 1, mask_rle: rle }] }, Infinity);
   let [area, left, top, right, bottom] = [0, Infinity, Infinity, -1, -1];
   ids.forEach((id, at) => {
     if (!id) return;

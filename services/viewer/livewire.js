@@ -1,8 +1,12 @@
-// A line that snaps to the centerline of a cable: the cheapest path over the service's foreground probability
-// between two clicks, then every point moved to the middle of the cable, and the width measured on the way.
+// A line that snaps to the centerline of a cable: the cheapest path between two clicks, over the service's foreground
+// probability and what has the color of the clicks, then every point moved to the middle of the cable.
 
-const SIDE_PX = 30; // how far a path may leave the box around its two clicks
+const SIDE_PX = 60; // how far a path may leave the box around its two clicks, and as far as these are apart
 const SPACING_PX = 4;
+const SAME_TONE = 12; // gray levels from a click's color, within which it is the cable's
+const TONE_SHARE = 0.8; // the probability there, at least
+const OTHER_TONE = 40; // gray levels, beyond which it is something else
+const OTHER_SHARE = 0.5; // of the probability, that is taken away there
 const STEPS = [[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [1, 1, Math.SQRT2], [1, -1, Math.SQRT2], [-1, 1, Math.SQRT2], [-1, -1, Math.SQRT2]];
 
 /** `{ p, depth, width, height }` of a probability map (Float32Array, row by row): `depth` is a pixel's distance to
@@ -27,23 +31,26 @@ export function prepare(p, width, height) {
   return { p, depth, width, height };
 }
 
-/** The snapped centerline along all clicks: `{ line, width, taper }`, as `settle` gives it. A click `[x, y, true]` is
- *  exact: the line passes through it, and its neighborhood moves along. */
-export function trace(map, clicks) {
-  const path = [clicks[0].slice(0, 2)];
+/** The snapped centerline along all clicks: `{ line, width }`, as `settle` gives it. `view` is a prepared map with the
+ *  picture's `planes`. */
+export function trace(view, clicks) {
+  const map = { ...view, tones: clicks.map((click) => toneAt(view, click)) };
+  const path = [clicks[0]];
   for (let i = 1; i < clicks.length; i += 1) path.push(...cheapest(map, clicks[i - 1], clicks[i]).slice(1));
-  const found = settle(map, path);
-  return { ...found, line: pinned(found.line, clicks.filter(([, , exact]) => exact)) };
+  const { line, width } = settle(map, path);
+  return { line: through(line, clicks, 0.2 * (width ?? 0)), width };
 }
 
-/** The line through all `pins`; between two of them their displacements are blended, beyond the outer ones kept. */
-function pinned(line, pins) {
-  const moves = pins.map(([x, y]) => {
+/** The line moved so that it passes within `slack` of every click: where cables lie side by side, the map's middle is
+ *  between them. Between two clicks their moves are blended, beyond the outer ones kept. */
+function through(line, clicks, slack) {
+  const moves = clicks.map(([x, y]) => {
     const distances = line.map(([a, b]) => Math.hypot(a - x, b - y));
-    const index = distances.indexOf(Math.min(...distances));
-    return { index, by: [x - line[index][0], y - line[index][1]] };
+    const away = Math.min(...distances);
+    const index = distances.indexOf(away);
+    const share = away > slack ? 1 - slack / away : 0;
+    return { index, by: [share * (x - line[index][0]), share * (y - line[index][1])] };
   });
-  if (!moves.length) return line;
   moves.sort((a, b) => a.index - b.index);
   return line.map((point, i) => {
     const after = moves.find((move) => move.index >= i) ?? moves.at(-1);
@@ -54,77 +61,35 @@ function pinned(line, pins) {
   });
 }
 
+const toneAt = ({ planes, width, height }, [x, y]) => planes.map((plane) => plane[clamp(y, height - 1) * width + clamp(x, width - 1)]);
+
+const clamp = (v, most) => Math.max(0, Math.min(most, Math.round(v)));
+
 /** The line moved to the middle of the cable, smoothed; where no cable is seen it stays. `width` is the median of the
- *  widths seen, `taper` that near its start and its end: a cable that runs away from the camera gets thinner. */
-export function settle(map, path) {
+ *  widths seen, or null. */
+function settle(map, path) {
   let line = smooth(resample(path, SPACING_PX), 2);
   let width = null;
-  let taper = null;
   for (let round = 0; round < 2; round += 1) {
-    const cuts = line.map((point, i) => crossSection(map, point, normalAt(line, i)));
+    const cuts = line.map((point, i) => crossSection(map, point, normalAt(line, i, 2)));
     const seen = cuts.filter(Boolean).map((cut) => cut.width).sort((a, b) => a - b);
-    if (!seen.length) return { line, width: null, taper: null };
-    width = median(seen);
-    taper = tapered(cuts, width);
+    if (!seen.length) return { line, width: null };
+    width = seen[Math.floor(seen.length / 2)];
     line = line.map(([x, y], i) => {
       const cut = cuts[i];
       // Where two cables touch, the cut through both has its middle between them.
       if (!cut || cut.width > 1.5 * width) return [x, y];
-      const [nx, ny] = normalAt(line, i);
+      const [nx, ny] = normalAt(line, i, 2);
       return [x + cut.middle * nx, y + cut.middle * ny];
     });
     line = smooth(line, 1);
   }
-  return { line, width, taper };
-}
-
-const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
-
-/** Widths at both ends of the straight line through the medians of the first and the second half. */
-function tapered(cuts, width) {
-  const usable = cuts.map((cut, i) => [i, cut?.width]).filter(([, w]) => w && w < 1.5 * width && w > 0.5 * width);
-  const halves = [usable.filter(([i]) => i < cuts.length / 2), usable.filter(([i]) => i >= cuts.length / 2)];
-  if (halves.some((half) => half.length < 4)) return [width, width];
-  const [[i, a], [j, b]] = halves.map((half) => [0, 1].map((k) => median(half.map((pair) => pair[k]))));
-  const slope = (b - a) / (j - i);
-  const bound = (w) => Math.max(0.6 * width, Math.min(1.6 * width, w));
-  return [bound(a - slope * i), bound(a + slope * (cuts.length - 1 - i))];
-}
-
-/** Indices of the cable's pixels. Where the map sees the cable it is the foreground near the line, so that the label
- *  follows the contour; elsewhere, and without a map, a stroke whose width goes from `taper[0]` to `taper[1]`. */
-export function body(map, line, taper, columns, rows) {
-  const found = new Set();
-  const seen = map ? line.map((point, i) => crossSection(map, point, normalAt(line, i))) : [];
-  for (let i = 1; i < line.length; i += 1) {
-    const [a, b] = [seen[i - 1], seen[i]];
-    const width = taper[0] + ((taper[1] - taper[0]) * (i - 0.5)) / (line.length - 1);
-    const follows = a && b && a.width < 1.6 * width && b.width < 1.6 * width;
-    const half = Math.max(width / 2, 0.5);
-    for (const at of near(line[i - 1], line[i], follows ? 1.5 * half : half, columns, rows)) {
-      if (!follows || map.p[at] >= 0.5) found.add(at);
-    }
-  }
-  return found;
-}
-
-/** Indices of the pixels within `half` of a segment. */
-function* near([ax, ay], [bx, by], half, columns, rows) {
-  const [left, right] = [Math.max(0, Math.ceil(Math.min(ax, bx) - half)), Math.min(columns - 1, Math.floor(Math.max(ax, bx) + half))];
-  const [top, bottom] = [Math.max(0, Math.ceil(Math.min(ay, by) - half)), Math.min(rows - 1, Math.floor(Math.max(ay, by) + half))];
-  const squared = (bx - ax) ** 2 + (by - ay) ** 2;
-  for (let y = top; y <= bottom; y += 1) {
-    for (let x = left; x <= right; x += 1) {
-      const t = squared ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / squared)) : 0;
-      if (Math.hypot(x - ax - t * (bx - ax), y - ay - t * (by - ay)) <= half) yield y * columns + x;
-    }
-  }
+  return { line, width };
 }
 
 /** Pixels from one click to the next, both included. */
-export function cheapest(map, from, to) {
-  const side = SIDE_PX + 0.25 * Math.hypot(to[0] - from[0], to[1] - from[1]);
-  const clamp = (v, most) => Math.max(0, Math.min(most, Math.round(v)));
+function cheapest(map, from, to) {
+  const side = SIDE_PX + Math.hypot(to[0] - from[0], to[1] - from[1]);
   const left = clamp(Math.min(from[0], to[0]) - side, map.width - 1);
   const top = clamp(Math.min(from[1], to[1]) - side, map.height - 1);
   const w = clamp(Math.max(from[0], to[0]) + side, map.width - 1) - left + 1;
@@ -158,12 +123,25 @@ export function cheapest(map, from, to) {
 
 function price(map, x, y) {
   const i = y * map.width + x;
-  return 0.05 + 3 * (1 - map.p[i]) ** 2 + 0.6 / (1 + map.depth[i]);
+  return 0.05 + 3 * (1 - likely(map, i)) ** 2 + 0.6 / (1 + map.depth[i]);
+}
+
+/** The probability, raised where the color is that of a click, for the network misses a gray cable on gray ground, and
+ *  lowered where it is far from that, for there are other cables. */
+function likely({ p, planes, tones }, i) {
+  let least = Infinity;
+  for (const tone of tones) {
+    const brighter = 0.5 * (planes[0][i] - tone[0]); // light changes along a cable more than its color does
+    least = Math.min(least, brighter ** 2 + (planes[1][i] - tone[1]) ** 2 + (planes[2][i] - tone[2]) ** 2);
+  }
+  const other = 1 - Math.exp(-least / (2 * OTHER_TONE ** 2));
+  return Math.max(p[i] * (1 - OTHER_SHARE * other), TONE_SHARE * Math.exp(-least / (2 * SAME_TONE ** 2)));
 }
 
 /** Where the cut along `normal` through `point` crosses the cable: `{ middle, width }` in pixels, or null. */
 function crossSection(map, [x, y], [nx, ny]) {
-  const inside = (t) => sample(map, x + t * nx, y + t * ny) >= 0.5;
+  const seen = (t) => (within(map, x + t * nx, y + t * ny) ? between(map, x + t * nx, y + t * ny) : 0);
+  const inside = (t) => seen(t) >= 0.5;
   let start = null;
   for (const t of [0, 1, -1, 2, -2, 3, -3, 4, -4]) {
     if (start === null && inside(t)) start = t;
@@ -172,23 +150,34 @@ function crossSection(map, [x, y], [nx, ny]) {
   const edge = (direction) => {
     let t = start;
     while (Math.abs(t - start) < 60 && inside(t + direction)) t += direction;
-    const [a, b] = [sample(map, x + t * nx, y + t * ny), sample(map, x + (t + direction) * nx, y + (t + direction) * ny)];
+    const [a, b] = [seen(t), seen(t + direction)];
     return t + direction * Math.max(0, Math.min(1, (a - 0.5) / (a - b || 1)));
   };
   const [low, high] = [edge(-1), edge(1)];
   return { middle: (low + high) / 2, width: high - low };
 }
 
-function sample(map, x, y) {
-  if (x < 0 || y < 0 || x > map.width - 1 || y > map.height - 1) return 0;
-  const [u, v] = [Math.min(Math.floor(x), map.width - 2), Math.min(Math.floor(y), map.height - 2)];
+/** What is likely at a place between pixels. */
+function between(map, x, y) {
+  const [u, v] = [Math.floor(x), Math.floor(y)];
   const [a, b, i] = [x - u, y - v, v * map.width + u];
-  const { p, width } = map;
-  return (1 - b) * ((1 - a) * p[i] + a * p[i + 1]) + b * ((1 - a) * p[i + width] + a * p[i + width + 1]);
+  const at = (k, share) => (share > 0 ? share * likely(map, k) : 0);
+  return at(i, (1 - a) * (1 - b)) + at(i + 1, a * (1 - b)) + at(i + map.width, (1 - a) * b) + at(i + map.width + 1, a * b);
 }
 
-function normalAt(line, i) {
-  const [a, b] = [line[Math.max(0, i - 2)], line[Math.min(line.length - 1, i + 2)]];
+const within = ({ width, height }, x, y) => x >= 0 && y >= 0 && x <= width - 1 && y <= height - 1;
+
+/** Between the samples of `plane`; beyond its border, the border's. */
+export function sample(plane, { width, height }, x, y) {
+  const [cx, cy] = [Math.max(0, Math.min(width - 1.001, x)), Math.max(0, Math.min(height - 1.001, y))];
+  const [u, v] = [Math.floor(cx), Math.floor(cy)];
+  const [a, b, i] = [cx - u, cy - v, v * width + u];
+  return (1 - b) * ((1 - a) * plane[i] + a * plane[i + 1]) + b * ((1 - a) * plane[i + width] + a * plane[i + width + 1]);
+}
+
+/** The unit normal of a line at its `i`-th point, from the points `reach` before and after. */
+export function normalAt(line, i, reach) {
+  const [a, b] = [line[Math.max(0, i - reach)], line[Math.min(line.length - 1, i + reach)]];
   const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
   return [-(b[1] - a[1]) / length, (b[0] - a[0]) / length];
 }

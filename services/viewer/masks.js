@@ -3,8 +3,8 @@
 const LARGEST_MAP = 4e6; // pixels; a larger picture gets a coarser map
 
 /** `{ ids, width, height, step }`: `ids[y * width + x]` is the instance at picture pixel `(x, y) * step`, or 0. */
-export function labelMap(result) {
-  const step = Math.max(1, Math.ceil(Math.sqrt((result.width * result.height) / LARGEST_MAP)));
+export function labelMap(result, largest = LARGEST_MAP) {
+  const step = Math.max(1, Math.ceil(Math.sqrt((result.width * result.height) / largest)));
   const width = Math.ceil(result.width / step);
   const height = Math.ceil(result.height / step);
   const ids = new Uint16Array(width * height);

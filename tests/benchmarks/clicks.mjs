@@ -1,17 +1,21 @@
-// Simulated clicks through the viewer's own live wire: one JSON line a trace in, one out.
-// { map: path of a raw byte map, width, height, clicks: [[x, y], …] } → { line, masks: [along the contour, stroke] }
+// Simulated clicks through the viewer's own code: one JSON line of questions in, one of answers out.
+// { rgb, map: paths of raw bytes, width, height, clicks: [[x, y], …], pulls: [{ at: [x, y], side }, …] }
+// → { line, low, high, normals, mask: pixel indices }
 
 import { createInterface } from "node:readline";
 import { readFileSync } from "node:fs";
-import { body, prepare, trace } from "../../services/viewer/livewire.js";
+import { prepare } from "../../services/viewer/livewire.js";
+import { filled, outlined } from "../../services/viewer/outline.js";
+import { paint } from "../../services/viewer/strip.js";
 
 let last = {};
 for await (const row of createInterface({ input: process.stdin })) {
-  const { map, width, height, clicks } = JSON.parse(row);
+  const { rgb, map, width, height, clicks, pulls } = JSON.parse(row);
   if (last.map !== map) {
-    last = { map, prepared: prepare(Float32Array.from(readFileSync(map), (v) => v / 255), width, height) };
+    const probability = Float32Array.from(readFileSync(map), (v) => v / 255);
+    last = { map, view: { ...prepare(probability, width, height), planes: paint(readFileSync(rgb), width, height) } };
   }
-  const found = trace(last.prepared, clicks);
-  const masks = [last.prepared, null].map((seen) => [...body(seen, found.line, found.taper ?? [6, 6], width, height)]);
-  console.log(JSON.stringify({ line: found.line, masks }));
+  const { line, low, high, normals } = outlined(last.view, clicks, pulls);
+  const mask = [...filled({ line, low, high, normals }, width, height)];
+  console.log(JSON.stringify({ line, low, high, normals, mask }));
 }

@@ -179,6 +179,45 @@ def test_a_line_can_be_moved_and_the_map_snaps_it(page: Any, tmp_path: Path) -> 
     assert line[np.argmin(abs(line[:, 0] - 80)), 1] < 95
 
 
+def drag(page: Any, start: tuple[float, float], end: tuple[float, float], key: str | None = None) -> None:
+    box = page.locator("#canvas").bounding_box()
+    scale = box["width"] / samples.WIDTH
+    first, last = (
+        [box[axis] + (value + 0.5) * scale for axis, value in zip("xy", at, strict=True)] for at in (start, end)
+    )
+    if key:
+        page.keyboard.down(key)
+    page.mouse.move(*first)
+    page.mouse.down()
+    page.mouse.move(*last, steps=3)
+    page.mouse.up()
+    if key:
+        page.keyboard.up(key)
+
+
+def across(item: Any, x: int) -> tuple[int, int]:
+    """First and last row of an instance in the column ``x``."""
+    rows = np.nonzero(mask(item)[:, x])[0]
+    return int(rows[0]), int(rows[-1])
+
+
+def test_an_edge_is_pulled_and_with_shift_the_width(page: Any, tmp_path: Path) -> None:
+    click(page, 17, 99)
+    click(page, 147, 98)
+    page.keyboard.press("Enter")
+    top, bottom = across(saved(page, tmp_path).instances[2], 115)
+    tool(page, "move")
+    drag(page, (115, bottom), (115, bottom + 3))
+    pulled = across(saved(page, tmp_path).instances[2], 115)
+    assert pulled == (pytest.approx(top, abs=1), pytest.approx(bottom + 3, abs=1))
+    drag(page, (115, pulled[1]), (115, pulled[1] + 2), "Shift")
+    wider = across(saved(page, tmp_path).instances[2], 115)
+    assert wider == (pytest.approx(pulled[0] - 2, abs=1), pytest.approx(pulled[1] + 2, abs=1))
+    page.click("#undo")
+    page.click("#undo")
+    assert across(saved(page, tmp_path).instances[2], 115) == (top, bottom)
+
+
 def test_coco_from_the_page_is_read_like_any_other(page: Any, tmp_path: Path) -> None:
     label = saved(page, tmp_path, "#save-coco", "coco")
     for got, true in zip(label.instances, samples.two_cables().instances, strict=True):

@@ -1,0 +1,286 @@
+// The outline of a cable, found in the picture: of all pairs of smooth lines beside its own, the one that divides cable
+// from surroundings best (dynamic programming over the middle and the half width, along the cable). What a person pulls
+// at the edges is kept.
+
+import { normalAt, resample, trace } from "./livewire.js";
+import { straightened, weighed } from "./strip.js";
+
+const USUAL_PX = 10; // a cable's width where nothing is known of it
+const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
+const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
+export const WEIGHTS = Object.freeze({
+  color: 0.6, probability: 0.3, edge: 2.6, // what is seen
+  bend: 2, swell: 3.5, prior: 1.7, // against a middle or a width that changes, and a width off the even one
+  core: 0.75, beyond: 1.29, far: 2.6, // parts of the half width: surely cable; surely not, from and to
+  kinds: 16, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, // colors; cuts
+  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.6, spread: 15, // what a person says
+});
+
+/** The cable through `clicks`: `{ line, low, high, normals, width, clicks, pulls }`. `line` runs in its middle; `low` and
+ *  `high` are the edges' distances from it along the normal, negative and positive. A pull `{ at, side }` says that the
+ *  edge on that side (-1 or 1) passes through `at`. `view` is a prepared map with the picture's `planes`. */
+export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
+  const { line, width } = traced(view, clicks);
+  const held = [...pulls, ...clicks.map((at) => ({ at, side: 0 }))];
+  return { ...outline(view, line, width ?? USUAL_PX, held, weights), clicks, pulls };
+}
+
+/** The last trace in a view is kept: a pull does not change it. */
+function traced(view, clicks) {
+  const key = JSON.stringify(clicks);
+  if (view.last?.key !== key) view.last = { key, ...trace(view, clicks) };
+  return view.last;
+}
+
+/** The same about a line that is known roughly; a pull of side 0 lies somewhere on the cable. */
+export function outline(view, path, width, pulls = [], o = WEIGHTS) {
+  const unit = Math.max(1, width / FINE_WIDTH_PX);
+  let line = soft(resample(leaving(path, width, view), 2 * unit), 4);
+  let half = line.map(() => width / 2);
+  for (let round = 0; ; round += 1) {
+    const strip = straightened(view, line, 2.2 * Math.max(...half) + 8 * unit, unit / 2);
+    const pins = pulls.map((one) => placed(one, line, strip.normals)).filter((pin) => pin.away < strip.r * strip.fine);
+    const edges = found(strip, half, pins, round, unit, o);
+    half = edges.low.map((low, i) => (edges.high[i] - low) / 2);
+    line = line.map((point, i) => along(point, strip.normals[i], (edges.low[i] + edges.high[i]) / 2));
+    if (round === ROUNDS - 1) {
+      const middle = half.toSorted((a, b) => a - b)[Math.floor(half.length / 2)];
+      return { line, low: half.map((h) => -h), high: half, normals: strip.normals, width: 2 * middle };
+    }
+    const [before, wide] = [line.length - 1, half];
+    line = soft(resample(line, 2 * unit), 2);
+    half = line.map((_, i) => wide[Math.round((i * before) / (line.length - 1))]);
+  }
+}
+
+/** A line of even width, for what the picture does not show; a pull moves a whole edge. */
+export function stroke(clicks, width, pulls = []) {
+  const line = resample(clicks, 2);
+  const normals = line.map((_, i) => normalAt(line, i, 3));
+  const edges = { low: line.map(() => -width / 2), high: line.map(() => width / 2) };
+  pull(edges, pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1 });
+  return { line, ...edges, normals, width: edges.high[0] - edges.low[0], clicks, pulls };
+}
+
+/** Both edges of every cut in one round; in the last, pulled to where they were asked to be. */
+function found(strip, half, pins, round, unit, o) {
+  const taught = pins.filter((pin) => pin.side).map((pin) => pin.i);
+  const evidence = weighed(strip, half, taught, o);
+  const even = (trust) => (round ? fitted(half, trust) : null);
+  const free = divided(strip, evidence, even(evidence.trust), half, [], o);
+  const far = pins.filter((pin) => missed(pin, free.low[pin.i], free.high[pin.i]) > Math.max(o.small * unit, 0.25 * half[pin.i]));
+  const trust = evidence.trust.map((t, i) => (far.some((pin) => pin.side && Math.abs(pin.i - i) <= 2) ? o.sure : t));
+  const best = far.length ? divided(strip, evidence, even(trust), half, far, o) : free;
+  const edges = { low: refined(strip, evidence, best.low, o), high: refined(strip, evidence, best.high, o) };
+  if (round === ROUNDS - 1) pull(edges, pins, o);
+  return edges;
+}
+
+/** An edge between the samples, where the step is strongest, and smoothed; clear steps count more. */
+function refined({ m, r, fine }, { edge, trust }, places, o) {
+  const at = places.map((t, i) => i * m + r + Math.round(t / fine));
+  const exact = places.map((t, i) => t + fine * peak(edge, at[i]));
+  return average(exact, at.map((k, i) => trust[i] * (o.plain + edge[k] ** 2)), o.smooth);
+}
+
+/** How far the top of the parabola through the strongest of three samples and its neighbors lies from `k`; 0 where
+ *  there is none. */
+function peak(values, k) {
+  const top = [k - 1, k, k + 1].reduce((best, other) => (values[other] > values[best] ? other : best), k);
+  const [before, here, after] = [values[top - 1], values[top], values[top + 1]];
+  const bend = before - 2 * here + after;
+  return before > here || after > here || !bend ? 0 : top - k + (before - after) / (2 * bend);
+}
+
+/** How far an edge, or the whole cable, is from where a pin says. */
+function missed({ side, t }, low, high) {
+  if (!side) return Math.max(0, low - t, t - high);
+  return Math.abs(t - (side < 0 ? low : high));
+}
+
+const along = ([x, y], [nx, ny], t) => [x + t * nx, y + t * ny];
+
+/** The line, longer where it ends at the border: the cable goes on, and its end is cut at a slant. */
+function leaving(line, width, view) {
+  const on = [...line];
+  for (let turn = 0; turn < 2; turn += 1) {
+    const [end, before] = [on.at(-1), on[Math.max(0, on.length - 4)]];
+    const room = Math.min(end[0], end[1], view.width - 1 - end[0], view.height - 1 - end[1]);
+    const length = Math.hypot(end[0] - before[0], end[1] - before[1]);
+    if (room < Math.max(2, 0.3 * width) && length) {
+      on.push([0, 1].map((axis) => end[axis] + (width * (end[axis] - before[axis])) / length));
+    }
+    on.reverse();
+  }
+  return on;
+}
+
+/** Where a pull lies: the nearest cut, how far `away` its point on the line is, and how far along the normal. */
+function placed({ at, side }, line, normals) {
+  const distances = line.map(([x, y]) => Math.hypot(at[0] - x, at[1] - y));
+  const away = Math.min(...distances);
+  const i = distances.indexOf(away);
+  return { i, away, t: (at[0] - line[i][0]) * normals[i][0] + (at[1] - line[i][1]) * normals[i][1], side };
+}
+
+/** Moves the edges through the pins. What is missing there is spread as a Gaussian process would expect it: in part an
+ *  error of the whole edge (this person draws wider), in part one of that place. */
+export function pull(edges, pins, o = WEIGHTS) {
+  const alike = (a, b) => o.whole + (1 - o.whole) * Math.exp(-0.5 * ((a - b) / o.spread) ** 2);
+  for (const side of [-1, 1]) {
+    const edge = side < 0 ? edges.low : edges.high;
+    const own = pins.filter((pin) => pin.side === side);
+    const matrix = own.map((a) => own.map((b) => alike(a.i, b.i) + (a === b ? 0.01 : 0)));
+    const shares = solved(matrix, own.map((pin) => pin.t - edge[pin.i]));
+    edge.forEach((_, i) => own.forEach((pin, k) => (edge[i] += shares[k] * alike(i, pin.i))));
+  }
+}
+
+/** The solution of a positive definite system, by elimination. */
+function solved(matrix, values) {
+  const rows = matrix.map((row, i) => [...row, values[i]]);
+  rows.forEach((pivot, i) => {
+    for (const row of rows.slice(i + 1)) {
+      const factor = row[i] / pivot[i];
+      for (let k = i; k < pivot.length; k += 1) row[k] -= factor * pivot[k];
+    }
+  });
+  const x = new Array(rows.length).fill(0);
+  for (let i = rows.length - 1; i >= 0; i -= 1) {
+    x[i] = (rows[i].at(-1) - x.reduce((sum, value, k) => sum + rows[i][k] * value, 0)) / rows[i][i];
+  }
+  return x;
+}
+
+/** Both edges of every cut, in pixels from the line: the best path through all of them. A state of a cut is a middle `a`
+ *  and a half width `b`; `even` is the half width expected, or null; `pins` are kept. */
+function divided({ n, m, r, fine }, { gain, edge, trust }, even, half, pins, o) {
+  const c = 10; // samples that the middle may lie off the line
+  const least = Math.max(2, Math.floor((0.4 * Math.min(...half)) / fine));
+  const widest = Math.max(least, Math.min(r - c - 2, Math.ceil((1.9 * Math.max(...half)) / fine)));
+  const [columns, rows] = [2 * c + 1, widest - least + 1];
+  const before = new Int8Array(n * columns * rows);
+  let score = new Float64Array(columns * rows);
+  for (let i = 0; i < n; i += 1) {
+    const own = pins.filter((pin) => pin.i === i);
+    const sums = new Float64Array(m + 1);
+    for (let k = 0; k < m; k += 1) sums[k + 1] = sums[k] + gain[i * m + k] * fine;
+    const [came, from] = arrived(score, columns, rows, o);
+    for (let a = 0; a < columns; a += 1) {
+      for (let b = 0; b < rows; b += 1) {
+        const [low, high] = [r + a - c - b - least, r + a - c + b + least];
+        const [first, last] = [i * m + low, i * m + high];
+        // A sample on the edge is half cable.
+        const body = sums[high + 1] - sums[low] - 0.5 * fine * (gain[first] + gain[last]);
+        let here = trust[i] * (body + o.edge * (edge[first] + edge[last]));
+        if (even) here -= o.prior * Math.abs(b + least - even[i] / fine);
+        for (const pin of own) here -= (o.firm * missed(pin, (low - r) * fine, (high - r) * fine)) / fine;
+        came[a * rows + b] += here;
+      }
+    }
+    before.set(from, i * columns * rows);
+    score = came;
+  }
+  const [low, high] = [new Array(n), new Array(n)];
+  let at = score.indexOf(score.reduce((x, y) => Math.max(x, y), -Infinity));
+  for (let i = n - 1; i >= 0; i -= 1) {
+    const [middle, wide] = [Math.floor(at / rows) - c, (at % rows) + least];
+    [low[i], high[i]] = [(middle - wide) * fine, (middle + wide) * fine];
+    const step = before[i * columns * rows + at];
+    const moved = Math.round(step / 3);
+    at += moved * rows + step - 3 * moved;
+  }
+  return { low, high };
+}
+
+/** For every state the best score of the cut before from which it can be reached, and the way there: three times the
+ *  change of the middle, and that of the half width. */
+function arrived(score, columns, rows, o) {
+  const widened = Float64Array.from(score);
+  const swelled = new Int8Array(score.length);
+  for (let k = 0; k < score.length; k += 1) {
+    const b = k % rows;
+    if (b > 0 && score[k - 1] - o.swell > widened[k]) [widened[k], swelled[k]] = [score[k - 1] - o.swell, -1];
+    if (b < rows - 1 && score[k + 1] - o.swell > widened[k]) [widened[k], swelled[k]] = [score[k + 1] - o.swell, 1];
+  }
+  const came = Float64Array.from(widened);
+  const from = Int8Array.from(swelled);
+  for (let k = 0; k < score.length; k += 1) {
+    for (const a of [-1, 1]) {
+      const other = k + a * rows;
+      if (other < 0 || other >= score.length || widened[other] - o.bend <= came[k]) continue;
+      [came[k], from[k]] = [widened[other] - o.bend, 3 * a + swelled[other]];
+    }
+  }
+  return [came, from];
+}
+
+/** The straight line through the half widths, few outliers disregarded: a cable gets evenly thinner with distance. */
+function fitted(half, trust) {
+  let weights = trust;
+  let fit = half;
+  for (let round = 0; round < 4; round += 1) {
+    let [s, sx, sy, sxx, sxy] = [1e-9, 0, 0, 0, 0];
+    half.forEach((h, i) => {
+      const w = weights[i];
+      [s, sx, sy, sxx, sxy] = [s + w, sx + w * i, sy + w * h, sxx + w * i * i, sxy + w * i * h];
+    });
+    const slope = (s * sxy - sx * sy) / (s * sxx - sx * sx + 1e-9);
+    fit = half.map((_, i) => Math.max(1, (sy - slope * sx) / s + slope * i));
+    weights = half.map((h, i) => trust[i] / (0.5 + Math.abs(h - fit[i])));
+  }
+  return fit;
+}
+
+/** A weighted Gaussian average along the line. */
+function average(values, weights, sigma) {
+  const reach = Math.ceil(3 * sigma);
+  return values.map((_, i) => {
+    let [sum, total] = [0, 0];
+    for (let k = Math.max(0, i - reach); k <= Math.min(values.length - 1, i + reach); k += 1) {
+      const w = (weights[k] + 1e-3) * Math.exp(-0.5 * ((k - i) / sigma) ** 2);
+      sum += w * values[k];
+      total += w;
+    }
+    return sum / total;
+  });
+}
+
+/** A Gaussian average of the points; near an end it reaches less far, and the ends stay. */
+function soft(line, sigma) {
+  return line.map((_, i) => {
+    const reach = Math.min(Math.ceil(2 * sigma), i, line.length - 1 - i);
+    let [x, y, total] = [0, 0, 0];
+    for (let k = -reach; k <= reach; k += 1) {
+      const w = Math.exp(-0.5 * (k / sigma) ** 2);
+      x += w * line[i + k][0];
+      y += w * line[i + k][1];
+      total += w;
+    }
+    return [x / total, y / total];
+  });
+}
+
+/** Indices of the pixels between the two edges. */
+export function filled({ line, low, high, normals }, columns, rows) {
+  const inside = new Set();
+  for (let i = 1; i < line.length; i += 1) {
+    const [a, b] = [i - 1, i].map((k) => along(line[k], normals[k], low[k]));
+    const [d, c] = [i - 1, i].map((k) => along(line[k], normals[k], high[k]));
+    for (const triangle of [[a, b, c], [a, c, d]]) for (const at of covered(triangle, columns, rows)) inside.add(at);
+  }
+  return inside;
+}
+
+function* covered([[ax, ay], [bx, by], [cx, cy]], columns, rows) {
+  const [left, right] = [Math.max(0, Math.ceil(Math.min(ax, bx, cx))), Math.min(columns - 1, Math.floor(Math.max(ax, bx, cx)))];
+  const [top, bottom] = [Math.max(0, Math.ceil(Math.min(ay, by, cy))), Math.min(rows - 1, Math.floor(Math.max(ay, by, cy)))];
+  for (let y = top; y <= bottom; y += 1) {
+    for (let x = left; x <= right; x += 1) {
+      const p = (bx - ax) * (y - ay) - (by - ay) * (x - ax);
+      const q = (cx - bx) * (y - by) - (cy - by) * (x - bx);
+      const s = (ax - cx) * (y - cy) - (ay - cy) * (x - cx);
+      if ((p >= 0 && q >= 0 && s >= 0) || (p <= 0 && q <= 0 && s <= 0)) yield y * columns + x;
+    }
+  }
+}

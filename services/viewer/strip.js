@@ -1,0 +1,144 @@
+// What a picture says along a line: the strip around it, cut out and straightened, and for every place in it how much
+// looks like this cable, how strong the step across is, and which cuts show another cable on top.
+
+import { normalAt, sample } from "./livewire.js";
+
+const KMEANS_ROUNDS = 8;
+const KMEANS_SAMPLES = 3000;
+
+/** RGB or RGBA bytes as brightness and two color differences, each a Float32Array. */
+export function paint(bytes, width, height) {
+  const channels = bytes.length / (width * height);
+  const planes = [0, 1, 2].map(() => new Float32Array(width * height));
+  for (let i = 0; i < width * height; i += 1) {
+    const [r, g, b] = [bytes[channels * i], bytes[channels * i + 1], bytes[channels * i + 2]];
+    planes[0][i] = (r + g + b) / 3;
+    planes[1][i] = (r - g) / 2;
+    planes[2][i] = (r + g) / 4 - b / 2;
+  }
+  return planes;
+}
+
+/** `n` cuts across the line of `m` samples each, `fine` pixels apart, the line at sample `r`: `colors`, probability
+ *  `p`, and the `normals` along which the cuts run. */
+export function straightened(view, line, reach, fine) {
+  const r = Math.ceil(reach / fine);
+  const m = 2 * r + 1;
+  const normals = line.map((_, i) => normalAt(line, i, 3));
+  const cut = (plane) => {
+    const out = new Float32Array(line.length * m);
+    line.forEach(([x, y], i) => {
+      for (let k = 0; k < m; k += 1) {
+        const t = (k - r) * fine;
+        out[i * m + k] = sample(plane, view, x + t * normals[i][0], y + t * normals[i][1]);
+      }
+    });
+    return out;
+  };
+  return { n: line.length, m, r, fine, normals, colors: view.planes.map(cut), p: cut(view.p) };
+}
+
+/** `gain`: what speaks for a sample being cable, `half` being the half widths so far and `taught` the cuts at which a
+ *  person has shown the edges; `edge`: the strength of the step
+ *  there, 0 to 1; `trust`: of every cut, low where what lies between the edges does not look like this cable. */
+export function weighed(strip, half, taught, o) {
+  const { n, m, r, fine, p } = strip;
+  const kinds = sorted(strip, o.kinds);
+  const part = (i, k) => (Math.abs(k - r) * fine) / half[i];
+  const rows = half.map((_, i) => 1 + o.teach * Math.max(0, ...taught.map((at) => Math.exp(-(((i - at) / 8) ** 2)))));
+  const inside = shares(strip, kinds, o, o.inWindow, rows, (i, k) => part(i, k) < o.core);
+  const outside = shares(strip, kinds, o, o.outWindow, rows, (i, k) => part(i, k) > o.beyond && part(i, k) < o.far);
+  const gain = new Float32Array(n * m);
+  const trust = new Float32Array(n);
+  for (let i = 0; i < n; i += 1) {
+    const ratio = inside[i].map((share, kind) => Math.max(-o.clip, Math.min(o.clip, Math.log(share / outside[i][kind]))));
+    let [own, count] = [0, 0];
+    for (let k = 0; k < m; k += 1) {
+      const q = Math.min(0.95, Math.max(0.05, p[i * m + k]));
+      gain[i * m + k] = o.color * ratio[kinds[i * m + k]] + o.probability * Math.log(q / (1 - q));
+      if (part(i, k) > 0.7) continue;
+      own += ratio[kinds[i * m + k]] > -0.5 ? 1 : 0;
+      count += 1;
+    }
+    trust[i] = own > 0.5 * count ? 1 : 0.1;
+  }
+  return { gain, edge: stepped(strip, o.along), trust };
+}
+
+/** The kind of color of every sample, by k-means. */
+function sorted({ n, m, colors: [light, red, yellow] }, count) {
+  const total = n * m;
+  const stride = Math.max(1, Math.floor(total / KMEANS_SAMPLES));
+  const few = Array.from({ length: Math.floor(total / stride) }, (_, i) => i * stride);
+  const bright = [...few].sort((a, b) => light[a] - light[b]);
+  let centers = Array.from({ length: count }, (_, k) => bright[Math.floor(((k + 0.5) * bright.length) / count)]);
+  centers = centers.map((i) => [light[i], red[i], yellow[i]]);
+  const nearest = (i) => {
+    let [best, least] = [0, Infinity];
+    for (let k = 0; k < count; k += 1) {
+      const center = centers[k];
+      // Light changes along a cable more than its color does.
+      const d = (light[i] - center[0]) ** 2 + 2 * (red[i] - center[1]) ** 2 + 2 * (yellow[i] - center[2]) ** 2;
+      if (d < least) [best, least] = [k, d];
+    }
+    return best;
+  };
+  for (let round = 0; round < KMEANS_ROUNDS; round += 1) {
+    const sums = centers.map(() => [0, 0, 0, 0]);
+    for (const i of few) {
+      const sum = sums[nearest(i)];
+      [light[i], red[i], yellow[i], 1].forEach((value, c) => (sum[c] += value));
+    }
+    centers = sums.map((sum, k) => (sum[3] ? [sum[0] / sum[3], sum[1] / sum[3], sum[2] / sum[3]] : centers[k]));
+  }
+  return Uint8Array.from({ length: total }, (_, i) => nearest(i));
+}
+
+/** For every cut the shares of the kinds among the samples that `belongs` takes, within `window` cuts to either side,
+ *  blended with those of the whole strip; `weights` of the cuts. */
+function shares({ n, m }, kinds, o, window, weights, belongs) {
+  const whole = new Float64Array(o.kinds).fill(0.5);
+  const rows = Array.from({ length: n }, (_, i) => {
+    const row = new Float64Array(o.kinds);
+    for (let k = 0; k < m; k += 1) if (belongs(i, k)) row[kinds[i * m + k]] += weights[i];
+    row.forEach((count, kind) => (whole[kind] += count));
+    return row;
+  });
+  const all = whole.reduce((a, b) => a + b);
+  const near = new Float64Array(o.kinds);
+  let [from, to] = [0, 0];
+  return rows.map((_, i) => {
+    for (; to < Math.min(n, i + window + 1); to += 1) rows[to].forEach((count, kind) => (near[kind] += count));
+    for (; from < i - window; from += 1) rows[from].forEach((count, kind) => (near[kind] -= count));
+    const sum = near.reduce((a, b) => a + b) || 1;
+    return near.map((count, kind) => (1 - o.blend) * (count / sum) + o.blend * (whole[kind] / all) + 2e-3);
+  });
+}
+
+/** Strength of the step across the cable at every sample, from colors averaged over `along` cuts to either side; 1 is
+ *  as strong as the strongest step of the usual cut. */
+function stepped({ n, m, colors }, along) {
+  const squared = new Float32Array(n * m);
+  for (const plane of colors) {
+    const mean = averaged(plane, n, m, along);
+    for (let i = 0; i < n; i += 1) {
+      for (let k = 2; k < m - 2; k += 1) squared[i * m + k] += (mean[i * m + k + 2] - mean[i * m + k - 2]) ** 2;
+    }
+  }
+  const tops = Array.from({ length: n }, (_, i) => squared.subarray(i * m, (i + 1) * m).reduce((a, b) => Math.max(a, b), 0));
+  const usual = Math.sqrt(tops.sort((a, b) => a - b)[Math.floor(n / 2)]) || 1;
+  return squared.map((s) => Math.min(1, Math.sqrt(s) / usual));
+}
+
+function averaged(plane, n, m, along) {
+  const mean = new Float32Array(n * m);
+  for (let k = 0; k < m; k += 1) {
+    let [sum, from, to] = [0, 0, 0];
+    for (let i = 0; i < n; i += 1) {
+      for (; to < Math.min(n, i + along + 1); to += 1) sum += plane[to * m + k];
+      for (; from < i - along; from += 1) sum -= plane[from * m + k];
+      mean[i * m + k] = sum / (to - from);
+    }
+  }
+  return mean;
+}

@@ -1,0 +1,190 @@
+"""A simulated person in front of the corrector, who knows the true mask of a cable: where the next click goes.
+
+The first two clicks go on the ends of the cable. Then, as in RITM's protocol, every action goes where the error is
+largest: a click on the true centerline where the outline left the cable, else a drag of one edge or both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+from skimage.morphology import skeletonize
+
+from models.geometry.arrays import BoolArray, FloatArray
+
+SEEN_PX = 0.25
+"""A person does not see (and pull away) less than this."""
+
+
+_SPECK_PX = 12
+_MARGIN_PX = 6
+_NEAR = 8  # points of the drawn line over which an edge's error is averaged
+_LOOK_PX = 45
+
+
+@dataclass
+class Person:
+    """``mask`` (H, W) of the cable that is wanted, ``others`` of all other cables; ``hand_px`` is the standard
+    deviation of the hand, drawn from ``rng``."""
+
+    mask: BoolArray
+    others: BoolArray
+    hand_px: float = 0.0
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+    def __post_init__(self) -> None:
+        line = true_line(self.mask)
+        self.line = line
+        self.width_px = float(self.mask.sum() / max(len(line), 1))
+        self._clicked = [0, len(line) - 1] if len(line) > 1 else []
+        self._hand = {i: self._shaken(line[i]) for i in self._clicked}
+        self.pulls: list[dict[str, Any]] = []
+        self._drags = 0
+
+    @property
+    def clicks(self) -> list[list[float]]:
+        """In the order along the cable."""
+        return [self._hand[i].tolist() for i in sorted(self._clicked)]
+
+    @property
+    def actions(self) -> int:
+        return len(self._clicked) + self._drags
+
+    def act(self, drawn: dict[str, Any]) -> bool:
+        """One more click or drag, seeing what the page has ``drawn``, with its ``mask`` (H, W); False when there is
+        nothing left to see."""
+        line = np.array(drawn["line"])
+        at = np.rint(self.line).astype(int)
+        outside = distance_transform_edt(~drawn["mask"])[at[:, 1], at[:, 0]]
+        outside[self._clicked] = 0
+        worst = int(np.argmax(outside))
+        if outside[worst] > self.width_px / 4:
+            self._clicked.append(worst)
+            self._hand[worst] = self._shaken(self.line[worst])
+            return True
+        return self._pull(line, drawn)
+
+    def _pull(self, line: FloatArray, drawn: dict[str, Any]) -> bool:
+        normals = np.array(drawn["normals"])
+        size = np.array(self.mask.shape[::-1]) - 1
+        inside = ((line >= 0) & (line <= size)).all(1)
+        edges = [np.array(drawn["low"]), np.array(drawn["high"])]
+        off = [self._off(line, normals, edge, side, inside) for edge, side in zip(edges, (-1, 1), strict=True)]
+        i = int(np.argmax(np.abs(off[0]) + np.abs(off[1])))
+        drag = best_drag(float(off[0][i]), float(off[1][i]))
+        if max(np.abs(drag)) < SEEN_PX:
+            return False
+        self._drags += 1
+        shake = self.rng.normal(0, self.hand_px) if self.hand_px else 0.0
+        for edge, side, by in zip(edges, (-1, 1), drag, strict=True):
+            if by:
+                at = line[i] + (edge[i] + by + shake) * normals[i]
+                self.pulls.append({"at": at.tolist(), "side": side})
+        return True
+
+    def _off(self, line: FloatArray, normals: FloatArray, edge: FloatArray, side: int, inside: BoolArray) -> FloatArray:
+        """(n,) how far along the normal the edge should move, averaged along the line; 0 where nobody can tell."""
+        pairs = zip(line, side * normals, strict=True)
+        true = np.array([side * edge_px(self.mask, self.others, point, outward) for point, outward in pairs])
+        known = ~np.isnan(true) & inside
+        missing = np.where(known, np.clip(true - edge, -self.width_px, self.width_px), 0)
+        weight = gaussian_filter1d(known.astype(float), _NEAR, mode="constant")
+        average = gaussian_filter1d(missing, _NEAR, mode="constant") / np.maximum(weight, 0.2)
+        return np.asarray(np.where(known, average, 0), np.float64)
+
+    def _shaken(self, xy: FloatArray) -> FloatArray:
+        return np.asarray(xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64)
+
+
+def best_drag(low: float, high: float) -> tuple[float, float]:
+    """What the page offers in one drag, so that least is left of both edges' errors: one edge, both together, or both
+    apart (the width)."""
+    shift, wider = (low + high) / 2, (high - low) / 2
+    choices = [(low, 0.0), (0.0, high), (shift, shift), (-wider, wider)]
+    return min(choices, key=lambda by: abs(low - by[0]) + abs(high - by[1]))
+
+
+def true_line(mask: BoolArray) -> FloatArray:
+    """(n, 2) from end to end of a cable: the skeletons of its pieces, joined where others pass over it."""
+    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    pieces = [labels == k for k in range(1, count)]
+    lines = [_skeleton(piece) for piece in pieces if np.count_nonzero(piece) >= _SPECK_PX]
+    lines = [line for line in lines if len(line)]
+    while len(lines) > 1:
+        ways = [
+            (float(np.linalg.norm(a[-1] - b[0])), i, j, a, b)
+            for i, first in enumerate(lines)
+            for j, second in enumerate(lines[:i])
+            for a in (first, first[::-1])
+            for b in (second, second[::-1])
+        ]
+        _, i, j, a, b = min(ways, key=lambda way: way[:3])
+        lines = [line for k, line in enumerate(lines) if k not in (i, j)] + [np.vstack([a, b])]
+    return _to_the_ends(lines[0], mask) if lines else np.zeros((0, 2))
+
+
+def _skeleton(piece: BoolArray) -> FloatArray:
+    """The longest path through one piece's skeleton. Beyond the border the cable goes on, or the skeleton would fork
+    into the corners."""
+    y, x = np.nonzero(skeletonize(np.pad(piece, _MARGIN_PX, mode="edge")))
+    points = np.stack([x, y], 1) - _MARGIN_PX
+    pairs = cKDTree(points).query_pairs(1.5, output_type="ndarray")
+    if not len(pairs):
+        return np.zeros((0, 2))
+    length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    graph = coo_matrix((length, pairs.T), shape=(len(x), len(x))).tocsr()
+    first = int(np.argmax(_finite(dijkstra(graph, directed=False, indices=0))))
+    reached, before = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
+    path = [int(np.argmax(_finite(reached)))]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    line = points[path].astype(np.float64)
+    return line[((line >= 0) & (line < np.array(piece.shape[::-1]))).all(1)]
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, -1)
+
+
+def _to_the_ends(line: FloatArray, mask: BoolArray) -> FloatArray:
+    """The line goes on straight to where the mask ends: a skeleton stops before that, or forks into a corner."""
+    size = np.array(mask.shape[::-1])
+    half = int(np.ceil(0.5 * mask.sum() / len(line)))
+    for _ in range(2):
+        line = line[: -half or None] if len(line) > 6 * half else line
+        step = line[-1] - line[-1 - min(2 * half, len(line) - 1)]
+        more = line[-1] + np.arange(1, _LOOK_PX)[:, None] * step / (np.linalg.norm(step) + 1e-9)
+        at = np.rint(more).astype(int)
+        valid = ((at >= 0) & (at < size)).all(1)
+        at = np.clip(at, 0, size - 1)
+        on = valid & mask[at[:, 1], at[:, 0]]
+        line = np.vstack([line, more[: len(on) if on.all() else int(np.argmin(on))]])[::-1]
+    return line
+
+
+def edge_px(mask: BoolArray, others: BoolArray, xy: FloatArray, outward: FloatArray) -> float:
+    """How far from ``xy`` along the unit vector ``outward`` the mask ends; NaN where another cable or the border of
+    the picture hides it."""
+    distance = np.arange(-6, _LOOK_PX, 0.25)
+    at = np.rint(xy + distance[:, None] * outward).astype(int)
+    keep = ((at >= 0) & (at < np.array(mask.shape[::-1]))).all(1)
+    distance, at = distance[keep], at[keep]
+    own = mask[at[:, 1], at[:, 0]]
+    if not own.any():
+        return float("nan")
+    here = int(np.searchsorted(distance, 0))
+    before = np.nonzero(own[: here + 1])[0]
+    start = int(before[-1]) if len(before) else int(np.argmax(own))
+    rest = np.nonzero(~own[start:])[0]
+    if not len(rest):
+        return float("nan")
+    end = start + int(rest[0])
+    hidden = others[at[end : end + 5, 1], at[end : end + 5, 0]].any()
+    return float("nan") if hidden else float(distance[end] - 0.125)

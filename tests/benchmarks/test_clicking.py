@@ -1,0 +1,142 @@
+"""The simulated person, on masks with known answers, and the page's outline in node on drawn pictures."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from tests.benchmarks.bench_clicks import Page, needed, overlap
+from tests.benchmarks.clicking import Person, best_drag, edge_px, true_line
+
+SIZE = (120, 200)
+NOTHING = np.zeros(SIZE, bool)
+
+
+def bar(top: int, bottom: int, left: int = 0, right: int = 200) -> BoolArray:
+    mask = np.zeros(SIZE, bool)
+    mask[top:bottom, left:right] = True
+    return mask
+
+
+def test_the_true_line_runs_from_end_to_end_over_what_lies_on_top() -> None:
+    """Before, a cable below two others was clicked on one of its pieces only, and could never be reached."""
+    mask = bar(50, 61, 20, 180)
+    mask[:, 60:90] = mask[:, 120:150] = False
+    line = true_line(mask)
+    assert sorted([line[0, 0], line[-1, 0]]) == pytest.approx([20, 179])
+    assert np.abs(line[:, 1] - 55).max() <= 1
+
+
+def test_an_edge_is_where_the_mask_ends_and_unknown_under_another_cable() -> None:
+    mask, other = bar(50, 61), bar(61, 70, 100, 120)
+    below = np.array([0.0, 1.0])
+    assert edge_px(mask, NOTHING, np.array([40.0, 55.0]), below) == pytest.approx(5.5, abs=0.15)
+    assert edge_px(mask, NOTHING, np.array([40.0, 58.0]), below) == pytest.approx(2.5, abs=0.15)
+    assert np.isnan(edge_px(mask, other, np.array([110.0, 55.0]), below))
+
+
+def test_one_drag_takes_what_leaves_least() -> None:
+    assert best_drag(-1.0, -1.0) == (-1.0, -1.0), "both together"
+    assert best_drag(-1.0, 1.0) == (-1.0, 1.0), "the width"
+    assert best_drag(0.0, 2.0) == (0.0, 2.0), "one edge"
+
+
+def test_the_person_clicks_where_the_outline_left_the_cable() -> None:
+    person = Person(bar(50, 61), NOTHING)
+    assert person.actions == 2
+    drawn = bar(50, 61)
+    drawn[:, 80:120] = False
+    line = np.stack([np.arange(200.0), np.full(200, 55.0)], 1)
+    edges = {"low": [-5.5] * 200, "high": [5.5] * 200, "normals": [[0, 1]] * 200}
+    assert person.act({"line": line.tolist(), "mask": drawn, **edges})
+    assert len(person.clicks) == 3
+    assert 85 < sorted(person.clicks)[1][0] < 115
+
+
+def test_the_person_stops_where_nothing_is_off() -> None:
+    person = Person(bar(50, 61), NOTHING)
+    line = [[x, 55.0] for x in range(200)]
+    drawn = {"line": line, "low": [-5.5] * 200, "high": [5.5] * 200, "normals": [[0, 1]] * 200, "mask": person.mask}
+    assert not person.act(drawn)
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    if not shutil.which("node"):
+        pytest.skip("needs node")
+    page = Page()
+    yield page
+    page.close()
+
+
+def wave(width_from: float, width_to: float) -> tuple[BoolArray, FloatArray]:
+    """A curved cable from border to border whose width changes evenly."""
+    x = np.linspace(0, 199, 400)
+    y = 60 + 25 * np.sin(x / 35)
+    away = np.full(SIZE, np.inf)
+    rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
+    for (cx, cy), width in zip(np.stack([x, y], 1), np.linspace(width_from, width_to, 400), strict=True):
+        away = np.minimum(away, np.hypot(columns - cx, rows - cy) / (width / 2))
+    return away <= 1, np.stack([x, y], 1)
+
+
+def request(tmp_path: Path, mask: BoolArray, seen: BoolArray, rng: np.random.Generator) -> dict[str, object]:
+    """A red cable where ``mask`` is, on gray noise; the network has ``seen`` something else."""
+    picture = rng.normal(120, 12, (*SIZE, 3))
+    picture[mask] = np.array([180, 50, 40]) + rng.normal(0, 6, (int(mask.sum()), 1))
+    rgb: ByteArray = cv2.GaussianBlur(picture, (0, 0), 0.7).clip(0, 255).astype(np.uint8)
+    name = f"{rng.integers(1 << 30)}"
+    (tmp_path / f"{name}.rgb").write_bytes(rgb.tobytes())
+    (tmp_path / f"{name}.map").write_bytes((seen * 255).astype(np.uint8).tobytes())
+    files = {"rgb": str(tmp_path / f"{name}.rgb"), "map": str(tmp_path / f"{name}.map")}
+    return {**files, "width": SIZE[1], "height": SIZE[0]}
+
+
+def test_the_outline_follows_the_picture_and_its_width_the_cable(page: Page, tmp_path: Path) -> None:
+    """The network's mask is two pixels too thin on either side, and says nothing of the perspective."""
+    mask, line = wave(9, 16)
+    thin, _ = wave(6, 6)
+    ends = {"clicks": [line[0].tolist(), line[-1].tolist()], "pulls": []}
+    drawn = page.draw({**request(tmp_path, mask, thin, np.random.default_rng(1)), **ends})
+    assert overlap(drawn["mask"], mask, NOTHING) > 0.95
+    assert overlap(thin, mask, NOTHING) < 0.6
+    width = 2 * np.array(drawn["high"])
+    assert width[20] == pytest.approx(9.5, abs=1.2)
+    assert width[-20] == pytest.approx(15.5, abs=1.2)
+
+
+def test_what_the_network_missed_is_found_by_the_color_of_the_clicks(page: Page, tmp_path: Path) -> None:
+    mask, line = wave(10, 10)
+    ends = {"clicks": [line[2].tolist(), line[-3].tolist()], "pulls": []}
+    drawn = page.draw({**request(tmp_path, mask, NOTHING, np.random.default_rng(2)), **ends})
+    assert overlap(drawn["mask"], mask, NOTHING) > 0.9
+
+
+def test_a_pulled_edge_passes_where_it_was_pulled_to(page: Page, tmp_path: Path) -> None:
+    mask, line = wave(10, 10)
+    question = request(tmp_path, mask, mask, np.random.default_rng(3))
+    ends = {"clicks": [line[0].tolist(), line[-1].tolist()]}
+    free = page.draw({**question, **ends, "pulls": []})
+    i = len(free["line"]) // 2
+    place, normal = np.array(free["line"][i]), np.array(free["normals"][i])
+    at = place + (free["high"][i] + 1.0) * normal
+    pulled = page.draw({**question, **ends, "pulls": [{"at": at.tolist(), "side": 1}]})
+    upper = np.array(pulled["line"]) + np.array(pulled["high"])[:, None] * np.array(pulled["normals"])
+    assert np.linalg.norm(upper - at, axis=1).min() < 0.75
+    lower = [np.array(d["line"])[i] + d["low"][i] * np.array(d["normals"])[i] for d in (free, pulled)]
+    assert np.linalg.norm(lower[0] - lower[1]) < 0.75, "the other edge stays"
+
+
+def test_the_same_wishes_come_true_in_the_loop(page: Page, tmp_path: Path) -> None:
+    """A person who wants the label two pixels wider than the picture shows it gets it in a few drags."""
+    mask, _ = wave(12, 12)
+    wider, _ = wave(16, 16)
+    count, ious = needed(page, request(tmp_path, mask, mask, np.random.default_rng(4)), Person(wider, NOTHING))
+    assert ious[0] < 0.9
+    assert count <= 5
