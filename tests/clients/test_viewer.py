@@ -15,32 +15,11 @@ from PIL import ExifTags, Image
 from models.geometry.rle import encode
 from models.instances.drawing import palette
 from tests.clients import samples
-from tests.clients.fake_service import FakeService, served
+from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened
+from tests.clients.fake_service import FakeService
 
-sync_api = pytest.importorskip("playwright.sync_api")
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 GRAY = 100
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
-]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
+pytestmark = NEEDS_BROWSER
 
 
 @pytest.fixture
@@ -50,17 +29,8 @@ def service() -> FakeService:
 
 @pytest.fixture
 def page(browser: Any, service: FakeService) -> Iterator[Any]:
-    """The viewer, opened; an error on the page or a request to another host fails the test."""
-    wrong: list[str] = []
-    with served(service.app()) as url:
-        page = browser.new_page(viewport={"width": 1300, "height": 900})
-        page.set_default_timeout(10_000)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
-        page.goto(url)
+    with opened(browser, service) as page:
         yield page
-        page.close()
-    assert wrong == []
 
 
 def picture() -> dict[str, Any]:
@@ -79,17 +49,6 @@ def jpeg(image: Image.Image, orientation: int = 1) -> dict[str, Any]:
 def analyze(page: Any, file: dict[str, Any] | None = None) -> None:
     page.set_input_files("#file", file or picture())
     page.wait_for_selector("#instances button")
-
-
-def color_at(page: Any, x: float, y: float) -> list[int]:
-    """RGB on the canvas at a point of the picture."""
-    place = [(x + 0.5) / samples.WIDTH, (y + 0.5) / samples.HEIGHT]
-    script = """([u, v]) => {
-        const canvas = document.querySelector("#canvas");
-        const at = [Math.floor(u * canvas.width), Math.floor(v * canvas.height)];
-        return [...canvas.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3);
-    }"""
-    return page.evaluate(script, place)
 
 
 def show_only(page: Any, *layers: str) -> None:

@@ -8,18 +8,11 @@ from typing import Any
 import pytest
 
 from tests.clients import harness_samples, samples
-from tests.clients.fake_service import FakeService, served
-from tests.clients.test_viewer import CHROMIUM, FLAGS, picture, pytestmark, sync_api
+from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened
+from tests.clients.fake_service import FakeService
+from tests.clients.test_viewer import picture
 
-__all__ = ["pytestmark"]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
+pytestmark = NEEDS_BROWSER
 
 
 @pytest.fixture
@@ -31,26 +24,8 @@ def service() -> FakeService:
 
 @pytest.fixture
 def page(browser: Any, service: FakeService) -> Iterator[Any]:
-    wrong: list[str] = []
-    with served(service.app()) as url:
-        page = browser.new_page(viewport={"width": 1300, "height": 1000})
-        page.set_default_timeout(10_000)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
-        page.goto(f"{url}/viewer/harness.html")
+    with opened(browser, service, "viewer/harness.html", 1000) as page:
         yield page
-        page.close()
-    assert wrong == []
-
-
-def color_at(page: Any, x: float, y: float) -> list[int]:
-    place = [(x + 0.5) / samples.WIDTH, (y + 0.5) / samples.HEIGHT]
-    script = """([u, v]) => {
-        const canvas = document.querySelector("#canvas");
-        const at = [Math.floor(u * canvas.width), Math.floor(v * canvas.height)];
-        return [...canvas.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3);
-    }"""
-    return page.evaluate(script, place)
 
 
 def test_topology_and_action_become_lists(page: Any, service: FakeService) -> None:

@@ -16,23 +16,10 @@ from PIL import Image
 
 from models.geometry.rle import decode
 from tests.clients import samples
-from tests.clients.fake_service import FakeService, served
+from tests.clients.browser_pages import NEEDS_BROWSER, opened
+from tests.clients.fake_service import FakeService
 
-sync_api = pytest.importorskip("playwright.sync_api")
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-sync"]
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
-]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
+pytestmark = NEEDS_BROWSER
 
 
 def probability() -> np.ndarray:
@@ -56,24 +43,16 @@ def png(image: np.ndarray) -> bytes:
 
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
-    """The corrector with one picture; an error on the page or a request to another host fails the test."""
-    wrong: list[str] = []
+    """The corrector with one picture."""
     service = FakeService()
     service.file = png(probability())
-    with served(service.app()) as url:
-        page = browser.new_page(viewport={"width": 1300, "height": 900})
-        page.set_default_timeout(10_000)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
-        page.goto(url)
+    with opened(browser, service) as page:
         page.click("text=Label")
         page.wait_for_url("**/label.html")
         page.wait_for_function("document.querySelector('#hint').textContent !== ''")
         page.set_input_files("#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())})
         page.wait_for_selector("#instances button")
         yield page
-        page.close()
-    assert wrong == []
 
 
 def click(page: Any, x: float, y: float, **more: Any) -> None:

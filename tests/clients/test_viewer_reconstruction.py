@@ -11,24 +11,16 @@ import pytest
 from PIL import Image
 
 from tests.clients import curve_samples, samples
-from tests.clients.fake_service import FakeService, served
-from tests.clients.test_viewer import CHROMIUM, FLAGS, pytestmark, sync_api
+from tests.clients.browser_pages import NEEDS_BROWSER, opened
+from tests.clients.fake_service import FakeService
 
-__all__ = ["pytestmark"]
+pytestmark = NEEDS_BROWSER
 
 
 def png(color: tuple[int, int, int] = (10, 200, 30)) -> bytes:
     data = io.BytesIO()
     Image.new("RGB", (64, 48), color).save(data, "PNG")
     return data.getvalue()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
@@ -41,16 +33,8 @@ def service() -> FakeService:
 
 @pytest.fixture
 def page(browser: Any, service: FakeService) -> Iterator[Any]:
-    wrong: list[str] = []
-    with served(service.app()) as url:
-        page = browser.new_page(viewport={"width": 1300, "height": 1000})
-        page.set_default_timeout(10_000)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
-        page.goto(f"{url}/viewer/reconstruction.html")
+    with opened(browser, service, "viewer/reconstruction.html", 1000) as page:
         yield page
-        page.close()
-    assert wrong == []
 
 
 def send(page: Any, cameras: Any) -> None:
