@@ -39,7 +39,7 @@ def look(kit: Tools | None, harness: Harness, rng: np.random.Generator) -> list[
     if kit is None:
         return plan(truth(harness))
     mask = draw_mask(harness, rng, SEEN)
-    return plan(extract(mask, kit.network, kit.judge, surfaces=[seen_points(harness)]))
+    return plan(extract(mask, kit.network, kit.judges, surfaces=[seen_points(harness)]))
 
 
 def single(kit: Tools | None, count: int) -> dict:

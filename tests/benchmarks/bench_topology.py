@@ -30,6 +30,7 @@ from models.segmentation.segment import ForegroundInput, foreground_mask, segmen
 from models.topology.drawing import overlay
 from models.topology.extraction import extract, predict
 from models.topology.graph import Graph, initialize
+from models.topology.judges import JUDGES, Judges
 from models.topology.matching import Drawn, match_drawing
 from models.topology.scene import Topology
 from models.topology.skeleton import Web
@@ -53,16 +54,19 @@ class Tools:
     """The shipped networks on one thread."""
 
     network: Network
-    judge: Network
+    judges: Judges
     orientation: Network
 
     def extract(self, mask: np.ndarray, image: np.ndarray | None = None) -> Topology:
-        return extract(mask, self.network, self.judge, image)
+        return extract(mask, self.network, self.judges, image)
 
 
 def tools() -> Tools:
-    names = (default_name(task) for task in ("topology", "junctions", "orientation"))
-    return Tools(*(load(name, Runtime(threads=1)) for name in names))
+    def network(task: str) -> Network:
+        return load(default_name(task), Runtime(threads=1))
+
+    judges = Judges(*(network(task) for task in JUDGES))
+    return Tools(network("topology"), judges, network("orientation"))
 
 
 def held_out(

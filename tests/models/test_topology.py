@@ -12,9 +12,10 @@ from models.topology import order
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH
 from models.topology.extraction import extract
 from models.topology.graph import initialize
+from models.topology.judges import JUDGES, Judges
 from models.topology.network_topology import MessageLayer, TopologyNetwork
 from models.topology.scene import Topology
-from models.topology.train_graphs import make_sample, true_graph
+from models.topology.train_graphs import draw_scene, true_graph
 from models.topology.train_harness import HarnessParams, make_harness
 from models.topology.train_masks import PLAIN, MaskParams, draw_mask
 from tests.benchmarks.topology_scoring import Tally, link_dice, points_of
@@ -24,9 +25,10 @@ CROSS = (np.array([[40, 40], [280, 200]]), np.array([[40, 200], [280, 40]]))
 
 
 @pytest.fixture(scope="module")
-def networks() -> tuple[Network, Network]:
+def networks() -> tuple[Network, Judges]:
     runtime = Runtime(threads=1)
-    return load(default_name("topology"), runtime), load(default_name("junctions"), runtime)
+    judges = Judges(*(load(default_name(task), runtime) for task in JUDGES))
+    return load(default_name("topology"), runtime), judges
 
 
 def found(networks, mask: np.ndarray, **more) -> Topology:
@@ -203,13 +205,14 @@ def test_random_scenes_are_read_right(networks):
 
 
 def test_a_seed_gives_the_same_harness_and_its_labels_fit_its_mask():
-    one, two = (make_sample(np.random.default_rng(3), HarnessParams(), PLAIN) for _ in range(2))
-    assert np.array_equal(one.graph.xy, two.graph.xy)
-    assert np.array_equal(one.truth.links, two.truth.links)
-    assert one.truth.on.mean() > 0.97
-    true_length = sum(3.0 * (len(s.xy) - 1) for s in one.harness.sections)
-    assert one.graph.web.strands
-    assert sum(s.length for s in one.graph.web.strands) == pytest.approx(true_length, rel=0.2)
+    (harness, graph), (_, again) = (draw_scene(np.random.default_rng(3), HarnessParams(), PLAIN) for _ in range(2))
+    assert np.array_equal(graph.xy, again.xy)
+    truth = true_graph(harness, graph)
+    assert np.array_equal(truth.links, true_graph(harness, again).links)
+    assert truth.on.mean() > 0.97
+    true_length = sum(3.0 * (len(s.xy) - 1) for s in harness.sections)
+    assert graph.web.strands
+    assert sum(s.length for s in graph.web.strands) == pytest.approx(true_length, rel=0.2)
 
 
 def test_asked_for_crossings_and_branch_points_are_there():

@@ -74,7 +74,7 @@ def test_the_whole_result_of_a_harness(tools):
     assert TopologyResult.model_validate_json(result.model_dump_json()) == result
     assert (result.status, result.width, result.height) == ("branched", 400, 280)
     assert (len(result.sections), len(result.branch_points), len(result.crossings)) == (3, 1, 1)
-    assert {m.name for m in result.models} == {"topology", "topology_junctions"}
+    assert {m.name for m in result.models} == {"topology", "topology_junctions", "topology_bridges", "topology_stubs"}
     assert set(outcome.files) == {"overlay.png", "mask.png"}
     assert {"decode", "segment", "topology", "encode", "topology.graph"} <= set(outcome.timings_ms)
     count = len(result.nodes_xy)
