@@ -160,7 +160,8 @@ def _through(view: _View) -> list[Bridge]:
 def _face(one: End, other: End) -> bool:
     step = other.xy - one.xy
     size = float(np.hypot(*step))
-    return one.strand != other.strand and min(one.heading @ step, -(other.heading @ step)) > _FACING * size
+    cosines = float(one.heading @ step), -float(other.heading @ step)
+    return one.strand != other.strand and min(cosines) > _FACING * size
 
 
 def _spans(graph: Graph, one: End, other: End, between: int) -> bool:
