@@ -131,6 +131,26 @@ def test_a_clip_is_no_section(networks):
     assert counts(found(networks, mask)) == (1, 0, 0)
 
 
+def test_a_clip_between_two_cables_joins_nothing(networks):
+    """Once the rung between them gave a section and two branch-points."""
+    mask = drawn(np.array([[20, 100], [300, 100]]), np.array([[20, 126], [300, 126]]), width=12)
+    mask[100:126, 155:161] = True
+    assert counts(found(networks, mask)) == (2, 0, 0)
+
+
+def test_a_branch_that_a_gap_cuts_off_is_one(networks):
+    mask = drawn(np.array([[0, 120], [319, 120]]), np.array([[160, 120], [230, 239]]), width=12)
+    mask[131:139, 150:190] = False
+    topology = found(networks, mask)
+    assert counts(topology) == (3, 1, 0)
+    assert np.hypot(*np.subtract(topology.branch_points[0].xy, (160, 120))) < 14
+
+
+def test_a_cable_that_ends_far_from_another_is_not_joined_to_it(networks):
+    mask = drawn(np.array([[0, 60], [319, 60]]), np.array([[160, 120], [160, 239]]), width=12)
+    assert counts(found(networks, mask)) == (2, 0, 0)
+
+
 def test_a_large_picture_is_answered_in_its_own_pixels(networks):
     small = drawn(*CROSS)
     large = cv2.resize(small.astype(np.uint8), (3200, 2400), interpolation=cv2.INTER_NEAREST) > 0

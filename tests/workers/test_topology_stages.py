@@ -67,6 +67,11 @@ def run(tools: Tools, **fields) -> TopologyResult:
     return stages.run(TopologyRequest(**fields), tools).result
 
 
+def test_a_warm_worker_has_the_topology_networks_loaded(tmp_path):
+    loaded = stages.warm(Settings(data_dir=tmp_path, onnx_threads=1)).loaded
+    assert {"topology", "topology_junctions", "topology_bridges", "topology_stubs"} <= set(loaded)
+
+
 def test_the_whole_result_of_a_harness(tools):
     outcome = stages.run(TopologyRequest(mask=put(tools, harness_mask()), files=["overlay", "mask"]), tools)
     result = outcome.result
