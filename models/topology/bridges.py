@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
@@ -108,6 +109,11 @@ class _View:
             for place, node in enumerate(chain.tolist()):
                 self.owners[node].append((k, place))
         self.at = ends_at(graph.web)
+        self.segments: IntArray = graph.edges[:, graph.traced]
+        self.knots = list(ends)
+        self.tree = cKDTree(np.stack([e.xy for e in ends.values()]))
+        self.reach = _REACH_PX + 3.2 * float(graph.radii.max()) + _REACH_WIDTHS * max(e.width for e in ends.values())
+        self.nearest = {knot: self._nearest(e) for knot, e in ends.items()}
         self.loose, self.traced = (links_of(graph, predictions, which) for which in (~graph.traced, graph.traced))
 
     def link(self, end: End, there: int) -> float:
@@ -117,6 +123,16 @@ class _View:
             near |= set(self.graph.chains[k][max(0, place - 1) : place + 2].tolist())
         pairs = ((min(end.knot, n), max(end.knot, n)) for n in near)
         return max((self.loose.get(p, 0.0) for p in pairs), default=0.0)
+
+    def near(self, end: End) -> list[End]:
+        """The other free ends that any bridge could reach."""
+        found = self.tree.query_ball_point(end.xy, self.reach, return_sorted=True)
+        return [self.ends[self.knots[k]] for k in found if self.knots[k] != end.knot]
+
+    def _nearest(self, end: End) -> int:
+        """The free end nearest to another that lies ahead of it, or -1."""
+        others = [e for e in self.near(end) if (e.xy - end.xy) @ end.heading > 0]
+        return min(others, key=lambda e: float(np.hypot(*(e.xy - end.xy)))).knot if others else -1
 
     def own(self, end: End, node: int) -> bool:
         """Whether a node lies on the end's own strand, within a few nodes of it."""
@@ -147,8 +163,8 @@ def _through(view: _View) -> list[Bridge]:
     """Two ends that face one another over a strand: the bridge goes through the node between them."""
     found = []
     for end in view.ends.values():
-        for other in view.ends.values():
-            if other is end or not _face(end, other):
+        for other in view.near(end):
+            if not _face(end, other):
                 continue
             between = _between(view, end, other)
             if between is not None and _spans(view.graph, end, other, between):
@@ -173,9 +189,9 @@ def _spans(graph: Graph, one: End, other: End, between: int) -> bool:
 def _between(view: _View, one: End, other: End) -> int | None:
     """The node nearest to where the line between two ends meets another strand's chain of nodes, or None."""
     graph = view.graph
-    i, j = graph.edges[:, graph.traced]
-    own = np.isin(graph.edges[:, graph.traced], np.concatenate((graph.chains[one.strand], graph.chains[other.strand])))
-    i, j = i[~own.any(axis=0)], j[~own.any(axis=0)]
+    own = np.zeros(len(graph.xy), bool)
+    own[graph.chains[one.strand]] = own[graph.chains[other.strand]] = True
+    i, j = view.segments[:, ~own[view.segments].any(axis=0)]
     place = _first_met(one.xy, other.xy, graph.xy[i], graph.xy[j])
     if place is None:
         return None
@@ -195,7 +211,7 @@ def _evidence(view: _View, end: End, there: int, between: int | None) -> FloatAr
     is_end = there in view.ends
     joint = len(view.at[there]) if there in view.at else 0
     far = view.ends.get(there)
-    mutual = far is not None and there == _nearest(view, end) and end.knot == _nearest(view, far)
+    mutual = far is not None and there == view.nearest[end.knot] and end.knot == view.nearest[there]
     branch, cross = view.predictions.classes[there if between is None else between].tolist()
     return np.array([
         gap / end.width, gap, (size - float(graph.radii[there])) / end.width, turn, from_curve, far_turn, abs(change),
@@ -243,12 +259,6 @@ def _other_side(view: _View, end: End, there: int) -> tuple[float, float, float]
     incidence = float(np.arcsin(min(1.0, abs(float(along @ _unit(graph.xy[there] - end.xy))))))
     width = max(1.0, 2 * float(np.median(graph.web.strands[k].radii)) - 1)
     return incidence, float(np.log(width / end.width)), _NO_PAIR
-
-
-def _nearest(view: _View, end: End) -> int:
-    """The free end nearest to another that lies ahead of it, or -1."""
-    others = [e for e in view.ends.values() if e is not end and (e.xy - end.xy) @ end.heading > 0]
-    return min(others, key=lambda e: float(np.hypot(*(e.xy - end.xy)))).knot if others else -1
 
 
 def _own_links(view: _View, end: End) -> float:

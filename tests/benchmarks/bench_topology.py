@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.bench_topology [SHARED] [--scenes 280] [--sheet FILE]
 
-Held-out scenes come from a part of the seed that training does not use. Figures are counted as in thesis Table 6.1
+Held-out scenes come from a part of the seed that training does not use (0 and 5·10^5 on), nor tuning (2·10^6 on). Figures are counted as in thesis Table 6.1
 (``topology_scoring``). Prints tables and writes ``build/bench/topology.json``; ``--sheet`` writes the worst overlays.
 """
 
