@@ -5,7 +5,7 @@
 Each scene's mask is drawn, its topology extracted, the best-ranked action executed on the true harness (holding 2 px,
 turning 3 degrees off on average), and the crossings counted there. ``triple``: three crossings, planned again after
 every action, at most six; a scene counts if all are gone and their number never rose.
-Prints a table and writes ``build/bench/disentangling.json``.
+Tuning looked at other seeds (1003, 1004). Prints a table and writes ``build/bench/disentangling.json``.
 """
 
 from __future__ import annotations

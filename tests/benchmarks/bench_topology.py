@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.bench_topology [SHARED] [--scenes 280] [--sheet FILE]
 
-Held-out scenes come from a part of the seed that training does not use (0 and 5·10^5 on), nor tuning (2·10^6 on). Figures are counted as in thesis Table 6.1
-(``topology_scoring``). Prints tables and writes ``build/bench/topology.json``; ``--sheet`` writes the worst overlays.
+Held-out scenes come from a part of the seed that neither training (0 and 5e5 on) nor tuning (2e6 on) uses. Figures are
+counted as in thesis Table 6.1 (``topology_scoring``). Prints tables and writes ``build/bench/topology.json``;
+``--sheet`` writes the worst overlays.
 """
 
 from __future__ import annotations
