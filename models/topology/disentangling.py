@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from models.geometry.arrays import FloatArray
+from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.topology.bodies import Body, Pivot, body_of, intersections, segments, turned
 from models.topology.scene import Crossing, Place, Topology
@@ -67,6 +67,8 @@ class Action:
 _MOST_CROSSINGS = 24
 _MOST_PIVOTS = 160
 _SIDEWAYS = float(np.tan(np.deg2rad(20)))
+_HAND_PX = 12.0
+"""What a gripper needs beside the strand that it closes on."""
 _LEAST_CERTAINTY = 0.15
 """A piece that more probably lies under something is left alone: it would drag that along."""
 
@@ -120,7 +122,7 @@ def _inner_pivots(topology: Topology, place: Place, other: Place) -> list[Pivot]
     if section.closed:
         return []
     length, at = section.length, place.u * section.length
-    gap = 1.5 * section.width
+    gap = 1.5 * max(section.width, topology.sections[other.section].width) + _HAND_PX / 2
     stop = other.u * length if other.section == place.section else None
     pivots = []
     for side in (1, -1):
@@ -153,17 +155,27 @@ def _best_turn(
     least = int(after.min())
     if least >= before:
         return None
+    sure = _steady(after, len(steps)) == least
     value, turn, clearance = max(
-        (_fitness(topology, body, pivot, float(a), params) for a in angles[after == least]), key=lambda f: f[0]
+        (_fitness(topology, body, pivot, float(a), params) for a in angles[sure if sure.any() else after == least]),
+        key=lambda f: f[0],
     )
     score = certainty * (before - least) / before * (0.5 + 0.35 * value + (0.1 if pivot.branch >= 0 else 0.0))
     score *= (0.6 if body.leaves_view else 1.0) * (1 - 0.3 * _share_moved(body))
     k, place = parted[0]
-    hold, pick, placed, path = _grasps(topology, place, pivot, body, turn)
+    (hold, pick, placed, path), room = _grasps(topology, place, pivot, body, turn)
+    score *= (0.3 + 0.7 * room) * (1.0 if sure.any() else 0.5)
     return Action(
         k, place.section, pivot.branch, hold, pick, placed, path, turn, before, least, _passed(topology, body, turn),
         clearance, certainty, float(score), body.leaves_view,
     )  # fmt: skip
+
+
+def _steady(after: IntArray, half: int) -> IntArray:
+    """The most crossings that are left at each angle or one step beside it: arms do not turn exactly. The first
+    ``half`` angles turn one way, the others the other way."""
+    beside = [np.pad(part, 1, mode="edge") for part in (after[:half], after[half:])]
+    return np.concatenate([np.maximum(np.maximum(p[:-2], p[1:-1]), p[2:]) for p in beside])
 
 
 def _parted(topology: Topology, order: Sequence[int], body: Body, pivot: Pivot) -> list[tuple[int, Place]]:
@@ -264,8 +276,9 @@ def _passed(topology: Topology, body: Body, turn: float) -> tuple[int, ...]:
 
 def _grasps(
     topology: Topology, place: Place, pivot: Pivot, body: Body, turn: float
-) -> tuple[Grasp, Grasp, Grasp, FloatArray]:
-    """Hold at the pivot; pick beyond the crossing, before the section's end; place where the turn brings it."""
+) -> tuple[tuple[Grasp, Grasp, Grasp, FloatArray], float]:
+    """Hold at the pivot; pick beyond the crossing, before the section's end; place where the turn brings it. And how
+    much of the room that both grippers need there is (0 to 1); at a branch-point strands are close anyhow."""
     section = topology.sections[place.section]
     lengths = arc_lengths(section.xy)
     if place.section == pivot.section:
@@ -273,28 +286,47 @@ def _grasps(
     else:  # towards the end that is farther from the place held
         away = np.hypot(*(section.xy[[0, -1]] - body.center).T)
         end = section.length if away[1] > away[0] else 0.0
-    picked = _free_place(topology, place.section, place.u * section.length, end)
+    picked, room = _free_place(topology, place.section, place.u * section.length, end)
     pick_xy = point_at(section.xy, lengths, np.array([picked]))[0]
     heading = _heading(section.xy, lengths, picked)
     held = topology.sections[pivot.section]
     hold_at = float(np.clip(pivot.at, 2.0, max(held.length - 2.0, 2.0)))
+    if pivot.branch < 0:
+        room = min(room, float(_room(topology, pivot.section, np.array([pivot.at]))[0]))
     path = np.stack([turned(pick_xy, body.center, float(a)) for a in np.linspace(0, turn, 25)])
-    return (
+    grasps = (
         Grasp(_pair(body.center), _heading(held.xy, arc_lengths(held.xy), hold_at)),
         Grasp(_pair(pick_xy), heading),
         Grasp(_pair(path[-1]), float(np.arctan2(np.sin(heading + turn), np.cos(heading + turn)))),
         path,
     )
+    return grasps, room
 
 
-def _free_place(topology: Topology, section: int, start: float, end: float) -> float:
-    """Arc length to grasp at, between the crossing and the section's end, far from other crossings."""
-    length = topology.sections[section].length
-    taken = [p.u * length for c in topology.crossings for p in (c.over, c.under) if p.section == section]
-    places = start + np.linspace(0.35, 0.9, 12) * (end - start)
-    room = np.abs(places[:, None] - np.array([*taken, -1e9])).min(axis=1)
-    wished = 2.0 * topology.sections[section].width
-    return float(places[int(np.argmax(np.minimum(room, wished) - 1e-3 * np.abs(places - places[5])))])
+def _free_place(topology: Topology, section: int, start: float, end: float) -> tuple[float, float]:
+    """Arc length to grasp at, between the crossing and the section's end, with room for a hand; and how much (0 to
+    1)."""
+    places = start + np.linspace(0.25, 0.95, 15) * (end - start)
+    room = _room(topology, section, places)
+    best = int(np.argmax(room - 1e-3 * np.abs(places - places[5]) / max(abs(end - start), 1e-9)))
+    return float(places[best]), float(room[best])
+
+
+def _room(topology: Topology, section: int, places: FloatArray) -> FloatArray:
+    """``(n,)`` shares of what a hand needs between the section at these arc lengths and all other strands, its own
+    other passes included."""
+    own = topology.sections[section]
+    lengths = arc_lengths(own.xy)
+    xy = point_at(own.xy, lengths, places)
+    needed = own.width / 2 + _HAND_PX
+    away = np.full(len(places), np.inf)
+    for k, other in enumerate(topology.sections):
+        apart = np.hypot(*np.moveaxis(xy[:, None] - other.xy[None], -1, 0)) - other.width / 2
+        if k == section:
+            apart[np.abs(lengths[None] - places[:, None]) < 3 * own.width + _HAND_PX] = np.inf
+        away = np.minimum(away, apart.min(axis=1))
+    out: FloatArray = np.clip(away / needed, 0.0, 1.0)
+    return out
 
 
 def _heading(xy: FloatArray, lengths: FloatArray, at: float) -> float:

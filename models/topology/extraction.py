@@ -15,10 +15,11 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import arc_lengths
 from models.topology.encodings import encode
 from models.topology.graph import Graph, TooComplexError, initialize
+from models.topology.judges import Judges
 from models.topology.order import Surface, ordered, picture
 from models.topology.scene import Predictions, Status, Topology
 from models.topology.sites import Site
-from models.topology.solver import Judge, solve
+from models.topology.solver import solve
 from models.topology.walks import branch_points_of, crossings_of, final_links, sections_of, walk_all
 
 MAX_PIXELS = 1_500_000
@@ -35,7 +36,7 @@ class TopologyNetwork(Protocol):
 def extract(
     mask: BoolArray,
     network: TopologyNetwork,
-    judge: Judge,
+    judges: Judges,
     image: ByteArray | None = None,
     surfaces: Sequence[Surface] = (),
 ) -> Topology:
@@ -51,13 +52,13 @@ def extract(
         raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
     factor = int(np.ceil(np.sqrt(mask.size / MAX_PIXELS)))
     if factor <= 1:
-        return _extract(np.ascontiguousarray(mask, dtype=bool), network, judge, image, surfaces)
+        return _extract(np.ascontiguousarray(mask, dtype=bool), network, judges, image, surfaces)
     size = (max(1, mask.shape[1] // factor), max(1, mask.shape[0] // factor))
     scale = np.array(mask.shape[::-1]) / np.array(size)
     share = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
     small = None if image is None else cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
     seen = [replace(s, read=_scaled(s.read, scale)) for s in surfaces]
-    return _enlarged(_extract(share >= 255 * _LEAST_SHARE, network, judge, small, seen), mask.shape, scale)
+    return _enlarged(_extract(share >= 255 * _LEAST_SHARE, network, judges, small, seen), mask.shape, scale)
 
 
 def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
@@ -71,7 +72,7 @@ def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
 
 
 def _extract(
-    mask: BoolArray, network: TopologyNetwork, judge: Judge, image: ByteArray | None, surfaces: Sequence[Surface]
+    mask: BoolArray, network: TopologyNetwork, judges: Judges, image: ByteArray | None, surfaces: Sequence[Surface]
 ) -> Topology:
     started = perf_counter()
     try:
@@ -83,7 +84,7 @@ def _extract(
         return _nothing(mask.shape, "empty", {"graph": 1e3 * (after_graph - started)})
     predictions = predict(graph, network)
     after_network = perf_counter()
-    solution = solve(graph, predictions, judge, None if image is None else _tint(image))
+    solution = solve(graph, predictions, judges, None if image is None else _tint(image))
     walks = walk_all(solution)
     sections = sections_of(walks, solution, graph)
     after_solver = perf_counter()

@@ -5,7 +5,8 @@ Symbols: N nodes, E undirected candidate edges ``(i, j)`` with ``i < j``. The fi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,7 +14,7 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import distance_map
-from models.topology.skeleton import Web, find_web
+from models.topology.skeleton import Strand, Web, find_web
 from models.topology.web import cleaned, tidied
 
 NEIGHBORS = 8
@@ -82,6 +83,32 @@ def sample(web: Web, distances: Float32Array) -> Graph:
     return Graph(nodes, _read_radii(distances, nodes), spacing, edges, traced, tuple(chains), web, distances)
 
 
+def without(graph: Graph, dropped: set[int]) -> Graph:
+    """The graph without some of its strands; strands that then meet two by two are one. Nodes and edges stay."""
+    pairs = [(s, c) for k, (s, c) in enumerate(zip(graph.web.strands, graph.chains, strict=True)) if k not in dropped]
+    at: dict[int, list[tuple[Strand, IntArray]]] = defaultdict(list)
+    for pair in pairs:
+        at[pair[0].a].append(pair)
+        at[pair[0].b].append(pair)
+    for knot in {k for n in dropped for k in (graph.web.strands[n].a, graph.web.strands[n].b)}:
+        if len(at[knot]) != 2 or at[knot][0] is at[knot][1]:
+            continue
+        (before, first), (after, second) = (_seen_from(knot, *p) for p in at[knot])
+        joined = (before.reversed().followed_by(after), np.concatenate((first[::-1], second[1:])))
+        for end in (before.b, after.b):
+            at[end] = [p for p in at[end] if all(p is not q for q in at[knot])] + [joined]
+        at[knot] = []
+    kept = list({id(s): (s, c) for found in at.values() for s, c in found}.values())
+    web = Web(graph.web.knots_xy, tuple(s for s, _ in kept))
+    chains = [c for _, c in kept]
+    traced = np.isin(graph.edges[0] * len(graph.xy) + graph.edges[1], _keys_along(chains, len(graph.xy)))
+    return replace(graph, web=web, chains=tuple(chains), traced=traced)
+
+
+def _seen_from(knot: int, strand: Strand, chain: IntArray) -> tuple[Strand, IntArray]:
+    return (strand, chain) if strand.a == knot else (strand.reversed(), chain[::-1])
+
+
 def _spacing(web: Web) -> float:
     if not web.strands:
         return _LEAST_SPACING_PX
@@ -103,9 +130,14 @@ def _edges(xy: FloatArray, chains: list[IntArray]) -> tuple[IntArray, BoolArray]
         return np.zeros((2, 0), np.int64), np.zeros(0, bool)
     _, nearest = cKDTree(xy).query(xy, min(NEIGHBORS + 1, count))
     near = np.stack((np.repeat(np.arange(count), nearest.shape[1]), nearest.ravel()))
-    along = np.concatenate([np.stack((c[:-1], c[1:])) for c in chains], axis=1) if chains else near[:, :0]
-    keys_along = np.unique(np.minimum(*along) * count + np.maximum(*along))
+    keys_along = _keys_along(chains, count)
     keys = np.unique(np.concatenate((np.minimum(*near) * count + np.maximum(*near), keys_along)))
     first, second = np.divmod(keys, count)
     proper = first != second
     return np.stack((first, second))[:, proper].astype(np.int64), np.isin(keys, keys_along)[proper]
+
+
+def _keys_along(chains: list[IntArray], count: int) -> IntArray:
+    """A number for every pair of neighbors on a chain."""
+    along = np.concatenate([np.zeros((2, 0), np.int64), *(np.stack((c[:-1], c[1:])) for c in chains)], axis=1)
+    return np.unique(np.minimum(*along) * count + np.maximum(*along))

@@ -20,6 +20,7 @@ _IMAGE_NOISE = 4.0
 """Gray levels that mean nothing."""
 _DEPTH_NOISE_M = 0.001
 _MOST_DEPTH_ODDS = 3.0
+_LEAST_SINE = 0.35
 _SHARPNESS = 1.5
 """How fast the score follows the ratio of the deviations."""
 
@@ -79,8 +80,9 @@ def _order(crossing: Crossing, sections: Sequence[Section], surfaces: Sequence[S
 
 def _log_odds(one: Place, other: Place, sections: Sequence[Section], surface: Surface) -> float:
     """Positive if ``one`` runs through unchanged while ``other`` does not; 0 if the surface does not tell."""
-    first = _deviation(one, sections[one.section], sections[other.section].width, surface)
-    second = _deviation(other, sections[other.section], sections[one.section].width, surface)
+    sine = _sine(one, other, sections)
+    first = _deviation(one, sections[one.section], sections[other.section].width / sine, surface)
+    second = _deviation(other, sections[other.section], sections[one.section].width / sine, surface)
     if first is None or second is None:
         return 0.0
     odds = _SHARPNESS * float(np.log(second[0] / first[0]))
@@ -89,12 +91,25 @@ def _log_odds(one: Place, other: Place, sections: Sequence[Section], surface: Su
     return odds
 
 
-def _deviation(place: Place, section: Section, other_width: float, surface: Surface) -> tuple[float, float] | None:
+def _sine(one: Place, other: Place, sections: Sequence[Section]) -> float:
+    """Sine of the angle between two strands where they cross: at a flat angle they lie on one another for longer."""
+    headings = []
+    for place in (one, other):
+        section = sections[place.section]
+        lengths = arc_lengths(section.xy)
+        near = place.u * lengths[-1] + np.array([-1, 1]) * max(4.0, section.width)
+        before, after = point_at(section.xy, lengths, np.clip(near, 0, lengths[-1]))
+        headings.append((after - before) / max(float(np.hypot(*(after - before))), 1e-9))
+    (a, b), (c, d) = headings
+    return max(_LEAST_SINE, abs(float(a * d - b * c)))
+
+
+def _deviation(place: Place, section: Section, overlap: float, surface: Surface) -> tuple[float, float] | None:
     """Mean squared deviation, noise included, of what is seen in the crossing from what is seen before and after, and
     the mean of the latter right beside the crossing; None where too little is seen."""
     lengths = arc_lengths(section.xy)
     at = place.u * lengths[-1]
-    half = 0.5 * other_width + 1
+    half = 0.5 * overlap + 1
     arm = max(6.0, 1.5 * section.width)
     inner = np.linspace(at - half, at + half, 9)
     before, after = np.linspace(at - half - arm, at - half - 2, 6), np.linspace(at + half + 2, at + half + arm, 6)

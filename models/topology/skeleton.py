@@ -41,6 +41,11 @@ class Strand:
     def reversed(self) -> Strand:
         return Strand(self.b, self.a, self.xy[::-1], self.radii[::-1])
 
+    def followed_by(self, other: Strand) -> Strand:
+        """One strand of two, of which the second starts where the first ends."""
+        xy, radii = np.concatenate((self.xy, other.xy[1:])), np.concatenate((self.radii, other.radii[1:]))
+        return Strand(self.a, other.b, xy, radii)
+
     def seen_from(self, knot: int) -> Strand:
         """The strand with ``knot`` at its first point."""
         return self if self.a == knot else self.reversed()

@@ -11,17 +11,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from models.geometry.arrays import Float32Array, FloatArray
+from models.geometry.arrays import FloatArray
 from models.topology.graph import Graph
+from models.topology.judges import Judges, judged
 from models.topology.repair import repaired
 from models.topology.scene import Predictions
 from models.topology.sites import Site, bend, crossing_sites, ends_at, evidence, measure_arm
 from models.topology.skeleton import Web
 
-Judge = Callable[[Float32Array], NDArray[np.floating]]
-"""``(n, 17)`` evidence of sites to ``(n,)`` probabilities of a crossing."""
 End = tuple[int, int]
 """A strand and which of its ends: 0 or 1."""
 _MOST_BEND = 1.6
@@ -47,15 +45,15 @@ class Solution:
 
 
 def solve(
-    graph: Graph, predictions: Predictions, judge: Judge, tint: Callable[[Site], float] | None = None
+    graph: Graph, predictions: Predictions, judges: Judges, tint: Callable[[Site], float] | None = None
 ) -> Solution:
     """Which joints of the graph are crossings and which are branch-points.
 
     ``tint``: what the picture's colors say of a site, as a difference of log odds in favor of a crossing.
     """
-    web = repaired(graph, predictions)
+    web = repaired(graph, predictions, judges)
     sites = crossing_sites(web)
-    scores = _scores(sites, web, graph, predictions, judge, tint)
+    scores = _scores(sites, web, graph, predictions, judges, tint)
     passages: list[Passage] = []
     taken: set[int] = set()
     for k in np.argsort(-scores, kind="stable"):
@@ -78,14 +76,11 @@ def solve(
 
 
 def _scores(
-    sites: list[Site], web: Web, graph: Graph, predictions: Predictions, judge: Judge,
+    sites: list[Site], web: Web, graph: Graph, predictions: Predictions, judges: Judges,
     tint: Callable[[Site], float] | None,
 ) -> FloatArray:  # fmt: skip
-    if not sites:
-        return np.zeros(0)
-    table = np.stack([evidence(s, web, graph.xy, predictions) for s in sites]).astype(np.float32)
-    scores = np.asarray(judge(table), np.float64)
-    if tint is None:
+    scores = judged(judges.crossing, [evidence(s, web, graph.xy, predictions) for s in sites])
+    if tint is None or not sites:
         return scores
     odds = np.log(np.clip(scores, 1e-6, 1) / np.clip(1 - scores, 1e-6, 1)) + np.array([tint(s) for s in sites])
     return 1 / (1 + np.exp(-odds))

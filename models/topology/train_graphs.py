@@ -35,21 +35,25 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One training scene."""
+    """One training scene, as the networks see it."""
 
-    harness: Harness
-    graph: Graph
     truth: Truth
     encoded: Encoded
 
 
-def make_sample(rng: np.random.Generator, params: HarnessParams, disturbed: MaskParams) -> Sample:
-    """A scene with its graph and truth; scenes whose mask shows nothing are drawn again."""
+def draw_scene(rng: np.random.Generator, params: HarnessParams, disturbed: MaskParams) -> tuple[Harness, Graph]:
+    """A scene and its graph; scenes whose mask shows nothing are drawn again."""
     while True:
         harness = make_harness(rng, params)
         graph = initialize(draw_mask(harness, rng, disturbed))
         if graph.edges.shape[1]:
-            return Sample(harness, graph, true_graph(harness, graph), encode(graph))
+            return harness, graph
+
+
+def make_sample(rng: np.random.Generator, params: HarnessParams, disturbed: MaskParams) -> Sample:
+    """A scene with its truth."""
+    harness, graph = draw_scene(rng, params, disturbed)
+    return Sample(true_graph(harness, graph), encode(graph))
 
 
 def true_graph(harness: Harness, graph: Graph) -> Truth:

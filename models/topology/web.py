@@ -110,8 +110,7 @@ def dissolve(web: Web) -> Web:
         if len(pair) != 2 or any(s.a == s.b for s in pair):
             continue
         first, second = pair[0].seen_from(knot).reversed(), pair[1].seen_from(knot)
-        joined = Strand(first.a, second.b, np.concatenate((first.xy, second.xy[1:])),
-                        np.concatenate((first.radii, second.radii[1:])))  # fmt: skip
+        joined = first.followed_by(second)
         del at[knot]
         for end in {first.a, second.b}:
             at[end] = [s for s in at[end] if s is not pair[0] and s is not pair[1]] + [joined]

@@ -5,7 +5,7 @@
 Each scene's mask is drawn, its topology extracted, the best-ranked action executed on the true harness (holding 2 px,
 turning 3 degrees off on average), and the crossings counted there. ``triple``: three crossings, planned again after
 every action, at most six; a scene counts if all are gone and their number never rose.
-Prints a table and writes ``build/bench/disentangling.json``.
+Tuning looked at other seeds (1003, 1004). Prints a table and writes ``build/bench/disentangling.json``.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def look(kit: Tools | None, harness: Harness, rng: np.random.Generator) -> list[
     if kit is None:
         return plan(truth(harness))
     mask = draw_mask(harness, rng, SEEN)
-    return plan(extract(mask, kit.network, kit.judge, surfaces=[seen_points(harness)]))
+    return plan(extract(mask, kit.network, kit.judges, surfaces=[seen_points(harness)]))
 
 
 def single(kit: Tools | None, count: int) -> dict:

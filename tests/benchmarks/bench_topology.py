@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.bench_topology [SHARED] [--scenes 280] [--sheet FILE]
 
-Held-out scenes come from a part of the seed that training does not use. Figures are counted as in thesis Table 6.1
-(``topology_scoring``). Prints tables and writes ``build/bench/topology.json``; ``--sheet`` writes the worst overlays.
+Held-out scenes come from a part of the seed that neither training (0 and 5e5 on) nor tuning (2e6 on) uses. Figures are
+counted as in thesis Table 6.1 (``topology_scoring``). Prints tables and writes ``build/bench/topology.json``;
+``--sheet`` writes the worst overlays.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from models.segmentation.segment import ForegroundInput, foreground_mask, segmen
 from models.topology.drawing import overlay
 from models.topology.extraction import extract, predict
 from models.topology.graph import Graph, initialize
+from models.topology.judges import JUDGES, Judges
 from models.topology.matching import Drawn, match_drawing
 from models.topology.scene import Topology
 from models.topology.skeleton import Web
@@ -53,16 +55,19 @@ class Tools:
     """The shipped networks on one thread."""
 
     network: Network
-    judge: Network
+    judges: Judges
     orientation: Network
 
     def extract(self, mask: np.ndarray, image: np.ndarray | None = None) -> Topology:
-        return extract(mask, self.network, self.judge, image)
+        return extract(mask, self.network, self.judges, image)
 
 
 def tools() -> Tools:
-    names = (default_name(task) for task in ("topology", "junctions", "orientation"))
-    return Tools(*(load(name, Runtime(threads=1)) for name in names))
+    def network(task: str) -> Network:
+        return load(default_name(task), Runtime(threads=1))
+
+    judges = Judges(*(network(task) for task in JUDGES))
+    return Tools(network("topology"), judges, network("orientation"))
 
 
 def held_out(

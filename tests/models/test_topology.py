@@ -12,9 +12,10 @@ from models.topology import order
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH
 from models.topology.extraction import extract
 from models.topology.graph import initialize
+from models.topology.judges import JUDGES, Judges
 from models.topology.network_topology import MessageLayer, TopologyNetwork
 from models.topology.scene import Topology
-from models.topology.train_graphs import make_sample, true_graph
+from models.topology.train_graphs import draw_scene, true_graph
 from models.topology.train_harness import HarnessParams, make_harness
 from models.topology.train_masks import PLAIN, MaskParams, draw_mask
 from tests.benchmarks.topology_scoring import Tally, link_dice, points_of
@@ -24,9 +25,10 @@ CROSS = (np.array([[40, 40], [280, 200]]), np.array([[40, 200], [280, 40]]))
 
 
 @pytest.fixture(scope="module")
-def networks() -> tuple[Network, Network]:
+def networks() -> tuple[Network, Judges]:
     runtime = Runtime(threads=1)
-    return load(default_name("topology"), runtime), load(default_name("junctions"), runtime)
+    judges = Judges(*(load(default_name(task), runtime) for task in JUDGES))
+    return load(default_name("topology"), runtime), judges
 
 
 def found(networks, mask: np.ndarray, **more) -> Topology:
@@ -129,6 +131,26 @@ def test_a_clip_is_no_section(networks):
     assert counts(found(networks, mask)) == (1, 0, 0)
 
 
+def test_a_clip_between_two_cables_joins_nothing(networks):
+    """Once the rung between them gave a section and two branch-points."""
+    mask = drawn(np.array([[20, 100], [300, 100]]), np.array([[20, 126], [300, 126]]), width=12)
+    mask[100:126, 155:161] = True
+    assert counts(found(networks, mask)) == (2, 0, 0)
+
+
+def test_a_branch_that_a_gap_cuts_off_is_one(networks):
+    mask = drawn(np.array([[0, 120], [319, 120]]), np.array([[160, 120], [230, 239]]), width=12)
+    mask[131:139, 150:190] = False
+    topology = found(networks, mask)
+    assert counts(topology) == (3, 1, 0)
+    assert np.hypot(*np.subtract(topology.branch_points[0].xy, (160, 120))) < 14
+
+
+def test_a_cable_that_ends_far_from_another_is_not_joined_to_it(networks):
+    mask = drawn(np.array([[0, 60], [319, 60]]), np.array([[160, 120], [160, 239]]), width=12)
+    assert counts(found(networks, mask)) == (2, 0, 0)
+
+
 def test_a_large_picture_is_answered_in_its_own_pixels(networks):
     small = drawn(*CROSS)
     large = cv2.resize(small.astype(np.uint8), (3200, 2400), interpolation=cv2.INTER_NEAREST) > 0
@@ -203,13 +225,14 @@ def test_random_scenes_are_read_right(networks):
 
 
 def test_a_seed_gives_the_same_harness_and_its_labels_fit_its_mask():
-    one, two = (make_sample(np.random.default_rng(3), HarnessParams(), PLAIN) for _ in range(2))
-    assert np.array_equal(one.graph.xy, two.graph.xy)
-    assert np.array_equal(one.truth.links, two.truth.links)
-    assert one.truth.on.mean() > 0.97
-    true_length = sum(3.0 * (len(s.xy) - 1) for s in one.harness.sections)
-    assert one.graph.web.strands
-    assert sum(s.length for s in one.graph.web.strands) == pytest.approx(true_length, rel=0.2)
+    (harness, graph), (_, again) = (draw_scene(np.random.default_rng(3), HarnessParams(), PLAIN) for _ in range(2))
+    assert np.array_equal(graph.xy, again.xy)
+    truth = true_graph(harness, graph)
+    assert np.array_equal(truth.links, true_graph(harness, again).links)
+    assert truth.on.mean() > 0.97
+    true_length = sum(3.0 * (len(s.xy) - 1) for s in harness.sections)
+    assert graph.web.strands
+    assert sum(s.length for s in graph.web.strands) == pytest.approx(true_length, rel=0.2)
 
 
 def test_asked_for_crossings_and_branch_points_are_there():

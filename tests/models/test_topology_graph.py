@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from models.geometry.sampling import distance_map
+from models.topology.bridges import free_ends
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH, encode
-from models.topology.graph import TooComplexError, initialize
+from models.topology.graph import TooComplexError, initialize, without
 from models.topology.skeleton import find_web, smoothed
 from models.topology.web import cleaned, degrees, tidied
 from tests.models.drawn_masks import circle, drawn
@@ -121,3 +122,23 @@ def test_smoothing_keeps_the_ends():
     assert out[0].tolist() == [0, 0]
     assert out[-1].tolist() == [7, 1]
     assert np.abs(np.diff(out[2:-2, 1])).max() < 0.3
+
+
+def test_without_its_branch_a_tee_is_one_strand_again():
+    """Once the strand was joined from copies, and the pieces stayed beside it."""
+    graph = initialize(drawn(*TEE))
+    (branch,) = (k for k, s in enumerate(graph.web.strands) if s.xy[:, 1].max() > 180)
+    left = without(graph, {branch})
+    (strand,), (chain,) = left.web.strands, left.chains
+    assert strand.length == pytest.approx(280, abs=12)
+    assert np.all(np.diff(left.xy[chain][:, 0]) > 0) or np.all(np.diff(left.xy[chain][:, 0]) < 0)
+    assert left.traced.sum() == len(chain) - 1
+    assert len(free_ends(left)) == 2
+
+
+def test_a_free_end_points_out_of_its_strand():
+    mask = drawn(np.array([[40, 100], [240, 100]]), width=11)
+    ends = free_ends(initialize(mask))
+    assert sorted(round(float(e.heading[0])) for e in ends) == [-1, 1]
+    assert all(e.width == pytest.approx(mask[:, 140].sum(), abs=1) for e in ends)
+    assert all(abs(e.curvature) < 0.01 for e in ends)

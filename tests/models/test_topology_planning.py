@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from models.topology.bodies import Pivot, body_of, turned
-from models.topology.disentangling import Base, DisentangleParams, assign_arms, plan
+from models.topology.disentangling import Base, DisentangleParams, _room, _steady, assign_arms, plan
 from models.topology.drawing import draw_action, overlay
 from models.topology.scene import Crossing, Place
 from tests.benchmarks.harness_world import execute, one_crossing, truth
@@ -35,6 +35,17 @@ def test_the_arc_keeps_its_distance_to_the_held_place_and_ends_at_the_place():
         np.sin(action.place.angle - action.pick.angle), np.cos(action.place.angle - action.pick.angle)
     )
     assert turned_by == pytest.approx(action.turn, abs=1e-6)
+
+
+def test_a_turn_still_helps_if_the_arms_turn_a_step_more_or_less():
+    assert _steady(np.array([1, 0, 0, 0, 1, 0, 0]), 5).tolist() == [1, 1, 0, 1, 1, 0, 0]
+
+
+def test_a_hand_needs_room_beside_a_strand():
+    near = topology([section([(0, 100), (300, 100)], width=8), section([(0, 110), (150, 110)], width=8)])
+    room = _room(near, 0, np.array([50.0, 280.0]))
+    assert room[0] == pytest.approx((10 - 4) / (4 + 12), abs=0.02)
+    assert room[1] == 1
 
 
 def test_a_piece_that_lies_under_is_left_alone():

@@ -67,6 +67,11 @@ def run(tools: Tools, **fields) -> TopologyResult:
     return stages.run(TopologyRequest(**fields), tools).result
 
 
+def test_a_warm_worker_has_the_topology_networks_loaded(tmp_path):
+    loaded = stages.warm(Settings(data_dir=tmp_path, onnx_threads=1)).loaded
+    assert {"topology", "topology_junctions", "topology_bridges", "topology_stubs"} <= set(loaded)
+
+
 def test_the_whole_result_of_a_harness(tools):
     outcome = stages.run(TopologyRequest(mask=put(tools, harness_mask()), files=["overlay", "mask"]), tools)
     result = outcome.result
@@ -74,7 +79,7 @@ def test_the_whole_result_of_a_harness(tools):
     assert TopologyResult.model_validate_json(result.model_dump_json()) == result
     assert (result.status, result.width, result.height) == ("branched", 400, 280)
     assert (len(result.sections), len(result.branch_points), len(result.crossings)) == (3, 1, 1)
-    assert {m.name for m in result.models} == {"topology", "topology_junctions"}
+    assert {m.name for m in result.models} == {"topology", "topology_junctions", "topology_bridges", "topology_stubs"}
     assert set(outcome.files) == {"overlay.png", "mask.png"}
     assert {"decode", "segment", "topology", "encode", "topology.graph"} <= set(outcome.timings_ms)
     count = len(result.nodes_xy)

@@ -84,6 +84,7 @@ def warm(settings: Settings) -> Tools:
         networks=[_info(spec) for spec in inference.manifest().values()],
     )
     instances.perceive(np.zeros((360, 640, 3), np.uint8), tools)
+    topology.networks(tools)
     return tools
 
 

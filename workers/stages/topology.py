@@ -22,11 +22,12 @@ from dlo_client.contracts import (
 )
 from numpy.typing import NDArray
 
-from models.inference import default_name
+from models.inference import Network, default_name
 from models.segmentation.segment import foreground_mask
 from models.topology import scene as found
 from models.topology.drawing import overlay
 from models.topology.extraction import extract
+from models.topology.judges import JUDGES, Judges
 from models.topology.matching import Drawn, Match, match_drawing
 from models.topology.order import Surface, depth_map, points
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
@@ -94,12 +95,17 @@ def see(request: TopologyRequest | DisentangleRequest, tools: Tools, watch: Stop
             models.append(model_used(spec))
         else:
             raise InvalidInput("image", "an image or a mask is needed")
-    network, judge = (tools.network(default_name(task)) for task in ("topology", "junctions"))
-    models += [model_used(network.spec), model_used(judge.spec)]
+    network, judges = networks(tools)
+    models += [model_used(n.spec) for n in (network, *judges)]
     with watch.step("topology"):
-        topology = extract(cable, network, judge, image, surfaces)
+        topology = extract(cable, network, Judges(*judges), image, surfaces)
     ground = image if image is not None else _gray(probability)
     return Seen(topology, probability, applied, ground, models)
+
+
+def networks(tools: Tools) -> tuple[Network, list[Network]]:
+    """The graph's network, and those that judge single places, in the order of :class:`Judges`."""
+    return tools.network(default_name("topology")), [tools.network(default_name(task)) for task in JUDGES]
 
 
 def _surfaces(

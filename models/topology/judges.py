@@ -1,0 +1,52 @@
+"""Small networks that weigh evidence: is it a crossing, does a strand go on over a gap, is a short strand a branch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from models.topology.graph import Graph
+from models.topology.scene import Predictions
+
+Judge = Callable[[Float32Array], NDArray[np.floating]]
+"""``(n, features)`` evidence to ``(n,)`` probabilities."""
+
+JUDGES = ("junctions", "bridges", "stubs")
+"""The tasks of the networks of :class:`Judges`, in its order."""
+
+
+@dataclass(frozen=True)
+class Judges:
+    """``crossing``: of :func:`sites.evidence`; ``bridge``: of :func:`bridges.proposals`; ``stub``: of
+    :func:`stubs.candidates`, the probability that the strand is part of a DLO."""
+
+    crossing: Judge
+    bridge: Judge
+    stub: Judge
+
+
+def judged(judge: Judge, rows: list[FloatArray]) -> FloatArray:
+    """``(n,)`` probabilities; none for no rows."""
+    if not rows:
+        return np.zeros(0)
+    return np.asarray(judge(np.stack(rows).astype(np.float32)), np.float64)
+
+
+Links = dict[tuple[int, int], float]
+"""Probability by pair of nodes, the smaller first."""
+
+
+def links_of(graph: Graph, predictions: Predictions, which: BoolArray) -> Links:
+    """The probabilities of some of the graph's edges."""
+    i, j = graph.edges[:, which]
+    return dict(zip(zip(i.tolist(), j.tolist(), strict=True), predictions.links[which].tolist(), strict=True))
+
+
+def chain_links(chain: IntArray, links: Links) -> list[float]:
+    """The probabilities of the links along a chain of nodes."""
+    pairs = zip(np.minimum(chain[:-1], chain[1:]).tolist(), np.maximum(chain[:-1], chain[1:]).tolist(), strict=True)
+    return [links.get(p, 0.0) for p in pairs]

@@ -1,0 +1,127 @@
+"""Short strands that may be no part of a DLO: a clip, a burr, a corner of a connector; or a rung, where two strands
+touch or a clip spans them (thesis 6.6.1, extended)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.geometry.arrays import FloatArray
+from models.topology.graph import Graph
+from models.topology.judges import Links, chain_links, links_of
+from models.topology.scene import Predictions
+from models.topology.sites import Arm, bend, ends_at, measure_arm
+from models.topology.skeleton import Strand
+from models.topology.web import degrees, protrusion
+
+STUB_EVIDENCE = 21
+"""Numbers that describe a strand, see :func:`_evidence`."""
+_LONGEST = 8.0
+"""In radii of the joint: what reaches farther is a branch."""
+_LONGEST_RUNG = 4.0
+"""In own widths, between the discs of its joints."""
+_FAR = 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """``strand`` of the graph's web; ``tip``: the knot at its free end, -1 for a rung; ``evidence``: ``(21,)``."""
+
+    strand: int
+    tip: int
+    evidence: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """What the strand looks like at one of its joints: the angle to the nearest other arm, its least bend into one,
+    the least bend between two others, how many arms there are, widths of the others, length of the shortest other
+    strand that ends freely."""
+
+    nearest: float
+    least_bend: float
+    through: float
+    arms: int
+    widths: FloatArray
+    sibling: float
+
+
+def candidates(graph: Graph, predictions: Predictions) -> list[Candidate]:
+    """Every short strand that leaves a joint and ends freely, or at another joint."""
+    count = degrees(graph.web)
+    links = links_of(graph, predictions, graph.traced)
+    looked = _Arms(graph)
+    found = []
+    for k, strand in enumerate(graph.web.strands):
+        joints = [j for j in (strand.a, strand.b) if count[j] > 2]
+        if not joints or strand.a == strand.b or not _is_short(strand, joints, count):
+            continue
+        tip = next((t for t in (strand.a, strand.b) if count[t] == 1), -1)
+        if tip >= 0 or len(joints) == 2:
+            found.append(Candidate(k, tip, _evidence(graph, predictions, links, looked, k, joints)))
+    return found
+
+
+def _is_short(strand: Strand, joints: list[int], count: dict[int, int]) -> bool:
+    if len(joints) == 1:
+        return protrusion(strand, joints[0]) < _LONGEST * float(strand.seen_from(joints[0]).radii[0])
+    return _exposed(strand) < _LONGEST_RUNG * 2 * float(strand.radii.min())
+
+
+def _exposed(strand: Strand) -> float:
+    return strand.length - float(strand.radii[0]) - float(strand.radii[-1])
+
+
+class _Arms:
+    """The arms at joints, measured once."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._web = graph.web
+        self._count = degrees(graph.web)
+        self._ends = ends_at(graph.web)
+        self._known: dict[int, list[Arm]] = {}
+
+    def side(self, joint: int, k: int) -> _Side:
+        """Strand ``k`` as it leaves a joint."""
+        if joint not in self._known:
+            self._known[joint] = [measure_arm(self._web, n, side) for n, side in self._ends[joint]]
+        arms = self._known[joint]
+        own = next(a for a in arms if a.strand == k)
+        others = [a for a in arms if a is not own]
+        strands = [self._web.strands[a.strand] for a in others]
+        free = [s.length for s in strands if self._count[s.b if s.a == joint else s.a] == 1]
+        return _Side(
+            min(float(np.arccos(np.clip(own.heading @ a.heading, -1, 1))) for a in others),
+            min(bend(own, a) for a in others),
+            min((bend(a, b) for i, a in enumerate(others) for b in others[i + 1 :]), default=np.pi),
+            len(arms), np.array([a.width for a in others]), min(free, default=np.inf),
+        )  # fmt: skip
+
+
+def _evidence(
+    graph: Graph, predictions: Predictions, links: Links, looked: _Arms, k: int, joints: list[int]
+) -> FloatArray:
+    """``(21,)``: how far it reaches and how wide it is, against the joint and the other arms; how it leaves them and
+    how straight these run on without it, at the worse of two joints; what the networks say."""
+    strand = graph.web.strands[k].seen_from(joints[0])
+    sides = [looked.side(j, k) for j in joints]
+    rung = len(joints) == 2
+    radius = float(strand.radii[0])
+    out = _exposed(strand) if rung else protrusion(strand, joints[0])
+    own = max(1.0, 2 * float(strand.radii.min() if rung else np.median(strand.radii)) - 1)
+    widths = np.concatenate([s.widths for s in sides])
+    chain = graph.chains[k]
+    believed = chain_links(chain, links)
+    last = believed[0] if chain[0] not in joints else believed[-1]
+    height, across = graph.distances.shape
+    x, y = strand.xy[-1]
+    border = min(x, y, across - 1 - x, height - 1 - y) / max(float(strand.radii[-1]), 1.0)
+    sibling = min(min(s.sibling for s in sides) / radius, _FAR)
+    return np.array([
+        out / radius, out / own, strand.length / own, own / radius, own / widths.max(), own / widths.min(),
+        float(strand.radii[-1]) / radius, float(np.mean(believed)), float(np.min(believed)), last,
+        min(s.nearest for s in sides), min(s.least_bend for s in sides), max(s.through for s in sides),
+        float(max(s.arms for s in sides)), sibling, min(border, 8.0), *predictions.classes[joints].max(axis=0).tolist(),
+        *predictions.classes[chain].max(axis=0).tolist(), float(rung),
+    ])  # fmt: skip
