@@ -10,7 +10,7 @@ candidates are all bad get none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class MatchParams:
     unseen: float = 0.3
     width: float = 1.0
     prior: float = 1.0
+    steepest: float = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,21 @@ def match(
     if prior_depth is not None:
         off = np.log(found.depth / prior_depth[found.sample]) / 0.05
         cost = cost + params.prior * np.nan_to_num(np.minimum(off**2, 1.0))
-    steps = np.hypot(*np.diff(xy, axis=0).T)
-    return _cheapest(found, cost, steps / reference.camera.focal_px, len(index), params)
+    angle = np.hypot(*np.diff(xy, axis=0).T) / reference.camera.focal_px
+    matched = _cheapest(found, cost, angle, len(index), params)
+    return replace(matched, depth=_without_leaps(matched.depth, angle, params.steepest))
+
+
+def steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera]) -> FloatArray:
+    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is largest: what a match
+    says about the depth."""
+    best = np.zeros(len(index))
+    for other in others:
+        pole = camera.intrinsics.matrix @ (camera.rotation.T @ (other.center - camera.center))
+        direction = pole[:2] - pole[2] * line.xy[index]
+        direction /= np.maximum(np.hypot(*direction.T)[:, None], 1e-12)
+        best = np.maximum(best, np.abs(np.einsum("ni,ni->n", direction, line.normals[index])))
+    return best
 
 
 def _candidates(
@@ -189,6 +203,25 @@ def _cheapest(found: _Candidates, cost: FloatArray, steps: FloatArray, count: in
     rows = np.arange(count)
     mean = float(unary[rows, chosen][matched].mean()) if matched.any() else float("inf")
     return Match(np.where(matched, depth[rows, chosen], np.nan), mean)
+
+
+def _without_leaps(depth: FloatArray, steps: FloatArray, steepest: float) -> FloatArray:
+    """(n,) the longest stretch of ``depth`` and what goes on from it without a leap; NaN for the rest.
+
+    A leap is a change from one matched sample to the next that a DLO less than ``steepest`` times as deep as it is long
+    in the picture cannot make: past it a strand of another DLO was followed.
+    """
+    at = np.flatnonzero(np.isfinite(depth))
+    if len(at) < 2:
+        return depth
+    along = np.concatenate(([0.0], np.cumsum(steps)))[at]
+    middle = 0.5 * (depth[at][1:] + depth[at][:-1])
+    leap = np.abs(np.diff(depth[at])) > steepest * middle * np.diff(along)
+    stretch = np.concatenate(([0], np.cumsum(leap)))
+    kept = at[stretch == np.argmax(np.bincount(stretch))]
+    out = np.full(len(depth), np.nan)
+    out[kept] = depth[kept]
+    return out
 
 
 def _table(sample: IntArray, cost: FloatArray, count: int, at_most: int) -> IntArray:

@@ -93,9 +93,9 @@ def _identical(part: dict[str, Any]) -> str:
     return (
         "### Five crossing cables of one color\n\nEvery cable is the target once, named by a pixel. Right: nine tenths "
         "of the reprojection within 3 px of it in every view; placed: nine tenths of the points within 3 mm or three "
-        "stated standard deviations of it in space. From pictures, an instance that the "
-        "networks have joined wrongly in the target's view counts as wrong.\n\n"
-        + _rows(part, ("asked", "right", "share", "placed", "refused"))
+        "stated standard deviations of it in space; covered: share of its length in the reference picture that is "
+        "followed (the curve ends where no view tells which of two DLOs goes on). A DLO that is joined wrongly counts "
+        "as wrong.\n\n" + _rows(part, ("asked", "right", "share", "placed", "refused", "covered"))
     )
 
 
