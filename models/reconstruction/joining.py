@@ -33,8 +33,9 @@ _FORBIDDEN = 1e3
 class JoinParams:
     """``shortest_px`` of a piece; ``trim_px`` of it are cut off where another DLO begins to disturb it.
 
-    ``turn`` (radians): what directions are off by; ``bend`` (radians a pixel): how much DLOs bend; ``depth_at_most``:
-    a depth may have been matched wrongly and must not outweigh everything; ``far_widths``: a gap so wide costs 1;
+    ``turn`` (radians): what directions are off by; ``bend`` (radians a pixel): how much DLOs bend; ``rise``: how much
+    their slope changes, pixels of disparity a pixel; ``depth_at_most``: a depth may have been matched wrongly;
+    ``steepest_turn`` (radians) of an end against the chord; ``far_widths``: a gap so wide costs 1;
     ``beside``: cost of a bridge that lies beside the foreground; ``kept``: what is taken off for a join that the
     instance method made too. ``dearest``: join that is made; ``margin``: by which any other way must be dearer.
     ``gap_widths``: longest gap; up to ``short_widths`` the bridge counts as seen.
@@ -44,6 +45,7 @@ class JoinParams:
     trim_px: int = 3
     turn: float = 0.08
     bend: float = 0.003
+    rise: float = 0.02
     depth_at_most: float = 6.0
     far_widths: float = 5.5
     beside: float = 20.0
@@ -135,7 +137,8 @@ def join_costs(ends: PieceEnds, origin: IntArray, width_px: float, params: JoinP
 def _depth_cost(ends: PieceEnds, gap: FloatArray, params: JoinParams) -> FloatArray:
     """(E, E): both disparities are carried on to the middle of the gap."""
     there = ends.disparity[:, None] + ends.slope[:, None] * gap / 2
-    variance = ends.sigma[:, None] ** 2 + ends.sigma[None] ** 2 + (0.02 * gap) ** 2
+    own = ends.sigma[:, None] ** 2 + (ends.slope_sigma[:, None] * gap / 2) ** 2
+    variance = own + own.T + (params.rise * gap) ** 2
     cost: FloatArray = np.minimum((there - there.T) ** 2 / variance, params.depth_at_most)
     return cost
 

@@ -28,7 +28,8 @@ class MatchParams:
     ``tangent_px``: a strand this near to an epipolar line runs along it; ``tangent_step_px`` between candidates then.
     ``tilt``: cost of a step at 45° to the picture; it grows with the square up to ``tilt_at_most``.
     ``switch``: of going over to another strand of the same view. ``nothing``: of a sample without a match.
-    ``width``: of widths that differ by a factor of 1.65; the square of the logarithm, up to 1.
+    ``width``: of widths that differ by a factor of 1.65; the square of the logarithm, up to 1. ``steepest``: see
+    without_leaps.
     """
 
     reach_px: float = 4.0
@@ -42,7 +43,7 @@ class MatchParams:
     unseen: float = 0.3
     width: float = 1.0
     prior: float = 1.0
-    steepest: float = 12
+    steepest: float = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,27 @@ def match(
         cost = cost + params.prior * np.nan_to_num(np.minimum(off**2, 1.0))
     angle = np.hypot(*np.diff(xy, axis=0).T) / reference.camera.focal_px
     matched = _cheapest(found, cost, angle, len(index), params)
-    return replace(matched, depth=_without_leaps(matched.depth, angle, params.steepest))
+    return replace(matched, depth=without_leaps(matched.depth, angle, params.steepest))
+
+
+def without_leaps(depth: FloatArray, steps: FloatArray, steepest: float) -> FloatArray:
+    """The longest stretch of ``depth`` (n,) that no leap interrupts, NaN elsewhere.
+
+    ``steps`` (n - 1,) angle between neighboring samples. A leap: from one matched sample to the next the depth changes
+    by more than ``steepest`` times their distance across the ray. Past it another DLO was followed, most often where
+    the own one was found in no other view.
+    """
+    at = np.flatnonzero(np.isfinite(depth))
+    if len(at) < 2:
+        return depth
+    along = np.concatenate(([0.0], np.cumsum(steps)))[at]
+    middle = 0.5 * (depth[at][1:] + depth[at][:-1])
+    leap = np.abs(np.diff(depth[at])) > steepest * middle * np.diff(along)
+    stretch = np.concatenate(([0], np.cumsum(leap)))
+    kept = at[stretch == np.argmax(np.bincount(stretch))]
+    out = np.full(len(depth), np.nan)
+    out[kept] = depth[kept]
+    return out
 
 
 def steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera]) -> FloatArray:
@@ -203,25 +224,6 @@ def _cheapest(found: _Candidates, cost: FloatArray, steps: FloatArray, count: in
     rows = np.arange(count)
     mean = float(unary[rows, chosen][matched].mean()) if matched.any() else float("inf")
     return Match(np.where(matched, depth[rows, chosen], np.nan), mean)
-
-
-def _without_leaps(depth: FloatArray, steps: FloatArray, steepest: float) -> FloatArray:
-    """(n,) the longest stretch of ``depth`` and what goes on from it without a leap; NaN for the rest.
-
-    A leap is a change from one matched sample to the next that a DLO less than ``steepest`` times as deep as it is long
-    in the picture cannot make: past it a strand of another DLO was followed.
-    """
-    at = np.flatnonzero(np.isfinite(depth))
-    if len(at) < 2:
-        return depth
-    along = np.concatenate(([0.0], np.cumsum(steps)))[at]
-    middle = 0.5 * (depth[at][1:] + depth[at][:-1])
-    leap = np.abs(np.diff(depth[at])) > steepest * middle * np.diff(along)
-    stretch = np.concatenate(([0], np.cumsum(leap)))
-    kept = at[stretch == np.argmax(np.bincount(stretch))]
-    out = np.full(len(depth), np.nan)
-    out[kept] = depth[kept]
-    return out
 
 
 def _table(sample: IntArray, cost: FloatArray, count: int, at_most: int) -> IntArray:

@@ -22,31 +22,31 @@ _DEPTH_PX = 0.7
 _LEAST_STEEP = 0.02
 _SAME_PIECE_PX = 6.0
 """Disparities of a piece this far from its median were matched to something else."""
-_SLOPE = 0.05
+_SLOPE = 0.15
 """Standard deviation of the change of disparity along a DLO, pixels a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class PieceEnds:
     """``tip`` (E, 2) ideal pixels; ``outward`` (E, 2) unit direction out of the piece; ``disparity`` (E,) pixels
-    against the farthest other view, ``slope`` (E,) its change by pixel outward, ``sigma`` (E,) its standard deviation,
-    infinite where no other view shows the piece."""
+    against the farthest other view, ``slope`` (E,) its change by pixel outward; ``sigma``, ``slope_sigma`` (E,)
+    their standard deviations, infinite where no other view shows the piece."""
 
     tip: FloatArray
     outward: FloatArray
     disparity: FloatArray
     slope: FloatArray
     sigma: FloatArray
+    slope_sigma: FloatArray
 
 
 def piece_ends(view: View, others: list[View], params: MatchParams) -> PieceEnds:
     """Of all strands of ``view``, each of them matched against ``others`` by itself."""
     rows = [row for strand in view.strands for row in _both_ends(view, strand, others, params)]
-    tip, outward, disparity, slope, sigma = (np.array(column) for column in zip(*rows, strict=True))
-    return PieceEnds(tip, outward, disparity, slope, sigma)
+    return PieceEnds(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-_Row = tuple[FloatArray, FloatArray, float, float, float]
+_Row = tuple[FloatArray, FloatArray, float, float, float, float]
 
 
 def _both_ends(view: View, strand: Strand, others: list[View], params: MatchParams) -> list[_Row]:
@@ -62,8 +62,9 @@ def _both_ends(view: View, strand: Strand, others: list[View], params: MatchPara
         (strand.xy, index, disparity, steep[0]),
         (strand.xy[::-1], last - index[::-1], disparity[::-1], steep[-1]),
     ):
-        value, slope, sigma = _trend(at, values)
-        ends.append((*_direction(line), value, slope, float(np.hypot(sigma, _DEPTH_PX / max(steepest, _LEAST_STEEP)))))
+        value, slope, sigma, slope_sigma = _trend(at, values)
+        sigma = float(np.hypot(sigma, _DEPTH_PX / max(steepest, _LEAST_STEEP)))
+        ends.append((*_direction(line), value, slope, sigma, slope_sigma))
     return ends
 
 
@@ -74,15 +75,16 @@ def _direction(line: FloatArray) -> tuple[FloatArray, FloatArray]:
     return fit[-1], -fit[-2] / np.hypot(*fit[-2])
 
 
-def _trend(at: IntArray, values: FloatArray) -> tuple[float, float, float]:
-    """Value at the tip, slope outward, and standard deviation of the value, of ``values`` (n,) ``at`` (n,) pixels
+def _trend(at: IntArray, values: FloatArray) -> tuple[float, float, float, float]:
+    """Value at the tip, slope outward, and the standard deviations of both, of ``values`` (n,) ``at`` (n,) pixels
     from it."""
     near = (at <= 2 * _LOOK_PX) & np.isfinite(values)
     near[near] = np.abs(values[near] - np.median(values[near])) < _SAME_PIECE_PX if near.any() else False
     if near.sum() < 3:
-        return 0.0, 0.0, np.inf
+        return 0.0, 0.0, np.inf, _SLOPE
     matrix = np.stack([np.ones(int(near.sum())), at[near]], axis=1)
     covariance = np.linalg.inv(matrix.T @ matrix + np.diag([0.0, 1 / _SLOPE**2]))
     value, inward = covariance @ (matrix.T @ values[near])
     noise = np.sqrt(np.mean((values[near] - matrix @ [value, inward]) ** 2))
-    return float(value), float(-inward), float(np.sqrt(covariance[0, 0]) * noise)
+    sigma, slope_sigma = noise * np.sqrt(np.diag(covariance))
+    return float(value), float(-inward), float(sigma), float(slope_sigma)
