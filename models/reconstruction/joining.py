@@ -18,6 +18,8 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -176,7 +178,18 @@ def _bridge(ends: PieceEnds, a: int, b: int, start: FloatArray, stop: FloatArray
 
 
 def partners(cost: FloatArray, params: JoinParams) -> IntArray:
-    """(E,) the end that each one goes on in, itself where it stops."""
+    """(E,) the end that each one goes on in, itself where it stops. Ends that no possible join connects are decided
+    apart from one another."""
+    partner = np.arange(len(cost))
+    _, group = connected_components(csr_array(cost < params.dearest), directed=False)
+    for number in np.flatnonzero(np.bincount(group) > 1):
+        members = np.flatnonzero(group == number)
+        partner[members] = members[_sure_partners(cost[np.ix_(members, members)], params)]
+    return partner
+
+
+def _sure_partners(cost: FloatArray, params: JoinParams) -> IntArray:
+    """The cheapest partners of a few ends, without the joins that another way nearly equals."""
     found, total = _cheapest(cost, params.dearest)
     sure = found.copy()
     for a in np.flatnonzero(found > np.arange(len(found))).tolist():

@@ -271,7 +271,11 @@ def _take(found: Reconstruction, views: list[View], taken: list[set[int]]) -> No
 
 
 def _longest_first(views: list[View], at_most: int) -> list[tuple[int, int]]:
-    """(view, strand): the view with the most to see first, its strands by length."""
-    by_length = [sorted(range(len(v.strands)), key=lambda k, v=v: -v.strands[k].length_px)[:at_most] for v in views]  # type: ignore[misc]
-    order = sorted(range(len(views)), key=lambda k: -sum(s.length_px for s in views[k].strands))
-    return [(k, strand) for k in order for strand in by_length[k]]
+    """(view, strand) of the longest strands of each view. The same DLO may be whole in one view and in parts in another
+    one, where it was open how it goes on."""
+    every = [
+        (-strand.length_px, k, number)
+        for k, view in enumerate(views)
+        for number, strand in sorted(enumerate(view.strands), key=lambda s: -s[1].length_px)[:at_most]
+    ]
+    return [(k, number) for _, k, number in sorted(every)]
