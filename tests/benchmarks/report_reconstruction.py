@@ -40,7 +40,7 @@ def _asked(data: dict[str, Any]) -> list[list[Any]]:
          get("timings", "matching and triangulation, 20 points", "median_ms")],
         ["five crossing cables of one color followed, centerlines with noise", 0.95, 0.99, "",
          get("identical", "exact centerlines, 0.5 px noise", "share")],
-        ["… from pictures", "", "", "", get("identical", "pictures", "share")],
+        ["… from pictures", 0.95, 0.99, "", get("identical", "pictures", "share")],
         ["90 % ellipsoids cover, pictures", "0.85–0.95", "0.88–0.92", "",
          get("sections", "diameter 3.5 mm", "coverage")],
         ["… all sections above", "", "", "", get.mean("sections", "coverage")],
