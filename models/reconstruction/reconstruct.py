@@ -25,6 +25,8 @@ from models.reconstruction.views import View
 from models.reconstruction.widths import radius_along
 
 _ODD_DEPTH = 0.03
+_FEWEST = 4
+"""Samples of a strand that make a spline."""
 
 
 class NotReconstructable(ValueError):
@@ -151,6 +153,8 @@ def _attempt(
     view, line = views[reference], views[reference].strands[strand]
     count = int(np.clip(line.length_px / params.sample_px, *params.samples))
     known = np.flatnonzero(line.known)
+    if len(known) < _FEWEST:
+        return None
     index = known[np.unique(np.linspace(0, len(known) - 1, count).astype(np.int64))]
     prior = expected_depth(previous, view.camera, line.xy[index]) if previous is not None else None
     for reach in (params.matching.reach_px, params.wide_reach_px):
@@ -172,7 +176,7 @@ def _refined(
     params: ReconstructParams,
 ) -> _Attempt | None:
     """The match as a spline over its first to its last matched sample, refined on every view."""
-    if matched.found.sum() < 4:
+    if matched.found.sum() < _FEWEST:
         return None
     camera, line = views[reference].camera, views[reference].strands[strand]
     kept = index[matched.found]

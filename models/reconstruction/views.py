@@ -71,8 +71,8 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """All strands of a view in one array each: ``xy`` (m, 2), ``normals`` (m, 2), ``width_px`` (m,), ``strand`` (m,)
-    and ``at_end`` (m,), which marks a strand's first and last sample."""
+    """What is known of all strands of a view in one array each: ``xy`` (m, 2), ``normals`` (m, 2), ``width_px`` (m,),
+    ``strand`` (m,) and ``at_end`` (m,), which marks the first and last sample of every known stretch."""
 
     xy: FloatArray
     normals: FloatArray

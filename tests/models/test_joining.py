@@ -10,7 +10,7 @@ import pytest
 from models.reconstruction.joining import JoinParams, join_costs, partners, rejoin
 from models.reconstruction.matching import without_leaps
 from models.reconstruction.piece_ends import PieceEnds
-from models.reconstruction.reconstruct import ReconstructParams, reconstruct_strand
+from models.reconstruction.reconstruct import NotReconstructable, ReconstructParams, reconstruct_strand
 from models.reconstruction.views import Strand, View
 from tests.models.known_cables import about, above, arc, views_of
 
@@ -82,6 +82,16 @@ def test_a_view_without_strands_stays_empty():
     joined = rejoin(views)
     assert joined[2].view.strands == ()
     assert [len(j.view.strands) for j in joined[:2]] == [2, 2]
+
+
+def test_a_strand_of_which_nothing_is_known_is_no_curve():
+    views = views_of([arc()], ROW)
+    views[1] = replace(
+        views[1], strands=(replace(views[1].strands[0], known=np.zeros_like(views[1].strands[0].known)),)
+    )
+    assert len(rejoin(views)[1].view.strands) == 1
+    with pytest.raises(NotReconstructable):
+        reconstruct_strand(views, 1, 0, ReconstructParams())
 
 
 def test_a_dlo_is_reconstructed_through_wrong_joins():
