@@ -1,4 +1,4 @@
-"""Polylines: ``(n, 2)`` arrays of ``(x, y)`` points in pixels, joined in order."""
+"""Polylines: arrays of points joined in order, ``(n, 2)`` pixels ``(x, y)`` where nothing else is said."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Intersections(NamedTuple):
     xy: FloatArray
 
 
-def arc_lengths(points_xy: FloatArray) -> FloatArray:
-    """Length from the first point to every point, ``(n,)``; the last entry is the whole length."""
-    steps = np.hypot(*np.diff(points_xy, axis=0).T)
+def arc_lengths(points: FloatArray) -> FloatArray:
+    """Length from the first of ``(n, d)`` points to every point, ``(n,)``; the last entry is the whole length."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def resample(points_xy: FloatArray, count: int) -> FloatArray:
-    """``count`` points at equal arc length along the polyline, both ends included."""
-    lengths = arc_lengths(points_xy)
+def resample(points: FloatArray, count: int) -> FloatArray:
+    """``count`` points at equal arc length along a polyline of ``(n, d)`` points, both ends included."""
+    lengths = arc_lengths(points)
     wanted = np.linspace(0.0, lengths[-1], count)
-    return np.stack([np.interp(wanted, lengths, axis) for axis in points_xy.T], axis=1)
+    return np.stack([np.interp(wanted, lengths, axis) for axis in points.T], axis=1)
 
 
 def point_at(points_xy: FloatArray, lengths: FloatArray, wanted: FloatArray) -> FloatArray:

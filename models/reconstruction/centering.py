@@ -35,8 +35,9 @@ class CenterParams:
 
 def center(
     centerline_xy: FloatArray, width_px: float, probability: Float32Array, params: CenterParams | None = None
-) -> tuple[FloatArray, FloatArray] | None:
-    """(n, 2) centerline about every pixel, and its (n,) widths; None if no part of it has two clear edges.
+) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+    """(n, 2) centerline about every pixel, its (n,) widths, and (n,) where both edges are clear; None if they are
+    nowhere.
 
     ``probability`` (H, W) 0 to 1 of the picture that ``centerline_xy`` (m, 2) is from.
     """
@@ -54,7 +55,7 @@ def center(
         shift = _smooth(np.interp(index, at, ((low + high) / 2)[known]), settings.smooth_px)
         width = _smooth(np.interp(index, at, (high - low)[known]), settings.smooth_px)
         line = line[index] + shift[:, None] * normal[index]
-    return line, width
+    return line, width, known[index]
 
 
 def _edges(

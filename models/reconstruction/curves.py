@@ -9,6 +9,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray
+from models.geometry.polylines import arc_lengths
 
 DEGREE = 3
 
@@ -54,7 +55,7 @@ class Curve:
 
     @property
     def length_m(self) -> float:
-        return float(lengths(self.points_m)[-1])
+        return float(arc_lengths(self.points_m)[-1])
 
     @property
     def mean_radius_m(self) -> float:
@@ -72,12 +73,6 @@ class Curve:
         )
 
 
-def lengths(points_m: FloatArray) -> FloatArray:
-    """(n,) length from the first of (n, 3) points to every point."""
-    steps = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
-    return np.concatenate(([0.0], np.cumsum(steps)))
-
-
 def clamped_knots(spans: int) -> FloatArray:
     return np.concatenate((np.zeros(DEGREE), np.linspace(0, 1, spans + 1), np.ones(DEGREE)))
 
@@ -92,7 +87,7 @@ def fit(points_m: FloatArray, spans: int, smooth: float = 1e-4, parameters: Floa
     """Least squares through (n, 3) points in order; ``smooth`` weighs the third differences of the control points,
     so that fewer points than control points do no harm."""
     if parameters is None:
-        along = lengths(points_m)
+        along = arc_lengths(points_m)
         parameters = along / along[-1]
     knots = clamped_knots(spans)
     matrix = basis(knots, parameters)
@@ -105,7 +100,7 @@ def fit(points_m: FloatArray, spans: int, smooth: float = 1e-4, parameters: Floa
 def at_equal_lengths(spline: Spline3D, count: int, begin: float = 0.0, end: float = 1.0) -> FloatArray:
     """(count,) parameters of points at equal arc length between the parameters ``begin`` and ``end``."""
     fine = np.linspace(begin, end, max(20 * count, 400))
-    along = lengths(spline.at(fine))
+    along = arc_lengths(spline.at(fine))
     return np.interp(np.linspace(0, along[-1], count), along, fine)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import FloatArray
-from models.geometry.polylines import resample
+from models.geometry.polylines import arc_lengths, resample
 from models.reconstruction import curves
 from models.reconstruction.association import Support
 from models.reconstruction.curves import Curve, Spline3D
@@ -123,7 +123,7 @@ def _along_rows(samples: FloatArray, line: FloatArray, coarse: FloatArray) -> Fl
 
 
 def _pseudo_inverse_fit(points: FloatArray, spans: int) -> Spline3D:
-    along = curves.lengths(points)
+    along = arc_lengths(points)
     knots = curves.clamped_knots(max(spans, 1))
     matrix = curves.basis(knots, along / along[-1])
     return Spline3D(knots, np.linalg.pinv(matrix) @ points)

@@ -10,7 +10,7 @@ candidates are all bad get none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,8 @@ class MatchParams:
     ``tangent_px``: a strand this near to an epipolar line runs along it; ``tangent_step_px`` between candidates then.
     ``tilt``: cost of a step at 45° to the picture; it grows with the square up to ``tilt_at_most``.
     ``switch``: of going over to another strand of the same view. ``nothing``: of a sample without a match.
-    ``width``: of widths that differ by a factor of 1.65; the square of the logarithm, up to 1.
+    ``width``: of widths that differ by a factor of 1.65; the square of the logarithm, up to 1. ``steepest``: see
+    without_leaps.
     """
 
     reach_px: float = 4.0
@@ -42,6 +43,7 @@ class MatchParams:
     unseen: float = 0.3
     width: float = 1.0
     prior: float = 1.0
+    steepest: float = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +89,41 @@ def match(
     if prior_depth is not None:
         off = np.log(found.depth / prior_depth[found.sample]) / 0.05
         cost = cost + params.prior * np.nan_to_num(np.minimum(off**2, 1.0))
-    steps = np.hypot(*np.diff(xy, axis=0).T)
-    return _cheapest(found, cost, steps / reference.camera.focal_px, len(index), params)
+    angle = np.hypot(*np.diff(xy, axis=0).T) / reference.camera.focal_px
+    matched = _cheapest(found, cost, angle, len(index), params)
+    return replace(matched, depth=without_leaps(matched.depth, angle, params.steepest))
+
+
+def without_leaps(depth: FloatArray, steps: FloatArray, steepest: float) -> FloatArray:
+    """The longest stretch of ``depth`` (n,) that no leap interrupts, NaN elsewhere.
+
+    ``steps`` (n - 1,) angle between neighboring samples. A leap: from one matched sample to the next the depth changes
+    by more than ``steepest`` times their distance across the ray. Past it another DLO was followed, most often where
+    the own one was found in no other view.
+    """
+    at = np.flatnonzero(np.isfinite(depth))
+    if len(at) < 2:
+        return depth
+    along = np.concatenate(([0.0], np.cumsum(steps)))[at]
+    middle = 0.5 * (depth[at][1:] + depth[at][:-1])
+    leap = np.abs(np.diff(depth[at])) > steepest * middle * np.diff(along)
+    stretch = np.concatenate(([0], np.cumsum(leap)))
+    kept = at[stretch == np.argmax(np.bincount(stretch))]
+    out = np.full(len(depth), np.nan)
+    out[kept] = depth[kept]
+    return out
+
+
+def steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera]) -> FloatArray:
+    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is largest: what a match
+    says about the depth."""
+    best = np.zeros(len(index))
+    for other in others:
+        pole = camera.intrinsics.matrix @ (camera.rotation.T @ (other.center - camera.center))
+        direction = pole[:2] - pole[2] * line.xy[index]
+        direction /= np.maximum(np.hypot(*direction.T)[:, None], 1e-12)
+        best = np.maximum(best, np.abs(np.einsum("ni,ni->n", direction, line.normals[index])))
+    return best
 
 
 def _candidates(

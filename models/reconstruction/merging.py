@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.polylines import arc_lengths, resample
 from models.reconstruction import curves
 from models.reconstruction.curves import Curve
 from models.reconstruction.refinement import across
@@ -77,7 +78,7 @@ def merge(sections: list[Curve], params: MergeParams) -> Merged:
 def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], FloatArray]:
     """The sections, all in the direction of the first, and the arc length (n,) of all their points; it counts from
     where the first section begins, and is negative for what lies before."""
-    placed, places = [sections[0]], [curves.lengths(sections[0].points_m)]
+    placed, places = [sections[0]], [arc_lengths(sections[0].points_m)]
     backbone, origin = sections[0].points_m, 0.0
     for number, section in enumerate(sections[1:], start=1):
         turned = in_direction_of(section, placed[-1])
@@ -86,7 +87,7 @@ def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], 
             raise NotOneDlo(number, gap)
         place = _project(turned.points_m, backbone) + origin
         before = place < origin
-        after = place > origin + curves.lengths(backbone)[-1]
+        after = place > origin + arc_lengths(backbone)[-1]
         backbone = np.concatenate([turned.points_m[before], backbone, turned.points_m[after]])
         origin = min(origin, float(place.min()))
         placed.append(turned)
@@ -96,10 +97,10 @@ def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], 
 
 def _project(points: FloatArray, backbone: FloatArray) -> FloatArray:
     """(n,) arc length of (n, 3) points in order along the backbone; beyond its end they count on."""
-    along = curves.lengths(backbone)
-    own = curves.lengths(points)
+    along = arc_lengths(backbone)
+    own = arc_lengths(points)
     fine = np.linspace(0, along[-1], max(10 * len(backbone), 200))
-    dense = np.stack([np.interp(fine, along, axis) for axis in backbone.T], axis=1)
+    dense = resample(backbone, len(fine))
     distance, nearest = cKDTree(dense).query(points)
     inner = (nearest > 0) & (nearest < len(dense) - 1)
     place = fine[nearest]
@@ -148,7 +149,7 @@ def _spread(covariance: FloatArray, shares: FloatArray, section: IntArray, count
 def _as_curve(points: FloatArray, spread: FloatArray, placed: list[Curve]) -> Curve:
     spans = max(3, min(len(points) // 2, 120))
     spline = curves.fit(points, spans, smooth=1e-6)
-    along = curves.lengths(points)
+    along = arc_lengths(points)
     tangents = spline.tangents(along / along[-1])
     radii = np.array([c.mean_radius_m for c in placed])
     known = radii[np.isfinite(radii)]

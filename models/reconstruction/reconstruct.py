@@ -15,17 +15,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.geometry.arrays import FloatArray, IntArray
-from models.geometry.cameras import Camera
 from models.reconstruction import curves
 from models.reconstruction.association import Support, belonging, claimed, supports
 from models.reconstruction.curves import Curve, Spline3D
-from models.reconstruction.matching import Match, MatchParams, match
+from models.reconstruction.matching import Match, MatchParams, match, steepness
 from models.reconstruction.refinement import Refined, RefineParams, across, refine
 from models.reconstruction.tracking import expected_depth
-from models.reconstruction.views import Strand, View
+from models.reconstruction.views import View
 from models.reconstruction.widths import radius_along
 
 _ODD_DEPTH = 0.03
+_FEWEST = 4
+"""Samples of a strand that make a spline."""
 
 
 class NotReconstructable(ValueError):
@@ -151,7 +152,10 @@ def _attempt(
 ) -> _Attempt | None:
     view, line = views[reference], views[reference].strands[strand]
     count = int(np.clip(line.length_px / params.sample_px, *params.samples))
-    index = np.unique(np.linspace(0, len(line.xy) - 1, count).astype(np.int64))
+    known = np.flatnonzero(line.known)
+    if len(known) < _FEWEST:
+        return None
+    index = known[np.unique(np.linspace(0, len(known) - 1, count).astype(np.int64))]
     prior = expected_depth(previous, view.camera, line.xy[index]) if previous is not None else None
     for reach in (params.matching.reach_px, params.wide_reach_px):
         matching = replace(params.matching, reach_px=reach)
@@ -172,13 +176,13 @@ def _refined(
     params: ReconstructParams,
 ) -> _Attempt | None:
     """The match as a spline over its first to its last matched sample, refined on every view."""
-    if matched.found.sum() < 4:
+    if matched.found.sum() < _FEWEST:
         return None
     camera, line = views[reference].camera, views[reference].strands[strand]
     kept = index[matched.found]
     along = (kept - kept[0]) / (kept[-1] - kept[0])
     spans = int(np.clip((kept[-1] - kept[0]) / params.span_px, *params.spans))
-    weight = _steepness(line, kept, camera, [v.camera for k, v in enumerate(views) if k != reference]) ** 4
+    weight = steepness(line, kept, camera, [v.camera for k, v in enumerate(views) if k != reference]) ** 4
     depth = _smooth_depth(matched.depth[matched.found], along, weight, spans, params.smooth)
     points = camera.center + depth[:, None] * camera.rays(line.xy[kept])
     spline = curves.fit(points, spans, smooth=1e-3, parameters=along)
@@ -188,18 +192,6 @@ def _refined(
     gate = (2 * reach, max(params.refinement.gate_px[1], 0.75 * reach))
     refined = refine(spline, views, strands, replace(params.refinement, gate_px=gate))
     return _Attempt(refined, strands, supports(refined, views, strands), matched.cost)
-
-
-def _steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera]) -> FloatArray:
-    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is largest: what a match
-    says about the depth."""
-    best = np.zeros(len(index))
-    for other in others:
-        pole = camera.intrinsics.matrix @ (camera.rotation.T @ (other.center - camera.center))
-        direction = pole[:2] - pole[2] * line.xy[index]
-        direction /= np.maximum(np.hypot(*direction.T)[:, None], 1e-12)
-        best = np.maximum(best, np.abs(np.einsum("ni,ni->n", direction, line.normals[index])))
-    return best
 
 
 def _smooth_depth(depth: FloatArray, along: FloatArray, weight: FloatArray, spans: int, smooth: float) -> FloatArray:
@@ -283,7 +275,11 @@ def _take(found: Reconstruction, views: list[View], taken: list[set[int]]) -> No
 
 
 def _longest_first(views: list[View], at_most: int) -> list[tuple[int, int]]:
-    """(view, strand): the view with the most to see first, its strands by length."""
-    by_length = [sorted(range(len(v.strands)), key=lambda k, v=v: -v.strands[k].length_px)[:at_most] for v in views]  # type: ignore[misc]
-    order = sorted(range(len(views)), key=lambda k: -sum(s.length_px for s in views[k].strands))
-    return [(k, strand) for k in order for strand in by_length[k]]
+    """(view, strand) of the longest strands of each view. The same DLO may be whole in one view and in parts in another
+    one, where it was open how it goes on."""
+    every = [
+        (-strand.length_px, k, number)
+        for k, view in enumerate(views)
+        for number, strand in sorted(enumerate(view.strands), key=lambda s: -s[1].length_px)[:at_most]
+    ]
+    return [(k, number) for _, k, number in sorted(every)]

@@ -17,6 +17,7 @@ import numpy as np
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.cameras import Camera, Intrinsics
+from models.geometry.polylines import arc_lengths, resample
 
 _TABLE_M = 1.2
 """Side of the square of table that has a texture, around the origin."""
@@ -195,11 +196,9 @@ def _dense(points: FloatArray, camera: Camera) -> FloatArray:
     points = points[camera.in_camera(points)[:, 2] > _NEAREST_M]
     if len(points) < 2:
         raise ValueError("the cable is not in front of the camera")
-    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     depth = float(camera.in_camera(points)[:, 2].min())
-    count = int(along[-1] * camera.focal_px / depth / 0.6) + 2
-    wanted = np.linspace(0, along[-1], min(count, _MOST_SAMPLES))
-    return np.stack([np.interp(wanted, along, axis) for axis in points.T], axis=1)
+    count = int(arc_lengths(points)[-1] * camera.focal_px / depth / 0.6) + 2
+    return resample(points, min(count, _MOST_SAMPLES))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

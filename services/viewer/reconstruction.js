@@ -4,7 +4,8 @@ import { Api, ProblemError } from "./api.js";
 import { byId, showProblem } from "./panels.js";
 import { Space } from "./space.js";
 
-const COLORS = ["#e0a800", "#40a4d8", "#d85a98", "#4fae4f", "#d8803c", "#9a7fd8"];
+// The target's, then the others' as in overlay_N.png, darker on the light ground.
+const COLORS = ["#e0a800", "#40a4d8", "#d85a98", "#4fae4f", "#d8803c", "#9a7fd8", "#0a9a8c", "#c83c32", "#8f9a1e", "#667085", "#8a6242"];
 const api = new Api();
 const space = new Space(byId("space"));
 let pictures = [];

@@ -9,6 +9,7 @@ export class Space {
   #turn = { yaw: -0.6, pitch: 0.6, zoom: 1 };
   #scene = { curves: [], cameras: [] };
   #box = { middle: [0, 0, 0], size: 1 };
+  #named = []; // where names of cameras are written already
 
   constructor(canvas) {
     this.canvas = canvas;
@@ -17,6 +18,7 @@ export class Space {
     this.enlarged = 10;
     this.highlighted = null;
     this.#listen();
+    this.draw();
   }
 
   /** `curves`: contracts' Curve3D with `color`; `cameras`: {T_world_camera, intrinsics, kind: used | dropped | next}. */
@@ -45,7 +47,8 @@ export class Space {
     canvas.width = Math.max(1, canvas.clientWidth * density);
     canvas.height = Math.max(1, canvas.clientHeight * density);
     context.setTransform(density, 0, 0, density, 0, 0);
-    if (!this.#scene.curves.length) return;
+    this.#named = [];
+    if (!this.#scene.curves.length) return this.#say("Choose pictures and their cameras, or name a finished job.");
     this.#drawAxes();
     for (const camera of this.#scene.cameras) {
       if (this.shown.has(camera.kind === "next" ? "next" : "cameras")) this.#drawCamera(camera);
@@ -64,7 +67,7 @@ export class Space {
   }
 
   #scale() {
-    return (0.8 * this.#turn.zoom * Math.min(this.canvas.clientWidth, this.canvas.clientHeight)) / this.#box.size;
+    return (0.95 * this.#turn.zoom * Math.min(this.canvas.clientWidth, this.canvas.clientHeight)) / this.#box.size;
   }
 
   #drawLine(points, color, width, dash = []) {
@@ -88,12 +91,19 @@ export class Space {
     const dash = kind === "used" ? [] : [5, 4];
     for (const c of corners) this.#drawLine([centerOf(camera), c], color, width, dash);
     this.#drawLine([...corners, corners[0]], color, width, dash);
-    if (camera.name) {
-      this.context.fillStyle = color;
-      this.context.font = "12px system-ui, sans-serif";
-      const [x, y] = this.place(centerOf(camera));
-      this.context.fillText(camera.name, x + 6, y - 6);
-    }
+    const [x, y] = this.place(centerOf(camera));
+    const covered = this.#named.some(([a, b]) => Math.abs(a - x) < 60 && Math.abs(b - y) < 14);
+    if (!camera.name || (covered && camera !== this.highlighted)) return;
+    this.#named.push([x, y]);
+    Object.assign(this.context, { fillStyle: color, font: "12px system-ui, sans-serif" });
+    this.context.fillText(camera.name, x + 6, y - 6);
+  }
+
+  #say(text) {
+    const { canvas, context } = this;
+    Object.assign(context, { fillStyle: "#98a2b3", font: "15px system-ui, sans-serif", textAlign: "center" });
+    context.fillText(text, canvas.clientWidth / 2, canvas.clientHeight / 2, canvas.clientWidth - 20);
+    context.textAlign = "start";
   }
 
   /** The two-sigma ellipsoid of every point, as an ellipse of the projected covariance. */

@@ -15,6 +15,7 @@ from dlo_client.contracts import AnyJob, ImageRef, Problem
 from dlo_client.errors import JobFailed
 
 from models.geometry.cameras import Camera
+from models.reconstruction.joining import rejoin
 from models.reconstruction.views import Strand, View
 from models.synthesis.arm import camera_above
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable, render
@@ -73,15 +74,14 @@ def row(scene: Scene3D, views: int = 3, baseline_m: float = BASELINE_M, z: float
 
 
 def seen(scene: Scene3D, cameras: Sequence[Camera], held: Tools, seed: int = 0) -> list[View]:
-    """The centerlines that the shipped networks find in the rendered views."""
+    """The centerlines that the shipped networks find in the rendered views, joined as the service does it."""
     rng = np.random.default_rng([seed, 1])
     views = []
     for number, camera in enumerate(cameras):
         found = perceive(render(scene, camera, rng).rgb, held)
-        strands, _ = strands_of(found.scene, found.probability)
-        straight = tuple(Strand.through(camera.undistort(xy), width) for xy, width in strands)
-        views.append(View(camera, straight, f"view {number}"))
-    return views
+        strands, _ = strands_of(found.scene, found.probability, camera)
+        views.append(View(camera, strands, f"view {number}"))
+    return [joined.view for joined in rejoin(views)]
 
 
 def exact(

@@ -89,7 +89,7 @@ class Arm:
 def test_the_whole_cable_is_followed_to_both_ends():
     table, arm = Table(), Arm()
     result = Scan(table, arm).run()
-    assert result.ended == ["the cable ends in view"] * 2
+    assert result.ended == ["the cable ends in view, or is hidden from there on"] * 2
     assert result.curve.length_m == pytest.approx(0.8)
     assert max(arm.visited) >= 0.3
     assert min(arm.visited) <= -0.3

@@ -21,23 +21,27 @@ def off_line(xy: np.ndarray, slope: float = 0.2, offset: float = 40.3) -> np.nda
 
 def test_a_line_beside_the_middle_is_moved_onto_it():
     started = np.array([[10.0, 43.5], [90.0, 57.0], [170.0, 76.0 - 2.4]])
-    xy, width = center(started, 7.0, band())
+    xy, width, known = center(started, 7.0, band())
     assert np.abs(off_line(xy)).max() < 0.1
     assert width == pytest.approx(np.full(len(width), 8.0), abs=0.2)
+    assert known.all()
 
 
 def test_ends_that_run_into_the_border_are_cut():
     probability = band(slope=0.4, offset=2.0)
-    xy, _ = center(np.array([[0.0, 0.0], [100.0, 42.0], [190.0, 79.0]]), 8.0, probability)
+    xy, _, _ = center(np.array([[0.0, 0.0], [100.0, 42.0], [190.0, 79.0]]), 8.0, probability)
     assert np.abs(off_line(xy, 0.4, 2.0)).max() < 0.15
     assert xy[:, 1].min() > 3
 
 
 def test_another_strand_across_does_not_pull():
     probability = np.maximum(band(), band(slope=-3.0, offset=400.0))
-    xy, _ = center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, probability)
+    xy, _, known = center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, probability)
     assert np.abs(off_line(xy)).max() < 0.3
     assert len(xy) > 140, "the gap at the crossing is bridged"
+    crossing = np.abs(xy[:, 0] - 359.7 / 3.2) < 3  # where both lines meet
+    assert not known[crossing].any()
+    assert known[~(np.abs(xy[:, 0] - 359.7 / 3.2) < 15)].all()
 
 
 def test_nothing_to_hold_on_to():

@@ -17,6 +17,13 @@ def test_resample_keeps_ends_and_spaces_points_evenly():
     np.testing.assert_allclose(arc_lengths(points), [0, 10, 20, 30, 40])
 
 
+def test_arc_lengths_and_resampling_in_three_dimensions():
+    """They once took the first two coordinates alone."""
+    stair = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 4.0], [3.0, 0.0, 9.0]])
+    np.testing.assert_allclose(arc_lengths(stair), [0, 5, 10])
+    np.testing.assert_allclose(resample(stair, 3), stair)
+
+
 def test_crossing_segments_finds_the_one_proper_crossing():
     starts = np.array([[0.0, 0.0], [0.0, 10.0], [20.0, 0.0], [0.0, 30.0]])
     ends = np.array([[10.0, 10.0], [10.0, 0.0], [30.0, 0.0], [30.0, 30.0]])

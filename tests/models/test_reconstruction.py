@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.geometry.polylines import arc_lengths
 from models.reconstruction import curves
 from models.reconstruction.matching import MatchParams, match
 from models.reconstruction.reconstruct import (
@@ -116,7 +117,7 @@ def test_a_self_crossing_is_followed_through():
     truth = np.stack([0.05 * np.sin(t * 1.4), 0.05 * np.sin(t * 0.9) + 0.01 * t, 0.01 + 0.004 * np.sin(t)], axis=1)
     found = reconstruct_strand(views_of([truth], [above(0, -0.03), above(0), above(0, 0.03)], 2, 0.2), 1, 0, PARAMS)
     assert errors_mm(found, truth).mean() < 1.0
-    assert found.curve.length_m == pytest.approx(curves.lengths(truth)[-1], rel=0.05)
+    assert found.curve.length_m == pytest.approx(arc_lengths(truth)[-1], rel=0.05)
 
 
 def test_a_view_without_the_dlo_is_dropped():

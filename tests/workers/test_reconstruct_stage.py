@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from dlo_client.contracts import (
+    CameraInfo,
     CameraPose,
     CameraView,
     ImageRef,
@@ -86,6 +87,26 @@ def test_pictures_become_a_curve(outcome, truth):
     assert result.ends == ("border", "border")
     assert result.warnings == []
     assert len(result.curve.points_m) == len(result.curve.sigma_m) == 60
+
+
+def test_a_ros_camera_info_gives_the_same_curve(tools, views, outcome):
+    """And the bent lens of one is not passed over."""
+    i = ROW[0].intrinsics
+    matrix = [i.fx, 0.0, i.cx, 0.0, i.fy, i.cy, 0.0, 0.0, 1.0]
+    straight = CameraInfo(width=i.width, height=i.height, K=matrix, D=[0.0] * 5)
+    bent = CameraInfo(width=i.width, height=i.height, K=matrix, D=[-0.2, 0.0, 0.0, 0.0, 0.0])
+    curves = []
+    for info in (straight, bent):
+        asked = [v.model_copy(update={"intrinsics": info}) for v in views[:3]]
+        curves.append(stages.run(ReconstructRequest(views=asked, files=[]), tools).result.curve)
+    assert curves[0] == outcome.result.curve
+    apart_mm = 1000 * distances(np.array(curves[1].points_m), np.array(outcome.result.curve.points_m))
+    assert apart_mm.max() > 1
+
+
+def test_two_of_three_pictures_may_be_from_one_place(tools, views, truth):
+    result = stages.run(ReconstructRequest(views=[views[0], views[0], views[2]], files=[]), tools).result
+    assert 1000 * distances(np.array(result.curve.points_m), truth).mean() < 0.82
 
 
 def test_the_next_pictures_are_expected_to_be_better(outcome):

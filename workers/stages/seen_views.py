@@ -16,6 +16,7 @@ from models.geometry.cameras import Camera
 from models.instances.scene import Scene
 from models.reconstruction.centering import center
 from models.reconstruction.curves import Curve
+from models.reconstruction.joining import rejoin
 from models.reconstruction.tracking import continuing_strand
 from models.reconstruction.views import Strand, View
 from workers.stages import curves3d
@@ -31,19 +32,26 @@ _SHORTEST_PX = 20
 
 @dataclass(frozen=True)
 class SeenView:
-    """A picture, its camera, the working view with its ``scale`` (working pixels a pixel), and for every strand the id
-    of its instance."""
+    """A picture, its camera, and the working view with its ``scale`` (working pixels a pixel).
+
+    ``ids`` (i,) of the instances found in the picture alone; ``share_px`` (strands, i) how much of each instance is in
+    each strand of ``view``: the strands are joined anew from all views.
+    """
 
     image: NDArray[np.uint8]
     camera: Camera
     view: View
     scale: float
     ids: list[int]
+    share_px: NDArray[np.float64]
 
     def instance(self, strands: tuple[int, ...]) -> int | None:
-        """Id of the longest of the strands."""
-        lengths = [self.view.strands[s].length_px for s in strands]
-        return self.ids[strands[int(np.argmax(lengths))]] if strands else None
+        """Id of the instance that makes up the most of the strands."""
+        return self.ids[int(np.argmax(self.share_px[list(strands)].sum(axis=0)))] if strands else None
+
+    def strand_of(self, instance: int) -> int:
+        """The strand that holds the most of an instance."""
+        return int(np.argmax(self.share_px[:, self.ids.index(instance)]))
 
 
 def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list[ModelUsed]]:
@@ -58,27 +66,28 @@ def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list
         image = read_rgb(given.image, f"{field}.image", tools)
         _check_size(image, camera, field)
         found = perceive(image, tools, model=request.model, threshold=request.threshold)
-        strands, ids = strands_of(found.scene, found.probability)
         scale = min(1.0, WORKING_SIDE / max(image.shape[:2]))
-        straight = tuple(Strand.through(scaled(camera.undistort(xy), scale), width * scale) for xy, width in strands)
-        view = View(working_camera(camera, scale), straight, given.name or f"views[{index}]")
-        seen.append(SeenView(image, camera, view, scale, ids))
+        strands, ids = strands_of(found.scene, found.probability, camera, scale)
+        view = View(working_camera(camera, scale), strands, given.name or f"views[{index}]")
+        seen.append(SeenView(image, camera, view, scale, ids, np.zeros((len(ids), len(ids)))))
         models.extend(m for m in found.models if m not in models)
         tools.progress(0.9 * (index + 1) / len(request.views))
-    return seen, models
+    joined = rejoin([s.view for s in seen])
+    return [replace(s, view=r.view, share_px=r.share_px) for s, r in zip(seen, joined, strict=True)], models
 
 
 def strands_of(
-    scene: Scene, probability: NDArray[np.float32]
-) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], list[int]]:
-    """Centerlines and widths of the instances that are long enough to say anything, and their ids."""
+    scene: Scene, probability: NDArray[np.float32], camera: Camera, scale: float = 1.0
+) -> tuple[tuple[Strand, ...], list[int]]:
+    """The instances that are long enough to say anything, in ideal pixels times ``scale``, and their ids."""
     strands, ids = [], []
     for number, instance in enumerate(scene.instances, start=1):
         centered = center(instance.centerline_xy, instance.width_px, probability)
         if centered is not None and len(centered[0]) > _SHORTEST_PX:
-            strands.append(centered)
+            xy, width, known = centered
+            strands.append(Strand.through(scaled(camera.undistort(xy), scale), width * scale, known))
             ids.append(number)
-    return strands, ids
+    return tuple(strands), ids
 
 
 def working_camera(camera: Camera, scale: float) -> Camera:
@@ -120,7 +129,7 @@ def _target(target: Target, seen: SeenView) -> int:
             known = ", ".join(map(str, seen.ids)) or "none"
             message = f"there is no instance {target.instance} in views[{target.view}]; there are: {known}"
             raise InvalidInput("target.instance", message, NO_CURVE)
-        return seen.ids.index(target.instance)
+        return seen.strand_of(target.instance)
     samples = seen.view.samples
     if not len(samples.xy):
         raise InvalidInput("target.view", f"no DLO was found in views[{target.view}]", NO_CURVE)

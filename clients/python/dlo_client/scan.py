@@ -152,7 +152,7 @@ class Scan:
                 return
             yield following
             if following.result.ends[1] == "free":
-                self._ended.append("the cable ends in view")
+                self._ended.append("the cable ends in view, or is hidden from there on")
                 return
             if _added_m(following.result.curve, section.result.curve) < self._options.least_gain_m:
                 self._ended.append("the pictures do not show how the cable goes on")
