@@ -73,7 +73,7 @@ export const byId = (id) => document.getElementById(id);
 
 const REASONS = {
   gap: "gap",
-  border: "short, at the border",
+  border: "cut by the border",
   parallel: "beside another",
   low_contrast: "low contrast",
   blur: "blurred",
@@ -93,9 +93,7 @@ function instanceRow({ id, score, width_px, length_px, closed, endpoints, reason
   const swatch = element("i", "swatch", String(id));
   swatch.style.background = color(id);
   const size = `${width_px.toFixed(1)} × ${length_px.toFixed(0)} px`;
-  const about = element("span", "ends", ends.join("; "));
-  about.title = about.textContent; // a narrow row cuts it off
-  return [swatch, element("span", "size", size), about, scoreOf(score)];
+  return [swatch, element("span", "size", size), element("span", "ends", ends.join("; ")), scoreOf(score)];
 }
 
 function crossingRow(crossing) {
