@@ -8,7 +8,8 @@ on what else runs on the machine, and two workers get a larger share of a busy o
 compared is the processor time a picture: of the one process, and of all processes of the batch together (client,
 service, queue, workers; their start is not in it). Neighbors that use the same caches can only add to it: the least of
 the five runs counts, for either. Two workers that keep both cores busy deliver that share of what the bare pipeline
-would with both. The ratio of the rates of the same minutes and the machine's load stand beside it.
+would with both. The rates of the same minutes stand beside it, with that of one process whose network may use both
+cores, and the machine's load: on a machine without neighbors they say what a user gets.
 Kills: ``dlo label`` on ``--pictures`` small pictures, killed ten times at random moments, then left to end; counted
 are labels, jobs that the service has done, and pictures in the COCO file. With ``--pictures 0`` only throughput is
 measured, and what an earlier run says of kills is kept.
@@ -98,13 +99,14 @@ def _used_by_all() -> float:
 
 
 def throughput(scratch: Path, count: int) -> dict[str, Any]:
-    tools = stages.warm(Settings(data_dir=scratch / "bare", onnx_threads=1))
-    alone, together, load = [], [], []
+    tools, both_cores = (stages.warm(Settings(data_dir=scratch / "bare", onnx_threads=k)) for k in (1, 2))
+    alone, wide, together, load = [], [], [], []
     with running_service(scratch / "service", workers=2) as address:
         batch(address, photographs(scratch / "warm", 8, 0))
         for k in range(1, REPEATS + 1):
             files = photographs(scratch / f"photographs{k}", count, k)
             turns = [lambda files=files: alone.append(bare(files, tools)),
+                     lambda files=files: wide.append(bare(files, both_cores)),
                      lambda files=files: together.append(batch(address, files))]  # fmt: skip
             for turn in turns if k % 2 else turns[::-1]:
                 turn()
@@ -116,13 +118,17 @@ def throughput(scratch: Path, count: int) -> dict[str, Any]:
         "cpu_ratio_percent": round(100 * best_alone / best_together, 1),
         "bare_cpu_ms": [round(1000 * a.cpu_s, 1) for a in alone],
         "batch_cpu_ms": [round(1000 * b.cpu_s, 1) for b in together],
-        "wall_ratio_percent": round(
-            100 * median(a.seconds / b.seconds for a, b in zip(alone, together, strict=True)), 1
-        ),
+        "wall_ratio_percent": _rates(alone, together),
+        "wall_ratio_both_cores_percent": _rates(wide, together),
         "bare_per_s": round(1 / median(a.seconds for a in alone), 2),
         "batch_per_s": round(1 / median(b.seconds for b in together), 2),
         "load": round(median(load), 1),
     }
+
+
+def _rates(bare: Sequence[Cost], batch: Sequence[Cost]) -> float:
+    """The batch's pictures a second, in percent of the bare pipeline's; the median of the runs."""
+    return round(100 * median(a.seconds / b.seconds for a, b in zip(bare, batch, strict=True)), 1)
 
 
 def killed(scratch: Path, count: int, kills: int = 10) -> dict[str, Any]:
