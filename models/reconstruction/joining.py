@@ -18,11 +18,10 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.components import components
 from models.geometry.polylines import bridge
 from models.reconstruction.matching import MatchParams
 from models.reconstruction.piece_ends import PieceEnds, piece_ends
@@ -181,7 +180,7 @@ def partners(cost: FloatArray, params: JoinParams) -> IntArray:
     """(E,) the end that each one goes on in, itself where it stops. Ends that no possible join connects are decided
     apart from one another."""
     partner = np.arange(len(cost))
-    _, group = connected_components(csr_array(cost < params.dearest), directed=False)
+    group = components(np.argwhere(cost < params.dearest), len(cost))
     for number in np.flatnonzero(np.bincount(group) > 1):
         members = np.flatnonzero(group == number)
         partner[members] = members[_sure_partners(cost[np.ix_(members, members)], params)]
