@@ -48,7 +48,8 @@ def tangles_section(data: dict[str, Any]) -> str:
     rows = [[r["crossings"], r["scenes"], r["sequence"], r["order"]] for r in data["rows"]]
     return (
         f"## Tangles of one color: {data['method']}\n\n`python -m tests.benchmarks.bench_tangles`. Aim: 80 % at 30 "
-        "crossings.\n\n" + _table(["crossings", "scenes", "sequence right %", "order right as well %"], rows)
+        "crossings. Rules were settled on scenes of another seed.\n\n"
+        + _table(["crossings", "scenes", "sequence right %", "order right as well %"], rows)
     )
 
 
