@@ -68,8 +68,9 @@ def thin_to_grid(points_xy: IntArray, at_most: int) -> IntArray:
 
 
 def read_nearest(image: Float32Array | BoolArray | ByteArray, points_xy: FloatArray) -> FloatArray:
-    """Values ``(…,)`` of an ``(H, W)`` array at the pixels nearest to ``(…, 2)`` points, clamped."""
-    height, width = image.shape
+    """Values ``(…,)`` of an ``(H, W)`` array at the pixels nearest to ``(…, 2)`` points, clamped; ``(…, C)`` of an
+    ``(H, W, C)`` one."""
+    height, width = image.shape[:2]
     columns = np.minimum(np.maximum(np.rint(points_xy[..., 0]), 0), width - 1).astype(np.intp)
     rows = np.minimum(np.maximum(np.rint(points_xy[..., 1]), 0), height - 1).astype(np.intp)
     return image[rows, columns].astype(np.float64)

@@ -110,10 +110,8 @@ def _edges(instance: Instance, image: ByteArray) -> tuple[float, float]:
     half = instance.width_px / 2
     offsets = np.array([max(half - 4, 0.0), max(half - 1.5, 0.0), half + 1.5, half + 4])
     signed = np.concatenate((offsets, -offsets))
-    places = np.rint(line[:, None] + signed[None, :, None] * normal[:, None]).astype(np.intp)
-    rows = np.clip(places[..., 1], 0, image.shape[0] - 1)
-    columns = np.clip(places[..., 0], 0, image.shape[1] - 1)
-    colors = image[rows, columns].astype(np.float64).reshape(len(line), 2, 4, 3)
+    places = line[:, None] + signed[None, :, None] * normal[:, None]
+    colors = read_nearest(image, places).reshape(len(line), 2, 4, 3)
     whole = np.abs(colors[:, :, 3] - colors[:, :, 0]).mean()
     inner = np.abs(colors[:, :, 2] - colors[:, :, 1]).mean()
     return float(whole), float(min(1.0, inner / max(whole, 1.0)))

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.geometry.arrays import ByteArray, FloatArray, IntArray
+from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.polylines import arc_lengths, crossing_segments, point_at
+from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, StrandPosition
 
 _NOISE_LEVELS = 3.0
@@ -135,10 +136,5 @@ def _color_variance(image: ByteArray, strand: Strand, at: float, other_extent: f
     tangent = points[-1] - points[0]
     normal = np.array([-tangent[1], tangent[0]]) / max(float(np.hypot(*tangent)), 1e-9)
     lanes = np.linspace(-0.25, 0.25, 3)[:, None, None] * strand.width * normal
-    colors = image[_pixels(points + lanes, image.shape)].mean(axis=0)
+    colors = read_nearest(image, points + lanes).mean(axis=0)
     return float(colors.var(axis=0).mean()) + _NOISE_LEVELS**2
-
-
-def _pixels(points_xy: FloatArray, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
-    whole = np.rint(points_xy).astype(np.int64)
-    return np.clip(whole[..., 1], 0, shape[0] - 1), np.clip(whole[..., 0], 0, shape[1] - 1)

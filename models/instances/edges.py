@@ -43,7 +43,7 @@ def edge_shifts(instances: Sequence[Instance], distances: Float32Array, image: B
         reach = side * (half[:, None] + across)
         places = points[:, None] + reach[..., None] * normals[:, None]
         alone = _alone(places, half[:, None] + across, distances, image.shape)
-        share = _explained(_read(image, places))
+        share = _explained(read_nearest(image, places).astype(np.float32))
         mine = owner[alone]
         explained += [np.bincount(mine, column, len(instances)) for column in share[alone].T]
         weight += np.bincount(mine, minlength=len(instances))
@@ -86,13 +86,6 @@ def _alone(places: FloatArray, reach: FloatArray, distances: Float32Array, shape
     outside = read_nearest(distances, places)[:, _INSIDE_PX + 2 :] > 0
     inside = np.all((places >= 0) & (places <= np.array(shape[1::-1]) - 1), axis=(1, 2))
     return inside & ~outside.any(axis=1)
-
-
-def _read(image: ByteArray, places: FloatArray) -> Float32Array:
-    whole = np.rint(places).astype(np.int64)
-    rows = np.clip(whole[..., 1], 0, image.shape[0] - 1)
-    columns = np.clip(whole[..., 0], 0, image.shape[1] - 1)
-    return image[rows, columns].astype(np.float32)
 
 
 def _explained(colors: Float32Array) -> Float32Array:

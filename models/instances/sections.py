@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.components import components
 from models.geometry.pixel_graph import FREE, PixelGraph, smoothed
+from models.geometry.sampling import read_nearest
 
 _SMOOTHING_PX = 3
 _LOOK = 24
@@ -137,10 +138,7 @@ def _beside(points: FloatArray, outward: FloatArray, radius: FloatArray, image: 
     if image is None:
         return np.zeros((len(points), 3))
     normal = np.stack((-outward[:, 1], outward[:, 0]), axis=1) * (2 * radius + 2)[:, None]
-    places = np.rint(np.stack((points + normal, points - normal))).astype(np.intp)
-    rows = np.clip(places[..., 1], 0, image.shape[0] - 1)
-    columns = np.clip(places[..., 0], 0, image.shape[1] - 1)
-    out: FloatArray = image[rows, columns].mean(axis=0)
+    out: FloatArray = read_nearest(image, np.stack((points + normal, points - normal))).mean(axis=0)
     return out
 
 

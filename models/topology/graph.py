@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
-from models.geometry.sampling import distance_map
+from models.geometry.sampling import distance_map, read_nearest
 from models.topology.skeleton import Strand, Web, find_web
 from models.topology.web import cleaned, tidied
 
@@ -119,9 +119,7 @@ def _spacing(web: Web) -> float:
 
 
 def _read_radii(distances: Float32Array, xy: FloatArray) -> FloatArray:
-    limit = np.array(distances.shape[::-1]) - 1
-    columns, rows = np.clip(np.rint(xy), 0, limit).astype(np.int64).T
-    return np.maximum(distances[rows, columns].astype(np.float64) - 0.5, 0.5)
+    return np.maximum(read_nearest(distances, xy) - 0.5, 0.5)
 
 
 def _edges(xy: FloatArray, chains: list[IntArray]) -> tuple[IntArray, BoolArray]:

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray
 from models.geometry.polylines import arc_lengths, point_at
+from models.geometry.sampling import read_nearest
 from models.topology.scene import Crossing, Place, Section
 
 _IMAGE_NOISE = 4.0
@@ -37,14 +38,14 @@ class Surface:
 
 def picture(image: ByteArray) -> Surface:
     """Colors ``(H, W, 3)``."""
-    return Surface(lambda places: image[_pixels(places, image.shape)].astype(np.float64), _IMAGE_NOISE)
+    return Surface(lambda places: read_nearest(image, places), _IMAGE_NOISE)
 
 
 def depth_map(depth_m: Float32Array) -> Surface:
     """``(H, W)`` meters to the camera; 0 and NaN are unknown."""
 
     def read(places: FloatArray) -> FloatArray:
-        values = depth_m[_pixels(places, depth_m.shape)].astype(np.float64)
+        values = read_nearest(depth_m, places)
         return np.where(values > 0, values, np.nan)[..., None]
 
     return Surface(read, _DEPTH_NOISE_M, is_depth=True)
@@ -135,8 +136,3 @@ def _profile(section: Section, lengths: FloatArray, at: FloatArray, surface: Sur
     known = np.isfinite(values).sum(axis=0)
     out: FloatArray = np.where(known > 0, np.nansum(values, axis=0) / np.maximum(known, 1), np.nan)
     return out
-
-
-def _pixels(places: FloatArray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    whole = np.rint(places).astype(np.int64)
-    return np.clip(whole[..., 1], 0, shape[0] - 1), np.clip(whole[..., 0], 0, shape[1] - 1)

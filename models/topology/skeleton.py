@@ -15,6 +15,7 @@ from skimage.morphology import skeletonize
 
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths
+from models.geometry.sampling import read_nearest
 
 _AROUND = np.array([[dx, dy] for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dx or dy])
 _MOST_MARGIN = 48
@@ -151,8 +152,7 @@ def _strand(
 ) -> Strand:  # fmt: skip
     line: NDArray[Any] = np.concatenate((knots[ends[0]][None], points[chain], knots[ends[1]][None])) + 1.0 * corner
     xy = smoothed(line)
-    places = np.clip(np.rint(line), 0, np.array(distances.shape[::-1]) - 1).astype(np.int64)
-    return Strand(ends[0], ends[1], xy, distances[places[:, 1], places[:, 0]].astype(np.float64))
+    return Strand(ends[0], ends[1], xy, read_nearest(distances, line))
 
 
 def smoothed(line: FloatArray) -> FloatArray:

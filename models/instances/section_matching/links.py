@@ -216,9 +216,7 @@ def _likeness(
 
 def _away(image: ByteArray, points: FloatArray, colors: FloatArray) -> FloatArray:
     """``(m, 16)`` mean absolute difference of the picture at the points to ``(m, 3)`` colors."""
-    rows = np.clip(np.rint(points[..., 1]), 0, image.shape[0] - 1).astype(np.intp)
-    columns = np.clip(np.rint(points[..., 0]), 0, image.shape[1] - 1).astype(np.intp)
-    out: FloatArray = np.abs(image[rows, columns] - colors[:, None]).mean(axis=2)
+    out: FloatArray = np.abs(read_nearest(image, points) - colors[:, None]).mean(axis=2)
     return out
 
 
