@@ -17,7 +17,7 @@ from models.synthesis.curves import interpolate
 from models.synthesis.looks import random_color, random_light, random_look
 from models.synthesis.optics import photograph
 from models.synthesis.scenes import to_uint8
-from models.synthesis.textures import TexturePool
+from models.synthesis.textures import TexturePool, load_pool
 
 SIDE = 160
 _REACH_PX = 130.0
@@ -118,6 +118,14 @@ def write_crossings(path: Path, count: int, seed: int, pool: TexturePool) -> Non
         points=np.array([len(s.xy) for s in strands]),
         xy=np.concatenate([s.xy for s in strands]),
     )
+
+
+def crossings_kept(folder: Path, count: int, seed: int, textures: Path | None) -> list[RenderedCrossing]:
+    """The crossings that all trainings share, rendered into ``folder`` by the first that needs them."""
+    pack = folder / f"crossings_{count}.npz"
+    if not pack.exists():
+        write_crossings(pack, count, seed, load_pool(textures))
+    return read_crossings(pack)
 
 
 def read_crossings(path: Path) -> list[RenderedCrossing]:

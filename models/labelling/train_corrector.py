@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from models.labelling.crops import MIDDLE, SIZE
 from models.labelling.lines import LineReading, read_lines, read_lines_at, weighed
 from models.labelling.network_corrector import CorrectorNetwork, CorrectorProbabilities
 from models.labelling.train_crops import Crops, contrast, read
+from models.train_state import restore, save
 
 NAME = "labelling_corrector"
 
@@ -77,9 +78,9 @@ def train(config: TrainConfig, crops: Crops, watched: Crops, state: Path) -> Cor
     torch.manual_seed(config.seed)
     known = np.flatnonzero(crops.margins >= 0)
     course = Course.begun(config, len(known))
-    for epoch in range(_restore(state, config, course), config.epochs):
+    for epoch in range(restore(state, asdict(config), vars(course)), config.epochs):
         loss = _train_epoch(course, config, crops, known, epoch)
-        _save(state, config, course, epoch + 1)
+        save(state, asdict(config), vars(course), epoch + 1)
         print(json.dumps({"epoch": epoch + 1, "loss": loss, **evaluate(course.averaged(), watched)}), flush=True)
     return course.averaged()
 
@@ -182,26 +183,6 @@ def errors(reading: LineReading, crops: Crops) -> dict[str, float]:
         "over_3px": round(float((np.abs(error) > 3).mean()), 4),
         "width_error": round(float(np.median(relative)), 4),
     }
-
-
-def _save(path: Path, config: TrainConfig, course: Course, epoch: int) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    states = {field.name: getattr(course, field.name).state_dict() for field in fields(course)}
-    partial = path.with_suffix(".part")
-    torch.save({"config": asdict(config), "epoch": epoch, "states": states}, partial)
-    partial.replace(path)
-
-
-def _restore(path: Path, config: TrainConfig, course: Course) -> int:
-    """The epoch to go on from; 0 without a state of this configuration."""
-    if not path.exists():
-        return 0
-    state = torch.load(path, weights_only=True)
-    if state["config"] != asdict(config):
-        return 0
-    for name, values in state["states"].items():
-        getattr(course, name).load_state_dict(values)
-    return int(state["epoch"])
 
 
 def export_network(network: CorrectorNetwork, config: TrainConfig, crops: int, metrics: dict[str, float]) -> float:

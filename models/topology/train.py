@@ -26,6 +26,7 @@ from models.topology.network_topology import TopologyNetwork, TopologyProbabilit
 from models.topology.train_graphs import Sample, encode_angles, make_sample
 from models.topology.train_harness import HarnessParams
 from models.topology.train_masks import MaskParams
+from models.train_state import restore, save
 
 NAME = "topology"
 SIZES = ((480, 640), (360, 640), (504, 896))
@@ -104,7 +105,7 @@ def train(config: TrainConfig, samples: list[Sample], state: Path) -> TopologyNe
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.epochs)
     parts = {"network": network, "optimizer": optimizer, "schedule": schedule}
-    for epoch in range(_restore(state, config, parts), config.epochs):
+    for epoch in range(restore(state, asdict(config), parts), config.epochs):
         order = np.random.default_rng([config.seed, epoch]).permutation(len(samples))
         network.train()
         losses = []
@@ -116,28 +117,9 @@ def train(config: TrainConfig, samples: list[Sample], state: Path) -> TopologyNe
             optimizer.step()
             losses.append(loss.item())
         schedule.step()
-        _save(state, config, parts, epoch + 1)
+        save(state, asdict(config), parts, epoch + 1)
         print(f"epoch {epoch + 1}/{config.epochs} loss {np.mean(losses):.4f}", flush=True)
     return network.eval()
-
-
-def _save(path: Path, config: TrainConfig, parts: dict[str, object], epoch: int) -> None:
-    states = {name: part.state_dict() for name, part in parts.items()}  # type: ignore[attr-defined]
-    partial = path.with_suffix(".part")
-    torch.save({"config": asdict(config), "epoch": epoch, "states": states}, partial)
-    partial.replace(path)
-
-
-def _restore(path: Path, config: TrainConfig, parts: dict[str, object]) -> int:
-    """The epoch to go on from; 0 without a state of this configuration."""
-    if not path.exists():
-        return 0
-    state = torch.load(path, weights_only=True)
-    if state["config"] != asdict(config):
-        return 0
-    for name, part in parts.items():
-        part.load_state_dict(state["states"][name])  # type: ignore[attr-defined]
-    return int(state["epoch"])
 
 
 def evaluate(network: TopologyNetwork, samples: list[Sample]) -> dict[str, float]:

@@ -99,7 +99,7 @@ def test_training_is_repeatable_and_resumes(tmp_path):
 
     config = training.TrainConfig(epochs=2, patches_per_epoch=300, batch=64)
     whole = training.train(config, tmp_path / "whole.pt").state_dict()
-    save = training._save
+    save = training.save
 
     class StoppedError(Exception):
         pass
@@ -109,7 +109,7 @@ def test_training_is_repeatable_and_resumes(tmp_path):
         raise StoppedError
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "_save", save_and_stop)
+        patch.setattr(training, "save", save_and_stop)
         with pytest.raises(StoppedError):
             training.train(config, tmp_path / "stopped.pt")
     resumed = training.train(config, tmp_path / "stopped.pt").state_dict()

@@ -23,9 +23,8 @@ from models.export import Card, export
 from models.geometry.arrays import Float32Array
 from models.instances.ariadne_plus.network_residual import WIDTH_FACTOR, AboveProbability, CrossNet, TripletNet
 from models.instances.ariadne_plus.patches import CROSSING_PIXELS, NODE_PIXELS, only, patch, reduction, to_network
-from models.instances.train_crossings import RenderedCrossing, read_crossings, write_crossings
-from models.instances.train_state import restore, save
-from models.synthesis.textures import load_pool
+from models.instances.train_crossings import RenderedCrossing, crossings_kept
+from models.train_state import restore, save
 
 TRIPLET, CROSS = "ariadne_plus_triplet", "ariadne_plus_cross"
 
@@ -161,10 +160,7 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(1)
     config = TrainConfig()
-    pack = args.state / f"crossings_{config.crossings}.npz"
-    if not pack.exists():
-        write_crossings(pack, config.crossings, config.seed, load_pool(args.textures))
-    scenes = read_crossings(pack)
+    scenes = crossings_kept(args.state, config.crossings, config.seed, args.textures)
     held_out, rest = scenes[: config.held_out], scenes[config.held_out :]
     count = torch.export.Dim("n")
     if args.only != "cross":

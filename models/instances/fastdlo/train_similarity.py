@@ -21,9 +21,8 @@ from models.export import Card, export
 from models.geometry.arrays import Float32Array
 from models.instances.fastdlo.network_similarity import EMBEDDING, SimilarityNetwork
 from models.instances.fastdlo.similarity import FEATURES, features, probabilities
-from models.instances.train_crossings import RenderedCrossing, crop, read_crossings, write_crossings
-from models.instances.train_state import restore, save
-from models.synthesis.textures import load_pool
+from models.instances.train_crossings import RenderedCrossing, crop, crossings_kept
+from models.train_state import restore, save
 
 NAME = "fastdlo_similarity"
 _WIDTH_NOISE, _ANGLE_NOISE = 0.2, np.deg2rad(12.0)
@@ -122,10 +121,7 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(1)
     config = TrainConfig()
-    pack = args.state / f"crossings_{config.crossings}.npz"
-    if not pack.exists():
-        write_crossings(pack, config.crossings, config.seed, load_pool(args.textures))
-    scenes = read_crossings(pack)
+    scenes = crossings_kept(args.state, config.crossings, config.seed, args.textures)
     network = train(scenes[config.held_out :], config, args.state / f"{NAME}.pt")
     metrics = evaluate(network, scenes[: config.held_out])
     card = Card(

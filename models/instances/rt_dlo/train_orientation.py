@@ -22,6 +22,7 @@ from models.geometry.arrays import FloatArray
 from models.instances.rt_dlo.network_orientation import OrientationNetwork, OrientationProbabilities
 from models.instances.rt_dlo.orientation import CLASSES, PATCH_SIZE, angles_from_scores, principal_angles
 from models.instances.rt_dlo.train_patches import make_patches
+from models.train_state import restore, save
 
 NAME = "rt_dlo_orientation"
 
@@ -60,11 +61,10 @@ def train(config: TrainConfig, state_path: Path) -> OrientationNetwork:
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.epochs)
     stateful = {"network": network, "optimizer": optimizer, "schedule": schedule}
-    first = _restore(state_path, config, stateful)
-    for epoch in range(first, config.epochs):
+    for epoch in range(restore(state_path, asdict(config), stateful), config.epochs):
         loss = _train_epoch(network, optimizer, config, epoch)
         schedule.step()
-        _save(state_path, config, stateful, epoch + 1)
+        save(state_path, asdict(config), stateful, epoch + 1)
         print(f"epoch {epoch + 1}/{config.epochs} loss {loss:.4f}", flush=True)
     return network.eval()
 
@@ -86,26 +86,6 @@ def _train_epoch(
         optimizer.step()
         losses.append(loss.item())
     return float(np.mean(losses))
-
-
-def _save(path: Path, config: TrainConfig, stateful: dict[str, object], epoch: int) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    states = {name: part.state_dict() for name, part in stateful.items()}  # type: ignore[attr-defined]
-    partial = path.with_suffix(".part")
-    torch.save({"config": asdict(config), "epoch": epoch, "states": states}, partial)
-    partial.replace(path)
-
-
-def _restore(path: Path, config: TrainConfig, stateful: dict[str, object]) -> int:
-    """The epoch to go on from; 0 without a state of this configuration."""
-    if not path.exists():
-        return 0
-    state = torch.load(path, weights_only=True)
-    if state["config"] != asdict(config):
-        return 0
-    for name, part in stateful.items():
-        part.load_state_dict(state["states"][name])  # type: ignore[attr-defined]
-    return int(state["epoch"])
 
 
 def evaluate(network: OrientationNetwork, config: TrainConfig) -> dict[str, float]:
