@@ -26,9 +26,9 @@ from models.labelling.drawing import Strand, StrandCrossing, outline
 from models.labelling.ends import EndParams
 from models.labelling.strokes import StrokeError, in_robot_frame, stretches
 from models.labelling.tracked import TrackedParams, TrackedView, label_tracked
-from workers.stages import curves3d
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
-from workers.stages.pictures import indexed_png, png, read_rgb
+from workers.stages.pictures import indexed_png, png
+from workers.stages.posed_pictures import read_view
 from workers.stages.segment import model_used
 
 _BATCH = 64
@@ -69,21 +69,8 @@ def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
 
 
 def _views(request: LabelTrackedRequest, tools: Tools) -> tuple[list[NDArray[np.uint8]], list[Camera]]:
-    images, cameras = [], []
-    for index, given in enumerate(request.views):
-        field = f"views.{index}"
-        if given.image is None:
-            raise InvalidInput(f"{field}.image", "is missing")
-        camera = curves3d.camera(given, field)
-        image = read_rgb(given.image, f"{field}.image", tools)
-        size = (camera.intrinsics.width, camera.intrinsics.height)
-        if image.shape[1::-1] != size:
-            found = f"{image.shape[1]} × {image.shape[0]}"
-            message = f"are of a picture of {size[0]} × {size[1]} pixels, but this one has {found}"
-            raise InvalidInput(f"{field}.intrinsics", message, "invalid_camera")
-        images.append(image)
-        cameras.append(camera)
-    return images, cameras
+    views = [read_view(given, f"views.{index}", tools) for index, given in enumerate(request.views)]
+    return [image for image, _ in views], [camera for _, camera in views]
 
 
 def _strokes(request: LabelTrackedRequest, cameras: list[Camera]) -> list[NDArray[np.float64]]:

@@ -19,10 +19,9 @@ from models.reconstruction.curves import Curve
 from models.reconstruction.joining import rejoin
 from models.reconstruction.tracking import continuing_strand
 from models.reconstruction.views import Strand, View
-from workers.stages import curves3d
 from workers.stages.instances import perceive
 from workers.stages.outcome import InvalidInput, Tools
-from workers.stages.pictures import read_rgb
+from workers.stages.posed_pictures import read_view
 
 WORKING_SIDE = 960
 NO_CURVE = "invalid_views"
@@ -59,12 +58,7 @@ def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list
     seen: list[SeenView] = []
     models: list[ModelUsed] = []
     for index, given in enumerate(request.views):
-        field = f"views.{index}"
-        if given.image is None:
-            raise InvalidInput(f"{field}.image", "is missing")
-        camera = curves3d.camera(given, field)
-        image = read_rgb(given.image, f"{field}.image", tools)
-        _check_size(image, camera, field)
+        image, camera = read_view(given, f"views.{index}", tools)
         found = perceive(image, tools, model=request.model, threshold=request.threshold)
         scale = min(1.0, WORKING_SIDE / max(image.shape[:2]))
         strands, ids = strands_of(found.scene, found.probability, camera, scale)
@@ -113,14 +107,6 @@ def chosen_strand(request: ReconstructRequest, seen: list[SeenView], previous: C
     if following is None:
         raise InvalidInput("previous", "is seen in none of the views: the next pictures have to overlap it", NO_CURVE)
     return following
-
-
-def _check_size(image: NDArray[np.uint8], camera: Camera, field: str) -> None:
-    size = (camera.intrinsics.width, camera.intrinsics.height)
-    if image.shape[1::-1] != size:
-        found = f"{image.shape[1]} × {image.shape[0]}"
-        message = f"are of a picture of {size[0]} × {size[1]} pixels, but this one has {found}"
-        raise InvalidInput(f"{field}.intrinsics", message, "invalid_camera")
 
 
 def _target(target: Target, seen: SeenView) -> int:
