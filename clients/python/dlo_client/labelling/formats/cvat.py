@@ -21,16 +21,13 @@ from dlo_client.labelling.formats.exchange import (
     Labels,
     Mask,
     decode,
-    encode,
     fill,
-    mean_width,
-    stroke,
+    instance_of,
     written_whole,
 )
 from dlo_client.labelling.labels import LabelledInstance, PictureLabel
 
 _CENTER = 0.5
-_DEFAULT_WIDTH_PX = 6.0
 _ATTRIBUTES = {"dlo": ("width_px", "closed", "score"), "crossing": ("over", "over_u", "under", "under_u", "score")}
 _FORBIDDEN = re.compile(rb"<!(DOCTYPE|ENTITY)", re.IGNORECASE)
 
@@ -152,15 +149,7 @@ def _instance(number: int, shapes: list[ET.Element], height: int, width: int) ->
         elif shape.tag == "polyline":
             line = _read_points(shape, _CENTER)
     known = float(facts["width_px"]) if "width_px" in facts else None
-    if not mask.any() and line:
-        mask = stroke(line, known or _DEFAULT_WIDTH_PX, height, width)
-    return LabelledInstance(
-        id=number,
-        centerline_xy=line,
-        width_px=known or mean_width(mask),
-        closed=str(facts.get("closed", "")).lower() == "true",
-        mask_rle=encode(mask),
-    )
+    return instance_of(number, mask, line, known, str(facts.get("closed", "")).lower() == "true")
 
 
 def _mask(shape: ET.Element, height: int, width: int) -> Mask:

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from pycocotools import mask as coco_mask
 
 from dlo_client.contracts import MaskRLE, Point
-from dlo_client.labelling.labels import PictureLabel
+from dlo_client.labelling.labels import LabelledInstance, PictureLabel
 
 Labels = Callable[[], Iterable[PictureLabel]]
 Mask = NDArray[np.bool_]
 CLASS = "dlo"
+_DEFAULT_WIDTH_PX = 6.0
 
 
 class FormatError(ValueError):
@@ -97,6 +98,15 @@ def mean_width(mask: Mask) -> float:
     padded = np.pad(mask.astype(np.uint8), 1)
     distance = cv2.distanceTransform(padded, cv2.DIST_L2, 5)[1:-1, 1:-1]
     return max(1.0, float(4 * distance[mask].mean()) - 1.0) if mask.any() else 1.0
+
+
+def instance_of(number: int, mask: Mask, line: list[Point], width_px: float | None, closed: bool) -> LabelledInstance:
+    """What a tool says of one DLO. Without a mask a stroke along the line stands for it; a width may be the mask's."""
+    if not mask.any() and line:
+        mask = stroke(line, width_px or _DEFAULT_WIDTH_PX, *mask.shape)
+    return LabelledInstance(
+        id=number, centerline_xy=line, width_px=width_px or mean_width(mask), closed=closed, mask_rle=encode(mask)
+    )
 
 
 @contextmanager

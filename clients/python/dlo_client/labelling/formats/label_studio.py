@@ -23,11 +23,9 @@ from dlo_client.labelling.formats.exchange import (
     Imported,
     Labels,
     decode,
-    encode,
     fill,
-    mean_width,
+    instance_of,
     read_json,
-    stroke,
     write_list,
     written_whole,
 )
@@ -43,7 +41,6 @@ CONFIG = f"""<View>
 </View>
 """
 _PREFIX = "/data/local-files/?d="
-_DEFAULT_WIDTH_PX = 6.0
 _REGION = re.compile(r"^dlo-(\d+)-(mask|line)$")
 
 
@@ -189,13 +186,4 @@ def _instance(number: int, regions: list[dict[str, Any]], height: int, width: in
             mask |= fill([np.array(value["points"], float) / 100 * (width, height)], height, width)
         else:
             line = [_pixels(v["x"], v["y"], width, height) for v in value["vertices"]]
-    known = facts.get("width_px")
-    if not mask.any() and line:
-        mask = stroke(line, known or _DEFAULT_WIDTH_PX, height, width)
-    return LabelledInstance(
-        id=number,
-        centerline_xy=line,
-        width_px=known or mean_width(mask),
-        closed=bool(facts.get("closed", False)),
-        mask_rle=encode(mask),
-    )
+    return instance_of(number, mask, line, facts.get("width_px"), bool(facts.get("closed", False)))
