@@ -5,6 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from models.instances.scene import Scene
+
 
 def drawn(*lines: np.ndarray, width: int = 10, shape: tuple[int, int] = (240, 320)) -> np.ndarray:
     """``(H, W)`` bool: the polylines ``(n, 2)`` as strokes."""
@@ -22,6 +24,21 @@ def colored(
     for line, color in strands:
         cv2.polylines(canvas, [np.rint(np.asarray(line, float) * 16).astype(np.int32)], False, color, width, shift=4)
     return canvas
+
+
+def assert_valid(scene: Scene, mask: np.ndarray) -> None:
+    """What holds of every answer to a mask, whatever is in it."""
+    assert scene.labels.shape == mask.shape
+    assert len(scene.instances) <= 255
+    assert scene.labels.max(initial=0) <= len(scene.instances)
+    for instance in scene.instances:
+        assert np.isfinite(instance.centerline_xy).all()
+        assert instance.width_px > 0
+        assert 0 <= instance.score <= 1
+    for crossing in scene.crossings:
+        assert 0.5 <= crossing.score <= 1
+        assert 0 <= crossing.existence <= 1
+        assert 0 <= min(crossing.over.u, crossing.under.u) <= max(crossing.over.u, crossing.under.u) <= 1
 
 
 def circle(center: tuple[float, float], radius: float, start: float = 0.0, stop: float = 2 * np.pi) -> np.ndarray:

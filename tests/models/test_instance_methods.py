@@ -8,7 +8,7 @@ import pytest
 
 from models.inference import Runtime, default_name, load
 from models.instances import ariadne_plus, fastdlo, rt_dlo, section_matching
-from tests.models.drawn_masks import circle, colored, drawn, loop
+from tests.models.drawn_masks import assert_valid, circle, colored, drawn, loop
 
 RED, BLUE = (200, 30, 30), (30, 40, 190)
 DOWN = np.array([[60.0, 40.0], [260.0, 200.0]])
@@ -109,17 +109,7 @@ UGLY = {
 def test_any_mask_gives_a_valid_scene(methods, name, mask, with_image):
     pixels = UGLY[mask]
     scene = methods[name](pixels, np.full((*pixels.shape, 3), 90, np.uint8) if with_image else None)
-    assert scene.labels.shape == pixels.shape
-    assert len(scene.instances) <= 255
-    assert scene.labels.max(initial=0) <= len(scene.instances)
-    for instance in scene.instances:
-        assert np.isfinite(instance.centerline_xy).all()
-        assert instance.width_px > 0
-        assert 0 <= instance.score <= 1
-    for crossing in scene.crossings:
-        assert 0.5 <= crossing.score <= 1
-        assert 0 <= crossing.existence <= 1
-        assert 0 <= min(crossing.over.u, crossing.under.u) <= max(crossing.over.u, crossing.under.u) <= 1
+    assert_valid(scene, pixels)
 
 
 @pytest.mark.parametrize("name", NAMES)

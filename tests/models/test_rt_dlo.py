@@ -10,7 +10,7 @@ import pytest
 from models.geometry.polylines import arc_lengths
 from models.instances.rt_dlo import RtDloParams, extract
 from models.instances.rt_dlo.orientation import CLASSES
-from tests.models.drawn_masks import circle, colored, drawn, loop
+from tests.models.drawn_masks import assert_valid, circle, colored, drawn, loop
 
 RED, BLUE = (200, 30, 30), (30, 40, 190)
 DOWN = np.array([[60.0, 40.0], [260.0, 200.0]])
@@ -208,16 +208,7 @@ UGLY = {
 def test_ugly_masks_give_a_valid_scene(name, with_image):
     mask = UGLY[name]
     scene = extract(mask, np.zeros((*mask.shape, 3), np.uint8) if with_image else None)
-    assert scene.labels.shape == mask.shape
-    assert len(scene.instances) <= 255
-    assert scene.labels.max(initial=0) <= len(scene.instances)
-    for instance in scene.instances:
-        assert np.isfinite(instance.centerline_xy).all()
-        assert instance.width_px > 0
-        assert 0 <= instance.score <= 1
-    for crossing in scene.crossings:
-        assert 0.5 <= crossing.score <= 1
-        assert 0 <= min(crossing.over.u, crossing.under.u) <= max(crossing.over.u, crossing.under.u) <= 1
+    assert_valid(scene, mask)
 
 
 @pytest.mark.parametrize("params", [RtDloParams(1e-9), RtDloParams(1.0, 64, 0.0), RtDloParams(0.15, 2, 0.99)])
