@@ -8,9 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
+from models.geometry.pixel_graph import pixel_graph, skeleton_of
+from models.geometry.sampling import distance_map
 from models.instances.section_matching import SectionMatchingParams, extract
 from models.instances.section_matching.cleaning import clean
+from models.instances.section_matching.extraction import _stops
+from models.instances.section_matching.links import FEATURES, GAP, candidate_links
 from models.instances.section_matching.matching import match
+from models.instances.sections import sections_of
 from tests.models.drawn_masks import circle, colored, drawn, loop
 
 RED, BLUE = (200, 30, 30), (30, 40, 190)
@@ -31,6 +36,39 @@ def test_matching_takes_the_best_total_not_the_best_link():
 def test_an_end_stops_where_every_link_is_dearer():
     assert match(2, np.array([[0, 1]]), np.array([1.0]), np.zeros(2)).tolist() == [0, 1]
     assert match(2, np.array([[0, 1]]), np.array([1.0]), np.full(2, 2.0)).tolist() == [1, 0]
+
+
+def test_a_section_along_which_only_one_strand_would_lead_is_not_shared():
+    """Section 0 (ends 0, 1) given up, 2 and 4 would be joined at a lower total; but then nothing leads along it."""
+    pairs = np.array([[2, 4], [0, 2], [0, 4], [6, 8], [4, 6], [0, 1]])
+    costs = np.array([2.9, 2.2, -1.8, -8.0, -0.25, 1.0])
+    via = np.array([-1, -1, -1, -1, 0, 0])
+    partner = match(10, pairs, costs, np.full(10, 3.0), via)
+    assert partner[[0, 4, 2, 1, 6]].tolist() == [4, 0, 2, 1, 8]
+
+
+def test_a_stub_may_stop_at_a_crossing_for_less():
+    """Two bars from border to border, and a stub of six radii on one of them."""
+    bars = np.array([[0.0, 60.0], [319.0, 60.0]]), np.array([[60.0, 0.0], [60.0, 239.0]])
+    mask = drawn(*bars, np.array([[200.0, 60.0], [200.0, 100.0]]))
+    sections = sections_of(pixel_graph(skeleton_of(mask)), distance_map(mask), None)
+    stops, at_crossing = _stops(sections, 3.0), sections.node >= 0
+    stub = (sections.node[np.arange(len(stops)) ^ 1] < 0) & ~sections.at_border[np.arange(len(stops)) ^ 1]
+    assert np.count_nonzero(stub & at_crossing) == 1
+    assert 0.5 < stops[stub & at_crossing].item() < 2.0
+    assert (stops[at_crossing & ~stub] == 3.0).all()
+
+
+def test_a_cable_that_bends_in_a_gap_is_seen_there():
+    x = np.linspace(20.0, 300.0, 141)
+    bump = np.where(np.abs(x - 160) < 40, np.sin((x - 120) / 80 * np.pi), 0.0)
+    line = np.stack((x, 120 + 14 * bump), axis=1)
+    mask = drawn(line)
+    mask[:, 118:202] = False
+    sections = sections_of(pixel_graph(skeleton_of(mask)), distance_map(mask), colored((line, RED)))
+    links = candidate_links(sections, mask, colored((line, RED)), 20.0)
+    (row,) = links.features[links.kind == GAP]
+    assert row[FEATURES.index("seen_gap")] > 2 * row[FEATURES.index("gap")]
 
 
 @pytest.mark.parametrize("seed", range(12))
