@@ -67,6 +67,8 @@ class Action:
 _MOST_CROSSINGS = 24
 _MOST_PIVOTS = 160
 _SIDEWAYS = float(np.tan(np.deg2rad(20)))
+_TURN_ERROR = float(np.sin(np.deg2rad(3)))
+"""How far a turned place may end from where it should, per px from the place held."""
 _HAND_PX = 12.0
 """What a gripper needs beside the strand that it closes on."""
 _LEAST_CERTAINTY = 0.15
@@ -161,7 +163,7 @@ def _best_turn(
         key=lambda f: f[0],
     )
     score = certainty * (before - least) / before * (0.5 + 0.35 * value + (0.1 if pivot.branch >= 0 else 0.0))
-    score *= (0.6 if body.leaves_view else 1.0) * (1 - 0.3 * _share_moved(body))
+    score *= (0.3 if body.leaves_view else 1.0) * (1 - 0.3 * _share_moved(body))
     k, place = parted[0]
     (hold, pick, placed, path), room = _grasps(topology, place, pivot, body, turn)
     score *= (0.3 + 0.7 * room) * (1.0 if sure.any() else 0.5)
@@ -227,7 +229,8 @@ def _crossings_between(topology: Topology, body: Body, angle: float) -> list[tup
 
 def _clearance(topology: Topology, body: Body, angle: float, wished: float) -> tuple[float, float]:
     """Least distance between the outlines of the turned body and the rest, px, away from the place held; and the least
-    share of what is wished (0 to 1): ``wished`` px, nearer to the place held as far apart as an angle of 20 degrees."""
+    share of what is wished (0 to 1): ``wished`` px and what an arm may err, nearer to the place held as far apart as an
+    angle of 20 degrees."""
     widths = np.array([s.width for s in topology.sections])
     nothing = float(np.hypot(*topology.size))
     resting = [(k, xy) for k, xy in body.resting if len(xy)]
@@ -242,7 +245,7 @@ def _clearance(topology: Topology, body: Body, angle: float, wished: float) -> t
         room = away - rest_half[nearest] - widths[k] / 2
         far, beside = reach > 4 * widths[k] + 8, reach > 1.5 * widths[k] + 4
         least = min(least, float(room[far].min(initial=nothing)))
-        needed = np.clip(_SIDEWAYS * reach[beside], 1.0, wished + widths[k])
+        needed = np.clip(_SIDEWAYS * reach[beside], 1.0, wished + widths[k] + _TURN_ERROR * reach[beside])
         asked = np.minimum(away[beside] / needed, 1.0)
         share = min(share, float(asked.min(initial=1.0)))
     return least, share * float(np.clip(least / wished, 0.0, 1.0))
