@@ -13,7 +13,7 @@ from models.topology.graph import Graph
 from models.topology.scene import Predictions
 
 Judge = Callable[[Float32Array], NDArray[np.floating]]
-"""``(n, features)`` evidence to ``(n,)`` probabilities."""
+"""``(n, features)`` evidence to ``(n,)`` probabilities, or ``(n, readings)`` of which every row sums to 1."""
 
 JUDGES = ("junctions", "bridges", "stubs")
 """The tasks of the networks of :class:`Judges`, in its order."""
@@ -21,8 +21,9 @@ JUDGES = ("junctions", "bridges", "stubs")
 
 @dataclass(frozen=True)
 class Judges:
-    """``crossing``: of :func:`sites.evidence`; ``bridge``: of :func:`bridges.proposals`; ``stub``: of
-    :func:`stubs.candidates`, the probability that the strand is part of a DLO."""
+    """``crossing``: of :func:`sites.evidence`, the columns are :class:`sites.Reading`; ``bridge``: of
+    :func:`bridges.proposals`; ``stub``: of :func:`stubs.candidates`, the probability that the strand is part of a
+    DLO."""
 
     crossing: Judge
     bridge: Judge
@@ -30,7 +31,7 @@ class Judges:
 
 
 def judged(judge: Judge, rows: list[FloatArray]) -> FloatArray:
-    """``(n,)`` probabilities; none for no rows."""
+    """The judge's probabilities; ``(0,)`` for no rows."""
     if not rows:
         return np.zeros(0)
     return np.asarray(judge(np.stack(rows).astype(np.float32)), np.float64)

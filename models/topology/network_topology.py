@@ -116,20 +116,19 @@ class TopologyProbabilities(nn.Module):
 
 
 class JunctionNetwork(nn.Module):
-    """The evidence at a place where strands meet, ``(n, features)``, to the probability of each reading."""
+    """Evidence ``(n, features)`` to logits of its readings ``(n, readings)``."""
 
     mean: Tensor
     scale: Tensor
 
-    def __init__(self, features: int, hidden: int = 24) -> None:
+    def __init__(self, features: int, readings: int, hidden: int = 24) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("scale", torch.ones(features))
         self.layers = nn.Sequential(
-            nn.Linear(features, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), nn.Linear(hidden, 1)
+            nn.Linear(features, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), nn.Linear(hidden, readings)
         )
 
     def forward(self, evidence: Tensor) -> Tensor:
-        """``(n,)`` logits."""
-        logits: Tensor = self.layers((evidence - self.mean) / self.scale)[:, 0]
+        logits: Tensor = self.layers((evidence - self.mean) / self.scale)
         return logits

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from itertools import pairwise
 
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.topology.bodies import intersections, segments
 from models.topology.bridges import proposals
 from models.topology.graph import Graph, without
 from models.topology.judges import Judges, judged
@@ -17,6 +19,8 @@ from models.topology.web import compact, contract, dissolve
 
 _LEAST = 0.5
 """Bridges that are less probable are not built; shorter strands that are less probable are taken off."""
+_APART = 1.0
+"""A bridge crosses nothing nearer to its ends than this share of the half width there."""
 
 
 def repaired(graph: Graph, predictions: Predictions, judges: Judges) -> Web:
@@ -57,35 +61,52 @@ def _both_ways(nodes: list[tuple[int, ...]], scores: FloatArray) -> FloatArray:
 
 
 def _bridged(graph: Graph, bridges: list[tuple[int, int]]) -> Web:
-    """The web with one more strand a bridge; strands are split where a bridge meets their side."""
-    knots = graph.web.knots_xy
-    cuts: dict[int, list[int]] = {}
+    """The web with one more strand a bridge; strands are split where a bridge meets their side or crosses them."""
+    strands = list(graph.web.strands)
+    knots = list(graph.web.knots_xy)
+    cuts: dict[int, list[tuple[int, int]]] = defaultdict(list)
     owner = {int(n): k for k, chain in enumerate(graph.chains) for n in chain[1:-1]}
     knot_of: dict[int, int] = {}
-    for node in {n for pair in bridges for n in pair}:
-        if node in owner:
-            cuts.setdefault(owner[node], []).append(node)
-            knot_of[node] = len(knots) + len(knot_of)
-    added = np.array([graph.xy[n] for n in knot_of]).reshape(-1, 2)
-    strands: list[Strand] = []
-    for k, strand in enumerate(graph.web.strands):
-        strands += _split(strand, graph.xy, cuts[k], knot_of) if k in cuts else [strand]
+
+    def cut(k: int, xy: FloatArray) -> int:
+        """A new knot at the point of a strand that is nearest to ``xy``."""
+        cuts[k].append((int(np.hypot(*(strands[k].xy - xy).T).argmin()), len(knots)))
+        knots.append(xy)
+        return len(knots) - 1
+
+    for node in sorted({n for pair in bridges for n in pair}):
+        knot_of[node] = cut(owner[node], graph.xy[node]) if node in owner else node
     for here, there in bridges:
-        line = np.linspace(
-            graph.xy[here], graph.xy[there], max(2, round(float(np.hypot(*(graph.xy[there] - graph.xy[here])))))
-        )
-        radii = np.linspace(graph.radii[here], min(graph.radii[here], graph.radii[there]), len(line)) + 0.5
-        strands.append(Strand(knot_of.get(here, here), knot_of.get(there, there), line, radii))
-    return Web(np.concatenate((knots, added)), tuple(strands))
+        strands.append(_straight(graph, here, there, (knot_of[here], knot_of[there])))
+        for k, xy in _crossed(strands[:-1], strands[-1]):
+            cuts[len(strands) - 1].append((int(np.hypot(*(strands[-1].xy - xy).T).argmin()), cut(k, xy)))
+    return Web(np.array(knots), tuple(part for k, strand in enumerate(strands) for part in _split(strand, cuts[k])))
 
 
-def _split(strand: Strand, nodes_xy: FloatArray, nodes: list[int], knot_of: dict[int, int]) -> list[Strand]:
-    """The strand cut at some of its inner nodes."""
-    places = sorted((int(np.hypot(*(strand.xy - nodes_xy[n]).T).argmin()), n) for n in nodes)
-    bounds = [0, *(p for p, _ in places), len(strand.xy) - 1]
-    knots = [strand.a, *(knot_of[n] for _, n in places), strand.b]
+def _straight(graph: Graph, here: int, there: int, knots: tuple[int, int]) -> Strand:
+    """The strand that a bridge between two nodes adds."""
+    steps = max(2, round(float(np.hypot(*(graph.xy[there] - graph.xy[here])))))
+    radii = np.linspace(graph.radii[here], min(graph.radii[here], graph.radii[there]), steps) + 0.5
+    return Strand(*knots, np.linspace(graph.xy[here], graph.xy[there], steps), radii)
+
+
+def _crossed(strands: list[Strand], bridge: Strand) -> list[tuple[int, FloatArray]]:
+    """The strands that a bridge crosses, and where: away from its ends, where it may touch what it leads to."""
+    parts = segments(tuple((k, s.xy) for k, s in enumerate(strands)))
+    _, j, xy = intersections((bridge.xy[:1], bridge.xy[-1:]), (parts[0], parts[1]))
+    owners = parts[2][j].astype(int).tolist()
     return [
-        Strand(knots[k], knots[k + 1], strand.xy[bounds[k] : bounds[k + 1] + 1],
-               strand.radii[bounds[k] : bounds[k + 1] + 1])
-        for k in range(len(bounds) - 1) if bounds[k + 1] > bounds[k]
+        (k, place) for k, place in zip(owners, xy, strict=True)
+        if all(np.hypot(*(place - bridge.xy[e])) > _APART * bridge.radii[e] + 1 for e in (0, -1))
     ]  # fmt: skip
+
+
+def _split(strand: Strand, cuts: list[tuple[int, int]]) -> list[Strand]:
+    """The strand cut at some of its points, which become knots: ``(point, knot)``."""
+    places = [0, *(place for place, _ in sorted(cuts)), len(strand.xy) - 1]
+    knots = [strand.a, *(knot for _, knot in sorted(cuts)), strand.b]
+    return [
+        Strand(knots[k], knots[k + 1], strand.xy[a : b + 1], strand.radii[a : b + 1])
+        for k, (a, b) in enumerate(pairwise(places))
+        if b > a
+    ]

@@ -1,14 +1,16 @@
 """Places where strands meet, and the evidence there: is it a branch-point or a crossing (thesis 6.6.2, extended)?
 
 The thesis decides by the number of arms. Here every joint of four arms, and every two joints of three arms that a short
-strand joins, is a *site* that may be a crossing; widths, angles, how far apart the joints are and what the classifier
-says of the nodes there are its evidence, which a small network turns into a probability.
+strand joins, is a *site*; widths, angles, how far apart the joints are and what the classifier says of the nodes there
+are its evidence. A small network turns it into probabilities of the readings: branch-points; a crossing; or a *lens*,
+two strands that cross at either joint and lie upon one another in between.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
@@ -17,8 +19,18 @@ from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Predictions
 from models.topology.skeleton import Strand, Web
 
-EVIDENCE = 17
+EVIDENCE = 22
 """Numbers that describe a site, see :func:`evidence`."""
+
+
+class Reading(IntEnum):
+    """What a site may be; the columns of the judge's answer."""
+
+    BRANCH_POINTS = 0
+    CROSSING = 1
+    LENS = 2
+
+
 _LONGEST_MIDDLE = 9.0
 """A middle strand of more widths than this is a bundle, no crossing."""
 _ARM_WIDTHS = 2.5
@@ -41,7 +53,8 @@ class Arm:
 @dataclass(frozen=True, eq=False)
 class Site:
     """``arms`` by angle, counter-clockwise in the picture's axes; ``middle``: index of the strand between two joints,
-    or None. ``pairs``: the arms (indices) that a crossing would join; ``rivals``: the other way to pair them."""
+    or None. ``pairs``: the arms (indices) that a crossing would join; ``rivals``: the other way to pair them, which two
+    crossings would, one at each joint."""
 
     knots: tuple[int, ...]
     arms: tuple[Arm, ...]
@@ -142,8 +155,8 @@ def _unit(vector: FloatArray) -> FloatArray:
 
 
 def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Predictions) -> FloatArray:
-    """``(17,)``: length and widths of the middle, turns and width changes of both ways to pair, opening angles,
-    lengths of the arms, and the classifier's word on the nodes nearby."""
+    """``(22,)``: length and widths of the middle, turns and width changes of both ways to pair, opening angles, how
+    the middle's width runs, and the classifier's word on the nodes nearby and at both joints."""
     arms = site.arms
     widths = np.array([a.width for a in arms])
     through = [bend(arms[i], arms[j]) for i, j in site.pairs]
@@ -153,11 +166,13 @@ def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Prediction
     openings = [_angle(arms[i].heading, arms[j].heading) for i, j in ((0, 1), (2, 3))]
     first, second = (_unit(arms[i].heading - arms[j].heading) for i, j in site.pairs)
     crossing = float(np.arccos(min(1.0, abs(float(first @ second)))))
-    branch, cross = _classes_near(site, nodes_xy, predictions, float(widths.max()))
+    reach = float(widths.max())
+    branch, cross = _classes_near(site.xy, nodes_xy, predictions, reach)
+    joints = [_classes_near(web.knots_xy[k], nodes_xy, predictions, reach) for k in site.knots]
     return np.array([
         *_middle(site, web, widths), max(through), sum(through), max(rival), sum(rival), max(change), sum(change),
         sum(rival_change), min(openings), max(openings), crossing, branch, cross,
-        float(widths.min() / widths.max()),
+        float(widths.min() / widths.max()), *_profile(site, web, widths), *np.min(joints, axis=0),
     ])  # fmt: skip
 
 
@@ -172,11 +187,23 @@ def _middle(site: Site, web: Web, widths: FloatArray) -> tuple[float, float, flo
     return strand.length / scale, least, typical, most
 
 
+def _profile(site: Site, web: Web, widths: FloatArray) -> tuple[float, float, float]:
+    """Width in the middle of the middle strand, the smaller and the larger of those a fifth from its ends, in typical
+    widths of the arms: strands that lie upon one another cross where they are together as wide as one."""
+    if site.middle is None:
+        knot = _middle(site, web, widths)[1]
+        return knot, knot, knot
+    radii = web.strands[site.middle].radii
+    first, middle, last = (2 * float(radii[round(share * (len(radii) - 1))]) for share in (0.2, 0.5, 0.8))
+    scale = float(widths.mean())
+    return middle / scale, min(first, last) / scale, max(first, last) / scale
+
+
 def _classes_near(
-    site: Site, nodes_xy: FloatArray, predictions: Predictions, width: float
+    xy: FloatArray, nodes_xy: FloatArray, predictions: Predictions, width: float
 ) -> tuple[float, float]:  # fmt: skip
-    """Strongest class scores among the nodes within a width of the site's center, or of its nearest node."""
-    away = np.hypot(*(nodes_xy - site.xy).T)
+    """Strongest class scores among the nodes within a width of a place, or of its nearest node."""
+    away = np.hypot(*(nodes_xy - xy).T)
     near = away <= max(1.2 * width, float(away.min()) + 1e-6)
     branch, cross = predictions.classes[near].max(axis=0).tolist()
     return branch, cross

@@ -1,8 +1,8 @@
 """From the graph and what the networks say of it to the topology (thesis Algorithm 6, section 6.6).
 
-Strategy: repair the strands; weigh every site that may be a crossing and accept the probable ones, the most probable
-first, no joint twice; every other joint is a branch-point. Then walk the strands: a walk goes straight on through a
-crossing and ends at a branch-point or a free end. One walk may pass a crossing twice: a self-loop.
+Strategy: repair the strands; weigh every site that may be a crossing or a lens and accept the probable ones, the most
+probable first, no joint twice; every other joint is a branch-point. Then walk the strands: a walk goes straight on
+through a crossing and ends at a branch-point or a free end. One walk may pass a crossing twice: a self-loop.
 """
 
 from __future__ import annotations
@@ -17,27 +17,31 @@ from models.topology.graph import Graph
 from models.topology.judges import Judges, judged
 from models.topology.repair import repaired
 from models.topology.scene import Predictions
-from models.topology.sites import Site, bend, crossing_sites, ends_at, evidence, measure_arm
+from models.topology.sites import Reading, Site, bend, crossing_sites, ends_at, evidence, measure_arm
 from models.topology.skeleton import Web
 
 End = tuple[int, int]
 """A strand and which of its ends: 0 or 1."""
 _MOST_BEND = 1.6
 """Sections are merged only where they go on smoothly: at a joint of many arms no pair may turn more, radians."""
+_MOST_ARMS = 8
+"""A joint of more is a blob that strands end at."""
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """An accepted crossing: the two pairs of strand ends that it joins, and its probability."""
+    """Strands that go on through a site: the pairs of strand ends that it joins, the probability of this reading, and
+    where along the site's middle strand (0 to 1) they cross."""
 
     site: Site
     pairs: tuple[tuple[End, End], ...]
     score: float
+    crossed_at: tuple[float, ...] = (0.5,)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """``passages``: accepted crossings; ``branches``: ``(knot, probability)`` of every branch-point."""
+    """``passages``: accepted crossings and lenses; ``branches``: ``(knot, probability)`` of every branch-point."""
 
     web: Web
     passages: tuple[Passage, ...]
@@ -49,25 +53,23 @@ def solve(
 ) -> Solution:
     """Which joints of the graph are crossings and which are branch-points.
 
-    ``tint``: what the picture's colors say of a site, as a difference of log odds in favor of a crossing.
+    ``tint``: what the picture's colors say of how a site's arms are paired, as log odds in favor of a crossing.
     """
     web = repaired(graph, predictions, judges)
     sites = crossing_sites(web)
     scores = _scores(sites, web, graph, predictions, judges, tint)
     passages: list[Passage] = []
     taken: set[int] = set()
-    for k in np.argsort(-scores, kind="stable"):
-        site = sites[k]
-        if scores[k] <= 0.5 or taken & set(site.knots):
-            continue
-        taken |= set(site.knots)
-        pairs = tuple((_end(site, i), _end(site, j)) for i, j in site.pairs)
-        passages.append(Passage(site, pairs, float(scores[k])))
+    for k in np.argsort(scores[:, Reading.BRANCH_POINTS], kind="stable"):
+        reading = Reading(int(scores[k].argmax()))
+        if reading is not Reading.BRANCH_POINTS and not taken & set(sites[k].knots):
+            taken |= set(sites[k].knots)
+            passages.append(_passage(sites[k], reading, float(scores[k, reading])))
     branches = []
     for knot, ends in ends_at(web).items():
         if knot in taken or len(ends) < 3:
             continue
-        passage, left = _many_arms(web, knot, ends) if len(ends) > 4 else (None, len(ends))
+        passage, left = _many_arms(web, knot, ends) if 4 < len(ends) <= _MOST_ARMS else (None, len(ends))
         if passage is not None:
             passages.append(passage)
         if left:
@@ -79,15 +81,20 @@ def _scores(
     sites: list[Site], web: Web, graph: Graph, predictions: Predictions, judges: Judges,
     tint: Callable[[Site], float] | None,
 ) -> FloatArray:  # fmt: skip
-    scores = judged(judges.crossing, [evidence(s, web, graph.xy, predictions) for s in sites])
-    if tint is None or not sites:
-        return scores
-    odds = np.log(np.clip(scores, 1e-6, 1) / np.clip(1 - scores, 1e-6, 1)) + np.array([tint(s) for s in sites])
-    return 1 / (1 + np.exp(-odds))
+    """``(n, 3)`` probabilities of the readings of every site."""
+    scores = judged(judges.crossing, [evidence(s, web, graph.xy, predictions) for s in sites]).reshape(-1, len(Reading))
+    scores[[s.middle is None for s in sites], Reading.LENS] = 0.0
+    if tint is not None:
+        scores[:, Reading.CROSSING] *= np.exp([tint(s) for s in sites])
+    return scores / scores.sum(axis=1, keepdims=True)
 
 
-def _end(site: Site, arm: int) -> End:
-    return site.arms[arm].strand, site.arms[arm].end
+def _passage(site: Site, reading: Reading, score: float) -> Passage:
+    """What a site joins: a crossing the arms on opposite sides, a lens those on the same side."""
+    arms = site.rivals if reading is Reading.LENS else site.pairs
+    first, second = (tuple((site.arms[n].strand, site.arms[n].end) for n in pair) for pair in arms)
+    crossed_at = (0.0, 1.0) if reading is Reading.LENS else (0.5,)
+    return Passage(site, ((first[0], first[1]), (second[0], second[1])), score, crossed_at)
 
 
 def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, int]:
@@ -116,7 +123,8 @@ def _branch_score(
 ) -> float:
     """Probability of a branch-point: what is left after the sites that the joint could be part of, together with
     the classifier's word on the nodes nearby."""
-    rival = max((float(p) for s, p in zip(sites, scores, strict=True) if knot in s.knots), default=0.0)
+    rival = max((1 - float(p[Reading.BRANCH_POINTS]) for s, p in zip(sites, scores, strict=True) if knot in s.knots),
+                default=0.0)  # fmt: skip
     away = np.hypot(*(graph.xy - web.knots_xy[knot]).T)
     near = away <= max(graph.spacing, float(away.min()) + 1e-6)
     return (1 - rival) * (0.5 + 0.5 * float(predictions.classes[near, 0].max()))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import distance_map
 from models.topology.bridges import Bridge, End, free_ends, proposals
@@ -15,7 +16,7 @@ from models.topology.graph import Graph
 from models.topology.judges import Judges
 from models.topology.repair import pruned, repaired
 from models.topology.scene import Predictions
-from models.topology.sites import Site, crossing_sites, evidence
+from models.topology.sites import Reading, Site, crossing_sites, evidence
 from models.topology.skeleton import Web
 from models.topology.stubs import Candidate, candidates
 from models.topology.train import SIZES
@@ -24,8 +25,8 @@ from models.topology.train_graphs import draw_scene
 from models.topology.train_harness import FREE, Harness, HarnessParams, TrueSection
 from models.topology.train_masks import MaskParams
 
-Table = tuple[Float32Array, BoolArray]
-"""Evidence ``(n, features)`` and truth ``(n,)``."""
+Table = tuple[Float32Array, IntArray]
+"""Evidence ``(n, features)`` and truth ``(n,)``: 0 or 1, or a :class:`sites.Reading`."""
 _SAME_WAY = np.cos(np.deg2rad(40))
 
 
@@ -78,25 +79,42 @@ def bridge_table(seen: list[Scene], judges: Judges) -> Table:
 
 
 def crossing_table(seen: list[Scene], judges: Judges) -> Table:
-    """Evidence of crossings, after the strands were repaired."""
-    sites: list[tuple[FloatArray, bool]] = []
+    """Evidence of crossings and lenses, after the strands were repaired."""
+    sites: list[tuple[FloatArray, int]] = []
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
         web = repaired(graph, predictions, judges)
-        sites += [(evidence(s, web, graph.xy, predictions), is_crossing(s, web, harness)) for s in crossing_sites(web)]
+        sites += [(evidence(s, web, graph.xy, predictions), true_reading(s, web, harness)) for s in crossing_sites(web)]
     return _table(sites)
 
 
-def _table(rows: list[tuple[FloatArray, bool]]) -> Table:
-    return np.array([r for r, _ in rows], np.float32), np.array([t for _, t in rows], bool)
+def _table(rows: Sequence[tuple[FloatArray, int]]) -> Table:
+    return np.array([r for r, _ in rows], np.float32), np.array([t for _, t in rows], np.int64)
 
 
-def is_crossing(site: Site, web: Web, harness: Harness) -> bool:
-    """Whether a true crossing lies at the middle of the site."""
+def true_reading(site: Site, web: Web, harness: Harness) -> Reading:
+    """A crossing if one lies at the middle of the site, or beside it and the arms that it would join lie on the same
+    sections: a gap bends the arms. A lens if the same two sections cross near both joints."""
     width = max(a.width for a in site.arms)
     length = web.strands[site.middle].length if site.middle is not None else 0.0
     reach = max(0.35 * length, 0.8 * width, 6.0)
-    return any(np.hypot(*(m.xy - site.xy)) <= reach for m in harness.crossings)
+    if site.middle is not None:
+        ends = [{(m.a, m.b): m for m in harness.crossings if np.hypot(*(m.xy - web.knots_xy[k])) <= reach}
+                for k in site.knots]  # fmt: skip
+        if any(ends[0][who] is not ends[1][who] for who in ends[0].keys() & ends[1].keys()):
+            return Reading.LENS
+    nearest = min((float(np.hypot(*(m.xy - site.xy))) for m in harness.crossings), default=np.inf)
+    if nearest <= reach or (nearest <= reach + width + 4 and _joined(site, harness)):
+        return Reading.CROSSING
+    return Reading.BRANCH_POINTS
+
+
+def _joined(site: Site, harness: Harness) -> bool:
+    """Whether both pairs of arms that a crossing would join lie on one section each."""
+    outer = [a.xy + a.width * a.heading for a in site.arms]
+    away = [[np.hypot(*(s.xy - xy).T).min() / s.width for s in harness.sections] for xy in outer]
+    section = np.argmin(away, axis=1)
+    return all(section[i] == section[j] for i, j in site.pairs)
 
 
 def is_branch(harness: Harness, graph: Graph, candidate: Candidate) -> bool:

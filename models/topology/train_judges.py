@@ -1,4 +1,4 @@
-"""Train the judges: crossing or branch-points, gap or end, branch or stub, by the evidence at each place; export them.
+"""Train the judges: crossing, lens or branch-points, gap or end, branch or stub, by the evidence there; export them.
 
     python -m models.topology.train_judges
 
@@ -18,18 +18,20 @@ import torch
 from torch import Tensor, nn
 
 from models.export import Card, export
-from models.geometry.arrays import BoolArray, Float32Array
+from models.geometry.arrays import Float32Array
 from models.inference import Runtime, load
 from models.topology.judges import Judge, Judges
 from models.topology.network_topology import JunctionNetwork
+from models.topology.sites import Reading
 from models.topology.train_evidence import Table, bridge_table, crossing_table, scenes, stub_table
 
 BRIDGES, STUBS, CROSSINGS = "topology_bridges", "topology_stubs", "topology_junctions"
 _SUBJECTS = {
-    BRIDGES: ("bridges", "evidence of places where a strand may go on over a gap"),
-    STUBS: ("stubs", "evidence of short strands with a free end"),
-    CROSSINGS: ("junctions", "evidence at places where strands meet"),
+    BRIDGES: ("bridges", "evidence of places where a strand may go on over a gap", ("end", "gap")),
+    STUBS: ("stubs", "evidence of short strands", ("stub", "branch")),
+    CROSSINGS: ("junctions", "evidence at places where strands meet", tuple(r.name.lower() for r in Reading)),
 }
+"""Task, what the rows are, and the readings that the network tells apart."""
 _FIRST, _HELD_OUT = 5 * 10**5, 10**6
 
 
@@ -38,7 +40,7 @@ class JudgeConfig:
     """``jitter``: noise on the evidence, in its standard deviations: there are few places to learn from."""
 
     seed: int = 11
-    scenes: int = 2600
+    scenes: int = 5200
     held_out: int = 280
     epochs: int = 40
     batch: int = 128
@@ -49,35 +51,36 @@ class JudgeConfig:
 
 
 class Probabilities(nn.Module):
-    """What is exported: the network followed by the sigmoid that its loss implies."""
+    """What is exported: the network followed by the softmax that its loss implies."""
 
     def __init__(self, network: JunctionNetwork) -> None:
         super().__init__()
         self.network = network
 
     def forward(self, evidence: Tensor) -> Tensor:
-        """``(n, features)`` evidence to ``(n,)`` probabilities."""
-        return torch.sigmoid(self.network(evidence))
+        """``(n, features)`` evidence to ``(n, readings)`` probabilities; of two readings, ``(n,)`` of the second."""
+        found = torch.softmax(self.network(evidence), dim=1)
+        return found[:, 1] if found.shape[1] == 2 else found
 
 
-def train(config: JudgeConfig, table: Table) -> JunctionNetwork:
+def train(name: str, config: JudgeConfig, table: Table) -> JunctionNetwork:
     """The trained network, in evaluation mode."""
     rows, truths = table
     features = rows.shape[1]
     torch.manual_seed(config.seed)
-    network = JunctionNetwork(features, config.hidden)
+    network = JunctionNetwork(features, len(_SUBJECTS[name][2]), config.hidden)
     network.mean = torch.from_numpy(rows.mean(axis=0))
     network.scale = torch.from_numpy(rows.std(axis=0) + 1e-3)
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.epochs)
-    inputs, targets = torch.from_numpy(rows), torch.from_numpy(truths.astype(np.float32))
+    inputs, targets = torch.from_numpy(rows), torch.from_numpy(truths)
     spread = config.jitter * network.scale
     for epoch in range(config.epochs):
         order = np.random.default_rng([config.seed, epoch]).permutation(len(rows))
         for start in range(0, len(order), config.batch):
             chosen = order[start : start + config.batch]
             noisy = inputs[chosen] + spread * torch.randn(len(chosen), features)
-            loss = nn.functional.binary_cross_entropy_with_logits(network(noisy), targets[chosen])
+            loss = nn.functional.cross_entropy(network(noisy), targets[chosen])
             optimizer.zero_grad()
             torch.autograd.backward(loss)
             optimizer.step()
@@ -97,20 +100,19 @@ def as_judge(network: JunctionNetwork) -> Judge:
     return judge
 
 
-def evaluate(network: JunctionNetwork, table: Table) -> dict[str, float]:
+def evaluate(name: str, network: JunctionNetwork, table: Table) -> dict[str, float]:
+    """Share of places that are read right, in all and of each reading."""
     rows, truths = table
-    found: BoolArray = np.asarray(as_judge(network)(rows)) > 0.5
-    return {
-        "accuracy": round(float((found == truths).mean()), 4),
-        "true_right": round(float(found[truths].mean()), 4),
-        "others_right": round(float((~found[~truths]).mean()), 4),
-    }
+    with torch.inference_mode():
+        right = network(torch.from_numpy(rows)).numpy().argmax(axis=1) == truths
+    shares = {f"{reading}_right": right[truths == k] for k, reading in enumerate(_SUBJECTS[name][2])}
+    return {k: round(float(v.mean()), 4) for k, v in {"accuracy": right, **shares}.items() if len(v)}
 
 
 def export_judge(name: str, network: JunctionNetwork, config: JudgeConfig, table: Table, held_out: Table) -> None:
     features = table[0].shape[1]
-    task, what = _SUBJECTS[name]
-    metrics = evaluate(network, held_out)
+    task, what, readings = _SUBJECTS[name]
+    metrics = evaluate(name, network, held_out)
     card = Card(
         version="1.0",
         task=task,
@@ -119,7 +121,7 @@ def export_judge(name: str, network: JunctionNetwork, config: JudgeConfig, table
         license="Apache-2.0",
         origin="trained from scratch on masks of random harnesses that training draws itself",
         preprocess={"evidence": features},
-        training={**asdict(config), "places": len(table[0]), "true": int(table[1].sum())},
+        training={**asdict(config), "places": dict(zip(readings, np.bincount(table[1]).tolist(), strict=True))},
         metrics=metrics,
     )
     rng = torch.Generator().manual_seed(config.seed)
@@ -141,15 +143,15 @@ def main() -> None:
     held_out = scenes(config.seed, _HELD_OUT, config.held_out, topology)
     judges = Judges(_unused, _unused, _unused)
     table = stub_table(seen)
-    stubs = train(config, table)
+    stubs = train(STUBS, config, table)
     export_judge(STUBS, stubs, config, table, stub_table(held_out))
     judges = replace(judges, stub=as_judge(stubs))
     table = bridge_table(seen, judges)
-    bridges = train(config, table)
+    bridges = train(BRIDGES, config, table)
     export_judge(BRIDGES, bridges, config, table, bridge_table(held_out, judges))
     judges = replace(judges, bridge=as_judge(bridges))
     table = crossing_table(seen, judges)
-    export_judge(CROSSINGS, train(config, table), config, table, crossing_table(held_out, judges))
+    export_judge(CROSSINGS, train(CROSSINGS, config, table), config, table, crossing_table(held_out, judges))
 
 
 def _unused(rows: Float32Array) -> Float32Array:

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray, IntArray
-from models.geometry.polylines import arc_lengths, resample
+from models.geometry.polylines import arc_lengths, point_at, resample
 from models.geometry.sampling import read_nearest
 from models.topology.graph import Graph
 from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Predictions, Section
 from models.topology.sites import ends_at
-from models.topology.skeleton import Strand, smoothed
+from models.topology.skeleton import smoothed
 from models.topology.solver import End, Passage, Solution
 
 _POINT_SPACING_PX = 4.0
@@ -24,13 +24,14 @@ _SEPARATE_VISITS = 12
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Strands in order, end to end; ``passed``: ``(passage, arc length)`` of every crossing on the way."""
+    """Strands in order, end to end; ``passed``: every crossing on the way as ``(passage, which of its crossings, arc
+    length)``."""
 
     xy: FloatArray
     radii: FloatArray
     knots: tuple[int, int]
     closed: bool
-    passed: tuple[tuple[int, float], ...]
+    passed: tuple[tuple[int, int, float], ...]
 
 
 def walk_all(solution: Solution) -> list[Walk]:
@@ -51,7 +52,7 @@ def _walk(start: End, solution: Solution, onward: dict[End, tuple[End, int]], le
     web = solution.web
     pieces: list[FloatArray] = []
     radii: list[FloatArray] = []
-    passed: list[tuple[int, float]] = []
+    passed: list[tuple[int, int, float]] = []
     length, here, closed = 0.0, start, False
     first = web.strands[start[0]].a if start[1] == 0 else web.strands[start[0]].b
     while True:
@@ -65,9 +66,14 @@ def _walk(start: End, solution: Solution, onward: dict[End, tuple[End, int]], le
             closed = seen.a == seen.b and here == start and len(ends_at(web)[seen.a]) == 2
             return _finished(pieces, radii, (first, seen.b), closed, passed)
         there, k = onward[away]
-        bridge = _middle(solution.passages[k], solution, seen.b, there)
-        passed.append((k, length + (bridge.length / 2 if bridge is not None else 0.0)))
-        if bridge is not None:
+        passage = solution.passages[k]
+        if passage.site.middle is None:
+            passed.append((k, 0, length))
+        else:
+            middle = web.strands[passage.site.middle]
+            bridge = middle.seen_from(seen.b)
+            shares = passage.crossed_at if bridge is middle else [1 - share for share in passage.crossed_at]
+            passed += [(k, n, length + share * bridge.length) for n, share in enumerate(shares)]
             pieces.append(bridge.xy)
             radii.append(bridge.radii)
             length += bridge.length
@@ -76,16 +82,9 @@ def _walk(start: End, solution: Solution, onward: dict[End, tuple[End, int]], le
         here = there
 
 
-def _middle(passage: Passage, solution: Solution, knot: int, there: End) -> Strand | None:
-    """The strand between the two joints of a crossing, in walking order; None if there is but one joint."""
-    if passage.site.middle is None:
-        return None
-    return solution.web.strands[passage.site.middle].seen_from(knot)
-
-
 def _finished(
     pieces: list[FloatArray], radii: list[FloatArray], knots: tuple[int, int], closed: bool,
-    passed: list[tuple[int, float]],
+    passed: list[tuple[int, int, float]],
 ) -> Walk:  # fmt: skip
     xy = np.concatenate(pieces)
     keep = np.concatenate(([True], np.any(np.diff(xy, axis=0) != 0, axis=1)))
@@ -157,18 +156,31 @@ def branch_points_of(solution: Solution, sections: list[Section]) -> list[Branch
 
 
 def crossings_of(walks: list[Walk], solution: Solution) -> list[Crossing]:
-    """One for every two walks through a passage, or two passes of one walk; which lies above is not yet known."""
-    passes: dict[int, list[Place]] = {}
+    """One for every two walks through a passage, or two passes of one walk, at each place where they cross; which lies
+    above is not yet known."""
+    passes: dict[tuple[int, int], list[Place]] = {}
     for k, walk in enumerate(walks):
         whole = max(float(arc_lengths(walk.xy)[-1]), 1e-9)
-        for passage, at in walk.passed:
-            passes.setdefault(passage, []).append(Place(k, min(1.0, at / whole)))
+        for passed, which, at in walk.passed:
+            passes.setdefault((passed, which), []).append(Place(k, min(1.0, at / whole)))
     found = []
-    for passage, places in sorted(passes.items()):
-        x, y = solution.passages[passage].site.xy.tolist()
-        score = solution.passages[passage].score
-        found += [Crossing((x, y), one, other, score) for n, one in enumerate(places) for other in places[n + 1 :]]
+    for (k, which), places in sorted(passes.items()):
+        passage = solution.passages[k]
+        x, y = _crossing_xy(passage, passage.crossed_at[which], solution)
+        found += [Crossing((x, y), one, other, passage.score) for n, one in enumerate(places)
+                  for other in places[n + 1 :]]  # fmt: skip
     return found
+
+
+def _crossing_xy(passage: Passage, share: float, solution: Solution) -> tuple[float, float]:
+    site = passage.site
+    if site.middle is None:
+        x, y = site.xy.tolist()
+        return x, y
+    line = solution.web.strands[site.middle].xy
+    lengths = arc_lengths(line)
+    x, y = point_at(line, lengths, np.array([share * lengths[-1]]))[0].tolist()
+    return x, y
 
 
 def final_links(walks: list[Walk], graph: Graph, predictions: Predictions) -> tuple[IntArray, FloatArray]:

@@ -66,6 +66,30 @@ def test_two_cables_that_cross_are_two_sections(networks):
     assert crossing.order_score == 0.5
 
 
+def lens() -> tuple[np.ndarray, np.ndarray]:
+    """Two cables that cross twice and lie nearly upon one another in between, at x from 130 to 190."""
+    x = np.linspace(20, 300, 200)
+    off = 3 * ((x - 160) ** 2 / 30**2 - 1)
+    return np.stack((x, 120 + off), axis=1), np.stack((x, 120 - off), axis=1)
+
+
+def test_two_cables_that_lie_upon_one_another_cross_twice(networks):
+    topology = found(networks, drawn(*lens(), width=10))
+    assert counts(topology) == (2, 0, 2)
+    assert sorted(c.xy[0] for c in topology.crossings) == pytest.approx([130, 190], abs=15)
+    assert all({c.over.section, c.under.section} == {0, 1} for c in topology.crossings)
+
+
+def test_a_gap_at_a_self_crossing_leaves_the_crossing(networks):
+    mask = drawn(loop(), width=9)
+    (crossing,) = found(networks, mask).crossings
+    x, y = (round(v) for v in crossing.xy)
+    cv2.circle(mask.view(np.uint8), (x + 7, y + 7), 4, 0, -1)
+    topology = found(networks, mask)
+    assert counts(topology) == (1, 0, 1)
+    assert np.hypot(*np.subtract(topology.crossings[0].xy, crossing.xy)) < 10
+
+
 def test_a_self_loop_is_one_section_that_crosses_itself(networks):
     topology = found(networks, drawn(loop(), width=9))
     assert counts(topology) == (1, 0, 1)
