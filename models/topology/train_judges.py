@@ -4,7 +4,7 @@
 
 Needs the exported ``topology`` network: what it says of nodes and links is part of the evidence. The scenes are others
 than it was trained on. Stubs come first, then bridges between what is left, then crossings of what is repaired.
-About 10 minutes on one core. Prints one JSON line a network.
+About 15 minutes on one core. Prints one JSON line a network.
 """
 
 from __future__ import annotations
