@@ -80,14 +80,17 @@ def test_two_cables_that_lie_upon_one_another_cross_twice(networks):
     assert all({c.over.section, c.under.section} == {0, 1} for c in topology.crossings)
 
 
-def test_a_gap_at_a_self_crossing_leaves_the_crossing(networks):
-    mask = drawn(loop(), width=9)
+def test_a_loop_that_is_cut_on_both_sides_of_its_upper_pass_still_crosses_itself(networks):
+    """The bridge over the cut leads over the strand that it belongs to."""
+    start, end = np.array([80.0, 230.0]), np.array([240.0, 230.0])
+    mask = drawn(np.concatenate(([start], circle((160, 75), 50, 0.6, -np.pi - 0.6), [end])), width=11)
     (crossing,) = found(networks, mask).crossings
-    x, y = (round(v) for v in crossing.xy)
-    cv2.circle(mask.view(np.uint8), (x + 7, y + 7), 4, 0, -1)
-    topology = found(networks, mask)
+    passes = [(tip - crossing.xy) / np.hypot(*(tip - crossing.xy)) for tip in (start, end)]
+    upper, cut = (drawn(crossing.xy + np.array([[-n], [n]]) * way, width=w)
+                  for way, n, w in zip(passes, (30, 12), (11, 15), strict=True))  # fmt: skip
+    topology = found(networks, mask & ~(cut & ~upper))
     assert counts(topology) == (1, 0, 1)
-    assert np.hypot(*np.subtract(topology.crossings[0].xy, crossing.xy)) < 10
+    assert np.hypot(*np.subtract(topology.crossings[0].xy, crossing.xy)) < 6
 
 
 def test_a_self_loop_is_one_section_that_crosses_itself(networks):
