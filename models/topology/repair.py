@@ -19,8 +19,6 @@ from models.topology.web import compact, contract, dissolve
 
 _LEAST = 0.5
 """Bridges that are less probable are not built; shorter strands that are less probable are taken off."""
-_APART = 1.0
-"""A bridge crosses nothing nearer to its ends than this share of the half width there."""
 
 
 def repaired(graph: Graph, predictions: Predictions, judges: Judges) -> Web:
@@ -70,8 +68,8 @@ def _bridged(graph: Graph, bridges: list[tuple[int, int]]) -> Web:
 
     def cut(k: int, xy: FloatArray) -> int:
         """A new knot at the point of a strand that is nearest to ``xy``."""
-        cuts[k].append((int(np.hypot(*(strands[k].xy - xy).T).argmin()), len(knots)))
         knots.append(xy)
+        cuts[k].append((_nearest(strands[k], xy), len(knots) - 1))
         return len(knots) - 1
 
     for node in sorted({n for pair in bridges for n in pair}):
@@ -79,8 +77,12 @@ def _bridged(graph: Graph, bridges: list[tuple[int, int]]) -> Web:
     for here, there in bridges:
         strands.append(_straight(graph, here, there, (knot_of[here], knot_of[there])))
         for k, xy in _crossed(strands[:-1], strands[-1]):
-            cuts[len(strands) - 1].append((int(np.hypot(*(strands[-1].xy - xy).T).argmin()), cut(k, xy)))
+            cuts[len(strands) - 1].append((_nearest(strands[-1], xy), cut(k, xy)))
     return Web(np.array(knots), tuple(part for k, strand in enumerate(strands) for part in _split(strand, cuts[k])))
+
+
+def _nearest(strand: Strand, xy: FloatArray) -> int:
+    return int(np.hypot(*(strand.xy - xy).T).argmin())
 
 
 def _straight(graph: Graph, here: int, there: int, knots: tuple[int, int]) -> Strand:
@@ -91,13 +93,13 @@ def _straight(graph: Graph, here: int, there: int, knots: tuple[int, int]) -> St
 
 
 def _crossed(strands: list[Strand], bridge: Strand) -> list[tuple[int, FloatArray]]:
-    """The strands that a bridge crosses, and where: away from its ends, where it may touch what it leads to."""
+    """The strands that a bridge crosses, and where; within the half width of its ends it may touch what it leads to."""
     parts = segments(tuple((k, s.xy) for k, s in enumerate(strands)))
     _, j, xy = intersections((bridge.xy[:1], bridge.xy[-1:]), (parts[0], parts[1]))
     owners = parts[2][j].astype(int).tolist()
     return [
         (k, place) for k, place in zip(owners, xy, strict=True)
-        if all(np.hypot(*(place - bridge.xy[e])) > _APART * bridge.radii[e] + 1 for e in (0, -1))
+        if all(np.hypot(*(place - bridge.xy[e])) > bridge.radii[e] + 1 for e in (0, -1))
     ]  # fmt: skip
 
 

@@ -21,6 +21,10 @@ from models.topology.skeleton import Strand, Web
 
 EVIDENCE = 22
 """Numbers that describe a site, see :func:`evidence`."""
+_LONGEST_MIDDLE = 9.0
+"""A middle strand of more widths than this is a bundle, no crossing."""
+_ARM_WIDTHS = 2.5
+"""Over how many widths an arm's direction is taken, from the joint's disc on."""
 
 
 class Reading(IntEnum):
@@ -29,12 +33,6 @@ class Reading(IntEnum):
     BRANCH_POINTS = 0
     CROSSING = 1
     LENS = 2
-
-
-_LONGEST_MIDDLE = 9.0
-"""A middle strand of more widths than this is a bundle, no crossing."""
-_ARM_WIDTHS = 2.5
-"""Over how many widths an arm's direction is taken, from the joint's disc on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,34 +167,27 @@ def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Prediction
     reach = float(widths.max())
     branch, cross = _classes_near(site.xy, nodes_xy, predictions, reach)
     joints = [_classes_near(web.knots_xy[k], nodes_xy, predictions, reach) for k in site.knots]
+    middle = _middle(site, web, widths)
     return np.array([
-        *_middle(site, web, widths), max(through), sum(through), max(rival), sum(rival), max(change), sum(change),
+        *middle[:4], max(through), sum(through), max(rival), sum(rival), max(change), sum(change),
         sum(rival_change), min(openings), max(openings), crossing, branch, cross,
-        float(widths.min() / widths.max()), *_profile(site, web, widths), *np.min(joints, axis=0),
+        float(widths.min() / widths.max()), *middle[4:], *np.min(joints, axis=0),
     ])  # fmt: skip
 
 
-def _middle(site: Site, web: Web, widths: FloatArray) -> tuple[float, float, float, float]:
-    """Length of the middle strand and its least, typical and largest width, in typical widths of the arms."""
+def _middle(site: Site, web: Web, widths: FloatArray) -> tuple[float, ...]:
+    """Length of the middle strand; its least, typical and largest width; its width half way, and the smaller and the
+    larger of those a fifth from its ends: where strands that lie upon one another cross, they are as wide as one. All
+    in typical widths of the arms."""
     scale = float(widths.mean())
     if site.middle is None:
         knot = 2 * max(float(web.strands[a.strand].radii[0 if a.end == 0 else -1]) for a in site.arms)
-        return 0.0, knot / scale, knot / scale, knot / scale
+        return 0.0, *[knot / scale] * 6
     strand = web.strands[site.middle]
-    least, typical, most = (2 * float(f(strand.radii)) / scale for f in (np.min, np.median, np.max))
-    return strand.length / scale, least, typical, most
-
-
-def _profile(site: Site, web: Web, widths: FloatArray) -> tuple[float, float, float]:
-    """Width in the middle of the middle strand, the smaller and the larger of those a fifth from its ends, in typical
-    widths of the arms: strands that lie upon one another cross where they are together as wide as one."""
-    if site.middle is None:
-        knot = _middle(site, web, widths)[1]
-        return knot, knot, knot
-    radii = web.strands[site.middle].radii
-    first, middle, last = (2 * float(radii[round(share * (len(radii) - 1))]) for share in (0.2, 0.5, 0.8))
-    scale = float(widths.mean())
-    return middle / scale, min(first, last) / scale, max(first, last) / scale
+    radii = strand.radii
+    first, half_way, last = (float(radii[round(share * (len(radii) - 1))]) for share in (0.2, 0.5, 0.8))
+    shown = (*(float(f(radii)) for f in (np.min, np.median, np.max)), half_way, min(first, last), max(first, last))
+    return strand.length / scale, *(2 * radius / scale for radius in shown)
 
 
 def _classes_near(

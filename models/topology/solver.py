@@ -31,12 +31,12 @@ _MOST_ARMS = 8
 @dataclass(frozen=True, eq=False)
 class Passage:
     """Strands that go on through a site: the pairs of strand ends that it joins, the probability of this reading, and
-    where along the site's middle strand (0 to 1) they cross."""
+    every place where they cross: how far along the site's middle strand (0 to 1), and ``(2,)``."""
 
     site: Site
     pairs: tuple[tuple[End, End], ...]
     score: float
-    crossed_at: tuple[float, ...] = (0.5,)
+    crossed: tuple[tuple[float, FloatArray], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def solve(
         reading = Reading(int(scores[k].argmax()))
         if reading is not Reading.BRANCH_POINTS and not taken & set(sites[k].knots):
             taken |= set(sites[k].knots)
-            passages.append(_passage(sites[k], reading, float(scores[k, reading])))
+            passages.append(_passage(web, sites[k], reading, float(scores[k, reading])))
     branches = []
     for knot, ends in ends_at(web).items():
         if knot in taken or len(ends) < 3:
@@ -89,12 +89,15 @@ def _scores(
     return scores / scores.sum(axis=1, keepdims=True)
 
 
-def _passage(site: Site, reading: Reading, score: float) -> Passage:
+def _passage(web: Web, site: Site, reading: Reading, score: float) -> Passage:
     """What a site joins: a crossing the arms on opposite sides, a lens those on the same side."""
     arms = site.rivals if reading is Reading.LENS else site.pairs
     first, second = (tuple((site.arms[n].strand, site.arms[n].end) for n in pair) for pair in arms)
-    crossed_at = (0.0, 1.0) if reading is Reading.LENS else (0.5,)
-    return Passage(site, ((first[0], first[1]), (second[0], second[1])), score, crossed_at)
+    crossed: tuple[tuple[float, FloatArray], ...] = ((0.5, site.xy),)
+    if reading is Reading.LENS and site.middle is not None:
+        line = web.strands[site.middle].xy
+        crossed = (0.0, line[0]), (1.0, line[-1])
+    return Passage(site, ((first[0], first[1]), (second[0], second[1])), score, crossed)
 
 
 def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, int]:
@@ -115,7 +118,7 @@ def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, in
         return None, len(left)
     xy = web.knots_xy[knot]
     site = Site((knot,), tuple(arms), None, xy, ((0, 1), (0, 1)), ((0, 1), (0, 1)))
-    return Passage(site, tuple(pairs), 0.5), len(left)
+    return Passage(site, tuple(pairs), 0.5, ((0.5, xy),)), len(left)
 
 
 def _branch_score(

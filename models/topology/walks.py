@@ -9,13 +9,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray, IntArray
-from models.geometry.polylines import arc_lengths, point_at, resample
+from models.geometry.polylines import arc_lengths, resample
 from models.geometry.sampling import read_nearest
 from models.topology.graph import Graph
 from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Predictions, Section
 from models.topology.sites import ends_at
 from models.topology.skeleton import smoothed
-from models.topology.solver import End, Passage, Solution
+from models.topology.solver import End, Solution
 
 _POINT_SPACING_PX = 4.0
 _SEPARATE_VISITS = 12
@@ -72,8 +72,8 @@ def _walk(start: End, solution: Solution, onward: dict[End, tuple[End, int]], le
         else:
             middle = web.strands[passage.site.middle]
             bridge = middle.seen_from(seen.b)
-            shares = passage.crossed_at if bridge is middle else [1 - share for share in passage.crossed_at]
-            passed += [(k, n, length + share * bridge.length) for n, share in enumerate(shares)]
+            for n, (share, _) in enumerate(passage.crossed):
+                passed.append((k, n, length + (share if bridge is middle else 1 - share) * bridge.length))
             pieces.append(bridge.xy)
             radii.append(bridge.radii)
             length += bridge.length
@@ -166,21 +166,10 @@ def crossings_of(walks: list[Walk], solution: Solution) -> list[Crossing]:
     found = []
     for (k, which), places in sorted(passes.items()):
         passage = solution.passages[k]
-        x, y = _crossing_xy(passage, passage.crossed_at[which], solution)
+        x, y = passage.crossed[which][1].tolist()
         found += [Crossing((x, y), one, other, passage.score) for n, one in enumerate(places)
                   for other in places[n + 1 :]]  # fmt: skip
     return found
-
-
-def _crossing_xy(passage: Passage, share: float, solution: Solution) -> tuple[float, float]:
-    site = passage.site
-    if site.middle is None:
-        x, y = site.xy.tolist()
-        return x, y
-    line = solution.web.strands[site.middle].xy
-    lengths = arc_lengths(line)
-    x, y = point_at(line, lengths, np.array([share * lengths[-1]]))[0].tolist()
-    return x, y
 
 
 def final_links(walks: list[Walk], graph: Graph, predictions: Predictions) -> tuple[IntArray, FloatArray]:
