@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Topology
 
 _STEP_PX = 8.0
+_HEADING_WIDTHS = 4.0
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,41 @@ def body_of(topology: Topology, pivot: Pivot) -> Body | None:
     ends += [e for k in downstream for e in topology.sections[k].ends]
     center = point_at(section.xy, lengths, np.array([pivot.at]))[0]
     return Body(center, tuple(moving), tuple(resting), "border" in ends)
+
+
+def set_back(topology: Topology, pivot: Pivot, body: Body, away: float) -> Body | None:
+    """The body if the branch-point that is held lies ``away`` px nearer to the bundle than it seems: strands that leave
+    a bundle side by side show as two only where they part. None where three strands do not meet."""
+    meeting = topology.branch_points[pivot.branch].sections
+    arms = [(k, e) for k in sorted(set(meeting)) for e in (0, 1) if topology.sections[k].branches[e] == pivot.branch]
+    if len(arms) != 3:
+        return None
+    ways = np.array([heading_from(topology, k, end, away) for k, end in arms])
+    likeness = ways @ ways.T - 2 * np.eye(3)
+    bundle, end = arms[int(likeness.max(axis=1).argmin())]
+    section = topology.sections[bundle]
+    lengths = arc_lengths(section.xy)
+    reach = min(away, section.length / 2)
+    first = section.length - reach if end else 0.0
+    lead = _piece(section.xy, lengths, first, first + reach)
+    center = lead[0] if end else lead[-1]
+    if bundle != pivot.section:
+        return replace(body, center=center, moving=(*body.moving, (pivot.section, lead)))
+    left = (0.0, section.length - reach) if end else (reach, section.length)
+    rest = next(k for k, _ in arms if k != bundle)
+    moving = ((bundle, _piece(section.xy, lengths, *left)), *body.moving[1:])
+    return replace(body, center=center, moving=moving, resting=(*body.resting, (rest, lead)))
+
+
+def heading_from(topology: Topology, section: int, end: int, away: float) -> FloatArray:
+    """``(2,)`` the direction in which a section leaves one of its ends, over a few widths and at least ``away`` px."""
+    whole = topology.sections[section]
+    xy = whole.xy if end == 0 else whole.xy[::-1]
+    lengths = arc_lengths(xy)
+    reach = max(_HEADING_WIDTHS * whole.width, away) + 2
+    near, far = point_at(xy, lengths, np.minimum(np.array([0.5 * whole.width + 2, reach]), lengths[-1]))
+    out: FloatArray = (far - near) / max(float(np.hypot(*(far - near))), 1e-9)
+    return out
 
 
 def _beyond(topology: Topology, section: int, branch: int) -> list[int] | None:

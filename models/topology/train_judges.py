@@ -26,10 +26,12 @@ from models.topology.sites import Reading
 from models.topology.train_evidence import Table, bridge_table, crossing_table, scenes, stub_table
 
 BRIDGES, STUBS, CROSSINGS = "topology_bridges", "topology_stubs", "topology_junctions"
+MOVES = "topology_moves"
 _SUBJECTS = {
     BRIDGES: ("bridges", "evidence of places where a strand may go on over a gap", ("end", "gap")),
     STUBS: ("stubs", "evidence of short strands", ("stub", "branch")),
     CROSSINGS: ("junctions", "evidence at places where strands meet", tuple(r.name.lower() for r in Reading)),
+    MOVES: ("moves", "evidence of turns about a place that is held", ("fails", "works")),
 }
 """Task, what the rows are, and the readings that the network tells apart."""
 _FIRST, _HELD_OUT = 5 * 10**5, 10**6

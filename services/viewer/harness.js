@@ -77,7 +77,8 @@ function fill() {
       `${c.over.section} ${c.order_score > 0.5 ? "over" : "and"} ${c.under.section}`,
       c.order_score > 0.5 ? "" : "order unknown", c.score]),
     actions: page.actions.map((a, i) => [{ action: i }, null, a.rank,
-      `section ${a.section}, ${((180 / Math.PI) * a.turn_rad).toFixed(0)}°`,
+      `section ${a.section}, ${((180 / Math.PI) * a.turn_rad).toFixed(0)}°${
+        a.touching_branch_point ? `, if ${a.touching_branch_point} only touches` : ""}`,
       `${a.crossings_before} → ${a.crossings_after} crossings`, a.score]),
   };
   for (const [name, entries] of Object.entries(rows)) byId(name).replaceChildren(...entries.map(row));

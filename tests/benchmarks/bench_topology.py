@@ -57,6 +57,7 @@ class Tools:
     network: Network
     judges: Judges
     orientation: Network
+    moves: Network
 
     def extract(self, mask: np.ndarray, image: np.ndarray | None = None) -> Topology:
         return extract(mask, self.network, self.judges, image)
@@ -67,7 +68,7 @@ def tools() -> Tools:
         return load(default_name(task), Runtime(threads=1))
 
     judges = Judges(*(network(task) for task in JUDGES))
-    return Tools(network("topology"), judges, network("orientation"))
+    return Tools(network("topology"), judges, network("orientation"), network("moves"))
 
 
 def held_out(

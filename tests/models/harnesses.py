@@ -1,11 +1,19 @@
-"""Topologies drawn by hand, for tests of what is computed from them."""
+"""Topologies drawn by hand, for tests of what is computed from them; and the networks that find them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from models.geometry.polylines import arc_lengths, resample
+from models.inference import Network, Runtime, default_name, load
+from models.topology.judges import JUDGES, Judges
 from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
+
+
+def shipped() -> tuple[Network, Judges]:
+    """The networks that find a topology."""
+    runtime = Runtime(threads=1)
+    return load(default_name("topology"), runtime), Judges(*(load(default_name(task), runtime) for task in JUDGES))
 
 
 def section(points: list[tuple[float, float]], branches: tuple[int, int] = (-1, -1), width: float = 8.0) -> Section:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from models.inference import Network, Runtime, default_name, load
+from models.inference import Network
 from models.topology import order
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH
 from models.topology.extraction import extract
 from models.topology.graph import initialize
-from models.topology.judges import JUDGES, Judges
+from models.topology.judges import Judges
 from models.topology.network_topology import MessageLayer, TopologyNetwork
 from models.topology.scene import Topology
 from models.topology.train_graphs import draw_scene, true_graph
@@ -20,15 +20,14 @@ from models.topology.train_harness import HarnessParams, make_harness
 from models.topology.train_masks import PLAIN, MaskParams, draw_mask
 from tests.benchmarks.topology_scoring import Tally, link_dice, points_of
 from tests.models.drawn_masks import circle, colored, drawn, loop
+from tests.models.harnesses import shipped
 
 CROSS = (np.array([[40, 40], [280, 200]]), np.array([[40, 200], [280, 40]]))
 
 
 @pytest.fixture(scope="module")
 def networks() -> tuple[Network, Judges]:
-    runtime = Runtime(threads=1)
-    judges = Judges(*(load(default_name(task), runtime) for task in JUDGES))
-    return load(default_name("topology"), runtime), judges
+    return shipped()
 
 
 def found(networks, mask: np.ndarray, **more) -> Topology:

@@ -85,6 +85,7 @@ def warm(settings: Settings) -> Tools:
     )
     instances.perceive(np.zeros((360, 640, 3), np.uint8), tools)
     topology.networks(tools)
+    plan_disentangle.moves_network(tools)
     return tools
 
 

@@ -17,11 +17,13 @@ from dlo_client.contracts import (
 from numpy.typing import NDArray
 
 from models.geometry.polylines import arc_lengths
+from models.inference import Network, default_name
 from models.topology import scene as found
 from models.topology.disentangling import Action, Base, DisentangleParams, Grasp, assign_arms, plan
 from models.topology.drawing import draw_action, overlay
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
 from workers.stages.pictures import png, read_rgb
+from workers.stages.segment import model_used
 from workers.stages.topology import Seen, encode, see
 
 PlanStatus = Literal["planned", "no_crossing", "no_action"]
@@ -36,8 +38,9 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
     else:
         topology = decode(request.topology)
     tools.progress(0.6)
+    network = moves_network(tools)
     with watch.step("plan"):
-        actions = plan(topology, DisentangleParams(margin_px=request.margin_px, at_most=request.at_most))
+        actions = plan(topology, network, DisentangleParams(margin_px=request.margin_px, at_most=request.at_most))
         assigned = [(a, _arms(a, request.arms)) for a in actions]
         feasible = [(a, arms) for a, arms in assigned if arms is not None]
     with watch.step("encode"):
@@ -50,7 +53,7 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
             message=message,
             actions=[_action(k, a, arms) for k, (a, arms) in enumerate(feasible, start=1)],
             topology=None if seen is None else encode(seen),
-            models=[] if seen is None else seen.models,
+            models=[*(seen.models if seen else []), model_used(network.spec)],
         )
         files = {}
         if "overlay" in request.files:
@@ -58,6 +61,11 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
             best = draw_action(picture, feasible[0][0]) if feasible else picture
             files["overlay.png"] = ("image/png", png(best))
     return Outcome(result, files, watch.timings_ms)
+
+
+def moves_network(tools: Tools) -> Network:
+    """It says how likely a turn is to work."""
+    return tools.network(default_name("moves"))
 
 
 def decode(state: HarnessState) -> found.Topology:
@@ -98,7 +106,9 @@ def _status(topology: found.Topology, actions: list[Action], feasible: int) -> t
         return "no_action", "no section can be turned so that crossings go: they are held at both ends, or meet others"
     if not feasible:
         return "no_action", "every action that helps is out of the arms' reach"
-    return "planned", f"{feasible} actions leave fewer than {len(topology.crossings)} crossings"
+    if all(a.after >= a.before for a in actions):
+        return "planned", f"no move leaves fewer than {len(topology.crossings)} crossings, {feasible} prepare one"
+    return "planned", f"{feasible} actions, the best leaves {actions[0].after} of {len(topology.crossings)} crossings"
 
 
 def _action(rank: int, action: Action, arms: tuple[str | None, str | None]) -> DisentangleAction:
@@ -108,6 +118,7 @@ def _action(rank: int, action: Action, arms: tuple[str | None, str | None]) -> D
         crossing=action.crossing + 1,
         section=action.section + 1,
         about_branch_point=action.branch + 1 if action.branch >= 0 else None,
+        touching_branch_point=action.touching + 1 if action.touching >= 0 else None,
         hold=_pose(action.hold, holder),
         pick=_pose(action.pick, mover),
         trajectory_xy=[(x, y) for x, y in np.round(action.trajectory, 2).tolist()],
@@ -129,8 +140,12 @@ def _why(action: Action) -> str:
         f"leaves {action.after} of {action.before} crossings",
         f"it lies on top with probability {action.certainty:.2f}",
     ]
+    if action.after >= action.before:
+        parts.append("it only makes another move possible")
     if action.clearance < 0:
         parts.append("it then touches another section")
+    if action.touching >= 0:
+        parts.append(f"this supposes that branch-point {action.touching + 1} is a mere touch: look closer before")
     if action.leaves_view:
         parts.append("part of the piece is outside the picture: whether it is free there is not known")
     return "; ".join(parts)

@@ -247,6 +247,9 @@ class DisentangleAction(Reply):
     crossing: int = Field(description="id of the crossing that it is for")
     section: int = Field(description="id of the section that is moved")
     about_branch_point: int | None = Field(description="id; null when a place along the section is held")
+    touching_branch_point: int | None = Field(
+        default=None, description="id; supposed to be a mere touch, as all that crosses is held at both ends otherwise"
+    )
     hold: GripperPose
     pick: GripperPose
     trajectory_xy: list[Point] = Field(description="arc of the moving gripper, from pick to place")
@@ -256,7 +259,7 @@ class DisentangleAction(Reply):
     crossings_after: int = Field(description="counted in the simulation, the piece being rigid")
     passes_over: list[int] = Field(description="sections that the piece is lifted over on its way")
     clearance_px: float = Field(description="least distance to the other sections after the move")
-    score: Probability
+    score: Probability = Field(description="probability that it removes so many crossings, arms erring a little")
     why: str
 
 
@@ -279,7 +282,7 @@ class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
     kind: Literal["plan_disentangle"] = "plan_disentangle"
     topology: HarnessState | None = Field(default=None, description="instead of a picture")
     arms: list[ArmBase] = Field(default_factory=list, max_length=4, description="two or more, or none")
-    margin_px: float = Field(default=40.0, ge=0, le=1e5, description="how far outside the picture the piece may end")
+    margin_px: float = Field(default=0.0, ge=0, le=1e5, description="how far outside the picture the piece may end")
     at_most: int = Field(default=5, ge=1, le=50, description="actions proposed")
     files: list[Literal["overlay"]] = Field(default=["overlay"], max_length=1)
 

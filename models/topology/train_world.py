@@ -1,4 +1,4 @@
-"""A table with a harness on it: what a camera sees of it, and what an action does to it. For benchmarks only.
+"""A table with a harness on it: what a camera sees of it, and what an action does to it: to learn from and to measure.
 
 Sections are rigid pieces that turn about the place that is held, as the thesis assumes (6.7), but the arms hold and
 turn with errors. A piece that lies under another one cannot be taken away: the move fails.
@@ -6,6 +6,7 @@ turn with errors. A piece that lies under another one cannot be taken away: the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,12 +16,16 @@ from models.geometry.polylines import arc_lengths
 from models.topology import order
 from models.topology.bodies import Pivot, body_of, turned
 from models.topology.disentangling import Action
-from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
-from models.topology.train_curves import STEP_PX, Meeting, meetings
+from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Section, Topology
+from models.topology.train_curves import STEP_PX, Meeting, meetings, near_pairs
 from models.topology.train_harness import FREE, Harness, HarnessParams, TrueSection, make_harness
+from models.topology.train_masks import MaskParams
 
+SEEN = MaskParams(connectors=0, clips=0.2, tape=0.2, gaps=0, specks=0.1, coarse=0.2, rough=0.6)
+"""What a camera makes of a mask on this table."""
 HOLD_ERROR_PX = 2.0
 TURN_ERROR_DEG = 3.0
+_TOLD_APART_PX = 2.5
 HAND_PX = 18.0
 """A gripper this near to a branch-point holds it."""
 
@@ -67,7 +72,7 @@ def truth(harness: Harness) -> Topology:
     """The topology as it is."""
     height, across = harness.size
 
-    def kind(xy: np.ndarray, branch: int) -> str:
+    def kind(xy: np.ndarray, branch: int) -> EndKind:
         inside = 2 < xy[0] < across - 3 and 2 < xy[1] < height - 3
         return "branch" if branch != FREE else "free" if inside else "border"
 
@@ -133,7 +138,7 @@ def _held(topology: Topology, hold: np.ndarray, pick: np.ndarray, picked: int) -
     return None
 
 
-def _moving(harness: Harness, pivot: Pivot, who: int, at: float, downstream: set[int]) -> bool:
+def _moving(pivot: Pivot, who: int, at: float, downstream: set[int]) -> bool:
     if who in downstream:
         return True
     return who == pivot.section and (at - pivot.at) * pivot.side > 0
@@ -145,7 +150,7 @@ def _is_under(harness: Harness, topology: Topology, pivot: Pivot) -> bool:
     assert body is not None
     downstream = {k for k, _ in body.moving[1:]}
     for m, a_over in zip(harness.crossings, harness.a_over, strict=True):
-        a, b = (_moving(harness, pivot, w, at, downstream) for w, at in ((m.a, m.at_a), (m.b, m.at_b)))
+        a, b = (_moving(pivot, w, at, downstream) for w, at in ((m.a, m.at_a), (m.b, m.at_b)))
         if a != b and (a if not a_over else b):
             return True
     return False
@@ -166,12 +171,14 @@ def _turned(harness: Harness, pivot: Pivot, downstream: list[int], center: np.nd
     moved_branches -= {pivot.branch}
     for b in moved_branches:
         branches[b] = turned(branches[b], center, turn)
-    return recounted(harness, tuple(sections), branches, {pivot.section, *downstream})
+    return recounted(harness, tuple(sections), branches, lambda who, at: _moving(pivot, who, at, set(downstream)))
 
 
-def recounted(before: Harness, sections: tuple[TrueSection, ...], branches: np.ndarray, moved: set[int]) -> Harness:
+def recounted(
+    before: Harness, sections: tuple[TrueSection, ...], branches: np.ndarray, moved: Callable[[int, float], bool]
+) -> Harness:
     """The harness with its crossings found anew; those that were there keep their order, new ones have the moved
-    piece on top."""
+    piece on top. ``moved``: whether a section moved at an arc length."""
     known = [(m, o) for m, o in zip(before.crossings, before.a_over, strict=True)]
     found: list[Meeting] = []
     over = []
@@ -183,8 +190,48 @@ def recounted(before: Harness, sections: tuple[TrueSection, ...], branches: np.n
             continue
         found.append(m)
         same = [o for k, o in known if (k.a, k.b) == (m.a, m.b) and abs(k.at_a - m.at_a) < 12]
-        over.append(same[0] if same else m.a in moved)
+        over.append(same[0] if same else moved(m.a, m.at_a))
     return Harness(before.size, sections, branches, tuple(found), tuple(over))
+
+
+def unclear(harness: Harness) -> int:
+    """How many places nobody could read from a mask: sections that touch without crossing there, and crossings that
+    lie out of the picture, at its border, or right beside a branch-point or another crossing."""
+    height, across = harness.size
+    count = 0
+    for k, m in enumerate(harness.crossings):
+        width = harness.sections[m.a].width + harness.sections[m.b].width
+        reach = 0.6 * width / max(m.sine, 0.3) + 6
+        others = [*harness.branch_xy, *(o.xy for n, o in enumerate(harness.crossings) if n != k)]
+        x, y = m.xy
+        inside = min(x, y, across - 1 - x, height - 1 - y)
+        count += inside < width / 2 or any(np.hypot(*(m.xy - p)) < reach for p in others)
+    pairs = [(a, b) for a in range(len(harness.sections)) for b in range(a, len(harness.sections))]
+    return count + sum(_touch(harness, a, b) for a, b in pairs)
+
+
+def _touch(harness: Harness, a: int, b: int) -> bool:
+    """Whether two sections (or one, itself) are nearer than a camera tells apart, away from where they cross and from
+    a branch-point of both."""
+    one, other = harness.sections[a], harness.sections[b]
+    width = (one.width + other.width) / 2
+    if np.any(one.xy.min(axis=0) - width > other.xy.max(axis=0)) or np.any(
+        other.xy.min(axis=0) - width > one.xy.max(axis=0)
+    ):
+        return False
+    at_a, at_b = near_pairs(one.xy, other.xy, width + _TOLD_APART_PX)
+    known = np.abs(at_a - at_b) < 4 * one.width + 12 if a == b else np.zeros(len(at_a), bool)
+    for m in harness.crossings:
+        if (m.a, m.b) == (a, b):
+            reach = 2 * width / max(m.sine, 0.3) + 6
+            known |= (np.abs(at_a - m.at_a) < reach) & (np.abs(at_b - m.at_b) < reach)
+            known |= (a == b) & (np.abs(at_a - m.at_b) < reach) & (np.abs(at_b - m.at_a) < reach)
+    for i, e in enumerate(one.ends):
+        for j, f in enumerate(other.ends):
+            if a != b and e == f != FREE:
+                spots = [end * STEP_PX * (len(s.xy) - 1) for s, end in ((one, i), (other, j))]
+                known |= (np.abs(at_a - spots[0]) < 5 * width + 4) & (np.abs(at_b - spots[1]) < 5 * width + 4)
+    return not bool(known.all())
 
 
 def nearest_section(harness: Harness, xy: np.ndarray) -> int:
