@@ -108,3 +108,5 @@ def print_actions(image: Path, job: Job[DisentangleResult], saved: Sequence[Path
     ]  # fmt: skip
     columns = ["rank", "crossing", "section", "turn deg", "left", "score", "holds", "moves"]
     print_rows(head, columns, rows, job, saved)
+    if result.actions:
+        typer.echo(f"  best: {result.actions[0].why}")
