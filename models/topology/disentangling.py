@@ -71,6 +71,7 @@ _MOST_HOLDS, _MOST_HOLDS_AHEAD = 120, 40
 """Places to hold that are looked at, now and one move ahead."""
 _MOST_AHEAD = 5
 _LIKELY = 0.4
+"""Where no turn has a better chance, preparing ones are looked at too."""
 _STUCK = 0.02
 """Chance of going on where no turn leaves fewer crossings."""
 _OUT_OF_VIEW = 4
