@@ -9,6 +9,7 @@ import numpy as np
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths
 from models.topology.bodies import turned
+from models.topology.holds import moves_with
 from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
 from models.topology.sweep import Sweep
 from models.topology.turns import Turn
@@ -25,10 +26,6 @@ def after_turn(topology: Topology, turn: Turn) -> Topology:
     def moved(xy: FloatArray) -> FloatArray:
         return turned(xy, body.center, turn.angle)
 
-    def moves(place: Place) -> bool:
-        at = place.u * topology.sections[place.section].length
-        return place.section in beyond or (place.section == pivot.section and (at - pivot.at) * pivot.side > 0)
-
     def section(k: int, line: Section) -> Section:
         if k == pivot.section:
             turns = (arc_lengths(line.xy) - pivot.at) * pivot.side > 0
@@ -42,7 +39,7 @@ def after_turn(topology: Topology, turn: Turn) -> Topology:
     sections = tuple(section(k, s) for k, s in enumerate(topology.sections))
     kept = []
     for crossing in topology.crossings:
-        over, under = moves(crossing.over), moves(crossing.under)
+        over, under = (moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under))
         if over == under:
             kept.append(replace(crossing, xy=_pair(moved(np.array(crossing.xy)))) if over else crossing)
     new = [

@@ -123,13 +123,13 @@ def parted_by(topology: Topology, order: Sequence[int], body: Body, pivot: Pivot
     found = []
     for k in order:
         passes = (topology.crossings[k].over, topology.crossings[k].under)
-        moving = [p for p in passes if _moves(topology, p, body, pivot)]
+        moving = [p for p in passes if moves_with(topology, p, body, pivot)]
         if len(moving) == 1:
             found.append((k, moving[0]))
     return found
 
 
-def _moves(topology: Topology, place: Place, body: Body, pivot: Pivot) -> bool:
+def moves_with(topology: Topology, place: Place, body: Body, pivot: Pivot) -> bool:
     """Whether a place of a section belongs to the piece that moves."""
     if place.section == pivot.section:
         return (place.u * topology.sections[place.section].length - pivot.at) * pivot.side > 0
@@ -140,7 +140,7 @@ def _certainty(topology: Topology, body: Body, pivot: Pivot) -> float:
     """Probability that the body lies on top at all crossings with what rests; a lower strand would be dragged."""
     certainty = 1.0
     for crossing in topology.crossings:
-        over, under = (_moves(topology, p, body, pivot) for p in (crossing.over, crossing.under))
+        over, under = (moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under))
         if over != under:
             certainty *= crossing.order_score if over else 1 - crossing.order_score
     return certainty
