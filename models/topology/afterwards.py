@@ -8,7 +8,7 @@ import numpy as np
 
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths
-from models.topology.bodies import turned
+from models.topology.bodies import as_pair, turned
 from models.topology.holds import moves_with
 from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
 from models.topology.sweep import Sweep
@@ -34,16 +34,16 @@ def after_turn(topology: Topology, turn: Turn) -> Topology:
 
     def branch(k: int, point: BranchPoint) -> BranchPoint:
         away = k in branches and k != pivot.branch
-        return replace(point, xy=_pair(moved(np.array(point.xy)))) if away else point
+        return replace(point, xy=as_pair(moved(np.array(point.xy)))) if away else point
 
     sections = tuple(section(k, s) for k, s in enumerate(topology.sections))
     kept = []
     for crossing in topology.crossings:
         over, under = (moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under))
         if over == under:
-            kept.append(replace(crossing, xy=_pair(moved(np.array(crossing.xy)))) if over else crossing)
+            kept.append(replace(crossing, xy=as_pair(moved(np.array(crossing.xy)))) if over else crossing)
     new = [
-        Crossing(_pair(xy), _place(sections, k, xy), _place(sections, rest, xy), 1.0, 1.0)
+        Crossing(as_pair(xy), _place(sections, k, xy), _place(sections, rest, xy), 1.0, 1.0)
         for k, rest, xy in Sweep(topology, body).crossings(turn.angle)
     ]
     points = tuple(branch(k, p) for k, p in enumerate(topology.branch_points))
@@ -54,8 +54,3 @@ def _place(sections: tuple[Section, ...], k: int, xy: FloatArray) -> Place:
     lengths = arc_lengths(sections[k].xy)
     nearest = int(np.hypot(*(sections[k].xy - xy).T).argmin())
     return Place(k, float(lengths[nearest] / lengths[-1]))
-
-
-def _pair(xy: FloatArray) -> tuple[float, float]:
-    x, y = xy.tolist()
-    return x, y

@@ -61,8 +61,7 @@ def body_of(topology: Topology, pivot: Pivot) -> Body | None:
 def set_back(topology: Topology, pivot: Pivot, body: Body, away: float) -> Body | None:
     """The body if the branch-point that is held lies ``away`` px nearer to the bundle than it seems: strands that leave
     a bundle side by side show as two only where they part. None where three strands do not meet."""
-    meeting = topology.branch_points[pivot.branch].sections
-    arms = [(k, e) for k in sorted(set(meeting)) for e in (0, 1) if topology.sections[k].branches[e] == pivot.branch]
+    arms = arms_at(topology, pivot.branch)
     if len(arms) != 3:
         return None
     ways = np.array([heading_from(topology, k, end, away) for k, end in arms])
@@ -80,6 +79,12 @@ def set_back(topology: Topology, pivot: Pivot, body: Body, away: float) -> Body 
     rest = next(k for k, _ in arms if k != bundle)
     moving = ((bundle, _piece(section.xy, lengths, *left)), *body.moving[1:])
     return replace(body, center=center, moving=moving, resting=(*body.resting, (rest, lead)))
+
+
+def arms_at(topology: Topology, branch: int) -> list[tuple[int, int]]:
+    """``(section, end)`` of every section end at a branch-point."""
+    meeting = sorted(set(topology.branch_points[branch].sections))
+    return [(k, end) for k in meeting for end in (0, 1) if topology.sections[k].branches[end] == branch]
 
 
 def heading_from(topology: Topology, section: int, end: int, away: float) -> FloatArray:
@@ -133,6 +138,12 @@ def _piece(xy: FloatArray, lengths: FloatArray, start: float, stop: float) -> Fl
 def _coarse(xy: FloatArray) -> FloatArray:
     lengths = arc_lengths(xy)
     return _piece(xy, lengths, 0.0, float(lengths[-1]))
+
+
+def as_pair(xy: FloatArray) -> tuple[float, float]:
+    """A point ``(2,)`` as a topology holds it."""
+    x, y = xy.tolist()
+    return x, y
 
 
 def turned(xy: FloatArray, center: FloatArray, angle: float) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy as np
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.topology.afterwards import after_turn
-from models.topology.bodies import Pivot, turned
+from models.topology.bodies import Pivot, as_pair, turned
 from models.topology.judges import Judge, judged
 from models.topology.loosening import loosened
 from models.topology.scene import Topology
@@ -165,9 +165,9 @@ def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) 
     path = np.stack([turned(pick, body.center, float(a)) for a in np.linspace(0, angle, 25)])
     return Action(
         k, place.section, pivot.branch,
-        Grasp(_pair(body.center), _heading(held.xy, arc_lengths(held.xy), hold_at)),
-        Grasp(_pair(pick), heading),
-        Grasp(_pair(path[-1]), float(np.arctan2(np.sin(heading + angle), np.cos(heading + angle)))),
+        Grasp(as_pair(body.center), _heading(held.xy, arc_lengths(held.xy), hold_at)),
+        Grasp(as_pair(pick), heading),
+        Grasp(as_pair(path[-1]), float(np.arctan2(np.sin(heading + angle), np.cos(heading + angle)))),
         path, angle, len(topology.crossings), turn.after, Sweep(topology, body).passed_over(angle),
         turn.clearance, turn.held.certainty, score, body.leaves_view, touching,
     )  # fmt: skip
@@ -176,11 +176,6 @@ def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) 
 def _heading(xy: FloatArray, lengths: FloatArray, at: float) -> float:
     before, after = point_at(xy, lengths, np.clip(np.array([at - 4, at + 4]), 0, lengths[-1]))
     return float(np.arctan2(after[1] - before[1], after[0] - before[0]))
-
-
-def _pair(xy: FloatArray) -> tuple[float, float]:
-    x, y = xy.tolist()
-    return x, y
 
 
 @dataclass(frozen=True)

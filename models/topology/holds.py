@@ -120,6 +120,7 @@ def _held(topology: Topology, order: Sequence[int], pivot: Pivot) -> Held | None
 
 
 def parted_by(topology: Topology, order: Sequence[int], body: Body, pivot: Pivot) -> list[tuple[int, Place]]:
+    """Of some crossings those of which one pass moves and the other rests, with the one that moves."""
     found = []
     for k in order:
         passes = (topology.crossings[k].over, topology.crossings[k].under)

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.topology.bodies import Pivot, body_of, heading_from
+from models.topology.bodies import Pivot, arms_at, body_of, heading_from
 from models.topology.scene import Topology
 
 
@@ -21,8 +21,7 @@ def loosened(topology: Topology, most: int) -> Iterator[tuple[int, Topology]]:
     order = np.argsort([b.score for b in topology.branch_points], kind="stable").tolist()
     found = 0
     for branch in order:
-        arms = [(k, end) for k in sorted(set(topology.branch_points[branch].sections)) for end in (0, 1)
-                if topology.sections[k].branches[end] == branch]  # fmt: skip
+        arms = arms_at(topology, branch)
         if found == most or len(arms) != 3:
             continue
         section, end = _touching(topology, arms)
