@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from services.serve import CannotServeError, serve
 from services.settings import ServiceSettings
+from services.standalone.serve import CannotServeError, serve
 from workers import logs
 
 

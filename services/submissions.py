@@ -17,8 +17,8 @@ from fastapi import Request
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json
 
-from services.bodies import Allowed, media_type, parts, whole
 from services.fields import body_problems
+from services.multipart import Allowed, media_type, parts, whole
 from services.problems import ProblemError, field_error, fields_error
 from services.settings import ServiceSettings
 from services.uploads import Uploads

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request
 
 from services import documents
 from services.access import Authorized, Backend, BackendDep
-from services.bodies import Allowed, media_type, parts, whole
+from services.multipart import Allowed, media_type, parts, whole
 from services.problems import ProblemError, field_error
 
 router = APIRouter(prefix="/v1/images", tags=["images"], dependencies=[Authorized])

@@ -17,9 +17,9 @@ from pathlib import Path
 import uvicorn
 
 from services.app import create_app
-from services.children import Child
 from services.readiness import hindrance
 from services.settings import ServiceSettings
+from services.standalone.supervised import Child
 from workers.queue import JobQueue
 
 _READY_WITHIN_S = 120.0

@@ -151,7 +151,12 @@ def test_arguments_that_are_refused(tmp_path, arguments, complaint):
 
 
 def test_says_why_it_does_not_get_ready(tmp_path):
-    script = "from services import serve, __main__; serve._READY_WITHIN_S = 2; raise SystemExit(__main__.main())"
+    script = (
+        "from services import __main__\n"
+        "from services.standalone import serve\n"
+        "serve._READY_WITHIN_S = 2\n"
+        "raise SystemExit(__main__.main())"
+    )
     ended = subprocess.run(
         [sys.executable, "-c", script, "--port", "0", "--data-dir", str(tmp_path), "--then", "true"],
         cwd=ROOT,
