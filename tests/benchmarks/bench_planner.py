@@ -22,7 +22,7 @@ from pathlib import Path
 from time import thread_time
 
 import numpy as np
-from dlo_client.simulated_table import TARGETS, target_shape
+from dlo_client.demo.simulated_table import TARGETS, target_shape
 
 from models.inference import Runtime, default_name, load
 from models.manipulation.actions import best_actions, onto_target

@@ -49,7 +49,7 @@ def test_the_sdk_needs_no_command_line_extra() -> None:
 
 
 def test_the_command_without_its_extra_says_what_to_install() -> None:
-    program = "import sys; sys.modules['typer'] = None; from dlo_client.cli import main; main()"
+    program = "import sys; sys.modules['typer'] = None; from dlo_client.commands.cli import main; main()"
     done = _python("-c", program)
     assert done.returncode == 1
     assert 'pip install "dlo-client[cli]"' in done.stderr

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import httpx
 import pytest
-from dlo_client import reconstruction_commands
-from dlo_client.commands import app
+from dlo_client.commands import reconstruction_commands
+from dlo_client.commands.app import app
 from dlo_client.contracts import (
     MergeCurvesRequest,
     MergeCurvesResult,
@@ -17,9 +17,9 @@ from dlo_client.contracts import (
     NextViewResult,
     ReconstructRequest,
 )
+from dlo_client.demo.scan_picture import svg
 from dlo_client.errors import JobFailed
 from dlo_client.scan import Scan, ScanOptions, reversed_curve
-from dlo_client.scan_picture import svg
 from typer.testing import CliRunner
 
 from tests.clients import curve_samples, samples

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from dlo_client.contracts import DloObject, Job, JobState, PlannedAction
+from dlo_client.demo.shape_drawing import animate, plot
+from dlo_client.demo.simulated_table import SimulatedTable, target_shape
 from dlo_client.shape_control import ShapeController, mean_distance
-from dlo_client.shape_drawing import animate, plot
-from dlo_client.simulated_table import SimulatedTable, target_shape
 from PIL import Image
 
 from workers import stages

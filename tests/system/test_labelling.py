@@ -45,7 +45,7 @@ def fill(folder: Path, count: int) -> None:
 
 def dlo(address: str, *arguments: object) -> list[str]:
     """A command line of ``dlo``."""
-    program = "from dlo_client.cli import main; main()"
+    program = "from dlo_client.commands.cli import main; main()"
     return [sys.executable, "-c", program, "--url", address, *(str(argument) for argument in arguments)]
 
 

@@ -19,7 +19,7 @@ from dlo_client.contracts import (
     PlanShapeResult,
     RopeParameters,
 )
-from dlo_client.simulated_table import target_shape
+from dlo_client.demo.simulated_table import target_shape
 from PIL import Image
 from pydantic import ValidationError
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import httpx
 import pytest
-from dlo_client import harness_commands  # noqa: F401  it registers the commands
-from dlo_client.commands import app
+from dlo_client.commands import harness_commands  # noqa: F401  it registers the commands
+from dlo_client.commands.app import app
 from dlo_client.contracts import AnyJob, JobState
 from typer.testing import CliRunner, Result
 

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from dlo_client import labelling_commands
+from dlo_client.commands import labelling_commands
 from dlo_client.contracts import Job, LabelTrackedResult
 from dlo_client.contracts.labelling import TrackedInstance, TrackedLabels
 from dlo_client.labelling import LabelStore

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
+from dlo_client.demo.simulated_table import extent
 from dlo_client.shape_control import Points, ShapeOutcome
-from dlo_client.simulated_table import extent
 
 _SIZE = (640, 480)
 _PANEL = (640, 190)

@@ -10,13 +10,13 @@ _MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
 
 def main() -> None:
     try:
-        from dlo_client import (  # noqa: F401  they register their commands
+        from dlo_client.commands import (  # noqa: F401  they register their commands
             harness_commands,
             labelling_commands,
             reconstruction_commands,
             shape_commands,
         )
-        from dlo_client.commands import app
+        from dlo_client.commands.app import app
     except ModuleNotFoundError as error:
         if error.name not in ("typer", "rich", "PIL"):
             raise

@@ -11,14 +11,14 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 
 from dlo_client.client import Client
-from dlo_client.commands import Out, app, readable
+from dlo_client.commands.app import Out, app, readable
+from dlo_client.commands.printing import print_error
+from dlo_client.commands.saving import save
 from dlo_client.contracts import CameraView, Curve3D, ReconstructRequest, Target
 from dlo_client.contracts.reconstruction import Optimise, ReconstructMethod
+from dlo_client.demo.scan_picture import svg
 from dlo_client.outcomes import result_of
-from dlo_client.printing import print_error
-from dlo_client.saving import save
 from dlo_client.scan import CameraOnArm, Scan, ScanOptions
-from dlo_client.scan_picture import svg
 
 _VIEWS: TypeAdapter[list[CameraView]] = TypeAdapter(list[CameraView])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from dlo_client.commands import app
+from dlo_client.commands.app import app
 from dlo_client.contracts import InstancesResult, JobPage, JobState
 from typer.testing import CliRunner, Result
 

@@ -15,12 +15,7 @@ from typing import Annotated
 import typer
 
 from dlo_client.client import Client
-from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE, Connection
-from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
-from dlo_client.contracts.base import ResultT
-from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
-from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized
-from dlo_client.printing import (
+from dlo_client.commands.printing import (
     print_error,
     print_instances,
     print_job_as_json,
@@ -28,7 +23,12 @@ from dlo_client.printing import (
     print_networks,
     print_segment,
 )
-from dlo_client.saving import save, stems
+from dlo_client.commands.saving import save, stems
+from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE, Connection
+from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
+from dlo_client.contracts.base import ResultT
+from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
+from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 

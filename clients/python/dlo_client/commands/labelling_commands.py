@@ -14,7 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from dlo_client.client import Client
-from dlo_client.commands import app, readable
+from dlo_client.commands.app import app, readable
+from dlo_client.commands.printing import print_error
 from dlo_client.connection import CONNECTION, Connection
 from dlo_client.contracts import CameraView, InstancesRequest, LabelTrackedRequest, Pose, Stroke
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
@@ -31,7 +32,6 @@ from dlo_client.labelling import (
 from dlo_client.labelling.sources import picture_names
 from dlo_client.labelling.tracked import file_tracked
 from dlo_client.outcomes import result_of
-from dlo_client.printing import print_error
 
 if TYPE_CHECKING:
     from dlo_client.labelling.formats import Labels

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from dlo_client.commands import AsJson, Images, Out, Threshold, app, process
+from dlo_client.commands.app import AsJson, Images, Out, Threshold, app, process
+from dlo_client.commands.printing import print_job_as_json, print_rows
 from dlo_client.contracts import (
     ArmBase,
     DisentangleRequest,
@@ -21,7 +22,6 @@ from dlo_client.contracts import (
     TopologyResult,
 )
 from dlo_client.outcomes import result_of
-from dlo_client.printing import print_job_as_json, print_rows
 
 Drawing = Annotated[
     Path | None, typer.Option(exists=True, dir_okay=False, help="JSON of the harness drawing: names its branches.")

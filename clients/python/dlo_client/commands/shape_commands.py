@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import typer
 
 from dlo_client.client import Client
-from dlo_client.commands import app, readable
+from dlo_client.commands.app import app, readable
+from dlo_client.commands.printing import print_lines
 from dlo_client.contracts import DloObject
-from dlo_client.printing import print_lines
+from dlo_client.demo.simulated_table import SimulatedTable, target_shape
 from dlo_client.shape_control import ShapeController
-from dlo_client.simulated_table import SimulatedTable, target_shape
 
 
 @app.command()
@@ -47,7 +47,7 @@ def shape(
     verdict = "reached" if outcome.reached else f"not reached: {outcome.reason}"
     lines.append(f"{target}: {verdict} after {len(outcome.steps)} actions, {1e3 * outcome.errors_m[-1]:.1f} mm")
     if out is not None:
-        from dlo_client.shape_drawing import animate, plot
+        from dlo_client.demo.shape_drawing import animate, plot
 
         out.mkdir(parents=True, exist_ok=True)
         animate(table.frames, goal, out / "task.gif")
