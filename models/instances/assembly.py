@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -25,6 +25,7 @@ from models.instances.drawing import draw_labels, stroke
 from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
 from models.instances.scene import Crossing, Instance, Scene
+from models.strands.chain import Chain
 
 MAX_INSTANCES = 255
 """As many as labels of one byte can name."""
@@ -41,18 +42,6 @@ _COVERED = 0.6
 """Share of a centerline that may lie on a longer DLO before it counts as a part of that one."""
 
 Order = Callable[[list[Meeting], list[Strand], ByteArray | None], tuple[Crossing, ...]]
-
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """Ordered points ``(n, 2)`` found along one DLO; a closed one does not repeat its first point.
-
-    ``doubt``: minus the logarithm of the probability that its pieces belong together, where a method knows it.
-    """
-
-    xy: FloatArray
-    closed: bool
-    doubt: float = 0.0
 
 
 def assemble(

@@ -21,7 +21,8 @@ from scipy.optimize import minimize
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import crossing_segments
 from models.inference import Runtime, default_name, load
-from models.instances import ariadne_plus, confidence, fastdlo, rt_dlo, section_matching
+from models.instances import confidence, section_matching
+from models.instances.published import ariadne_plus, fastdlo, rt_dlo
 from models.instances.scene import Scene
 from models.instances.section_matching.train_scenes import TrainScene, make_scene
 from models.synthesis.textures import load_pool

@@ -15,11 +15,11 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
+from models.strands.graph import degrees
 from models.topology.graph import Graph
 from models.topology.judges import chain_links, links_of
 from models.topology.scene import Predictions
 from models.topology.sites import Arm, bend, ends_at, measure_arm
-from models.topology.web import degrees
 
 BRIDGE_EVIDENCE = 21
 """Numbers that describe a proposal, see :func:`_evidence`."""

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import distance_map, read_nearest
+from models.strands.graph import cleaned, tidied
 from models.topology.skeleton import Strand, Web, find_web
-from models.topology.web import cleaned, tidied
 
 NEIGHBORS = 8
 """K_nn of thesis 6.4.3."""

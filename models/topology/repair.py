@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.strands.graph import compact, contract, dissolve
 from models.topology.bodies import intersections, segments
 from models.topology.bridges import proposals
 from models.topology.graph import Graph, without
@@ -15,7 +16,6 @@ from models.topology.judges import Judges, judged
 from models.topology.scene import Predictions
 from models.topology.skeleton import Strand, Web
 from models.topology.stubs import candidates
-from models.topology.web import compact, contract, dissolve
 
 _LEAST = 0.5
 """Bridges that are less probable are not built; shorter strands that are less probable are taken off."""

@@ -27,7 +27,7 @@ import numpy as np
 from skimage.morphology import skeletonize
 
 from models.instances.overlay import overlay
-from models.instances.rt_dlo import OrientationNetwork, RtDloParams, extract
+from models.instances.published.rt_dlo import OrientationNetwork, RtDloParams, extract
 from models.instances.scene import Scene
 from tests.benchmarks.scoring import FoundCrossing, crossings_in_labels, score_crossings, score_labels
 

@@ -20,9 +20,9 @@ from dlo_client.scan import Scan, ScanOptions
 from scipy.spatial import cKDTree
 
 from models.geometry.polylines import resample
-from models.reconstruction import dlo3ds
 from models.reconstruction.curves import Curve, distances
 from models.reconstruction.matching import MatchParams, match
+from models.reconstruction.published import dlo3ds
 from models.reconstruction.reconstruct import (
     NotReconstructable,
     Reconstruction,

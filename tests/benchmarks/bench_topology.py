@@ -26,7 +26,7 @@ import numpy as np
 
 from models.geometry.sampling import distance_map
 from models.inference import Network, Runtime, default_name, load, manifest
-from models.instances.rt_dlo.graph import sample_vertices, select_edges
+from models.instances.published.rt_dlo.graph import sample_vertices, select_edges
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from models.topology.drawing import overlay
 from models.topology.extraction import extract, predict

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from models.inference import Runtime, default_name, load
-from models.instances import ariadne_plus, fastdlo, rt_dlo, section_matching
+from models.instances import section_matching
+from models.instances.published import ariadne_plus, fastdlo, rt_dlo
 from models.instances.scene import Scene
 
 Extract = Callable[[np.ndarray, np.ndarray | None], Scene]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.reconstruction import curves
-from models.reconstruction.dlo3ds import Dlo3dsParams, match_rows, reconstruct, select
+from models.reconstruction.published.dlo3ds import Dlo3dsParams, match_rows, reconstruct, select
 from models.reconstruction.reconstruct import NotReconstructable
 from tests.models.known_cables import about, above, arc, views_of
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.instances.drawing import palette
 from models.instances.overlay import overlay
-from models.instances.rt_dlo import extract
+from models.instances.published.rt_dlo import extract
 from models.instances.scene import Scene
 from tests.models.drawn_masks import colored, drawn
 

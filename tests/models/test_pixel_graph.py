@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.geometry.pixel_graph import FREE, doubled, halved, pixel_graph, skeleton_of, smoothed
+from models.strands.pixel_graph import FREE, doubled, halved, pixel_graph, skeleton_of, smoothed
 
 
 def drawn(*rows: str) -> np.ndarray:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from models.geometry.polylines import arc_lengths
-from models.instances.rt_dlo import RtDloParams, extract
-from models.instances.rt_dlo.orientation import CLASSES
+from models.instances.published.rt_dlo import RtDloParams, extract
+from models.instances.published.rt_dlo.orientation import CLASSES
 from tests.models.drawn_masks import assert_valid, circle, colored, drawn, loop
 
 RED, BLUE = (200, 30, 30), (30, 40, 190)

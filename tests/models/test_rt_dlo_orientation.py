@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.geometry.sampling import distance_map
-from models.instances.rt_dlo.orientation import (
+from models.instances.published.rt_dlo.orientation import (
     CLASSES,
     PATCH_SIZE,
     angles_from_scores,

@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from models.geometry.pixel_graph import pixel_graph, skeleton_of
 from models.geometry.sampling import distance_map
 from models.instances.section_matching import SectionMatchingParams, extract
-from models.instances.section_matching.cleaning import clean
 from models.instances.section_matching.extraction import _stops
 from models.instances.section_matching.links import FEATURES, GAP, candidate_links
 from models.instances.section_matching.matching import match
-from models.instances.sections import sections_of
+from models.strands.cleaning import clean
+from models.strands.pixel_graph import pixel_graph, skeleton_of
+from models.strands.sections import sections_of
 from tests.models.drawn_masks import circle, colored, drawn, loop
 
 RED, BLUE = (200, 30, 30), (30, 40, 190)

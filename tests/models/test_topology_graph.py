@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from models.geometry.sampling import distance_map
+from models.strands.graph import cleaned, degrees, tidied
 from models.topology.bridges import free_ends
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH, encode
 from models.topology.graph import TooComplexError, initialize, without
 from models.topology.skeleton import find_web, smoothed
-from models.topology.web import cleaned, degrees, tidied
 from tests.models.drawn_masks import circle, drawn
 
 TEE = (np.array([[20, 120], [300, 120]]), np.array([[160, 120], [160, 220]]))

@@ -11,7 +11,8 @@ from dlo_client.contracts.methods import MethodParams
 from numpy.typing import NDArray
 
 from models.inference import Network, default_name
-from models.instances import ariadne_plus, fastdlo, rt_dlo, section_matching
+from models.instances import section_matching
+from models.instances.published import ariadne_plus, fastdlo, rt_dlo
 from models.instances.scene import Scene
 from workers.stages.outcome import Tools
 

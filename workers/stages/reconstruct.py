@@ -15,10 +15,10 @@ from dlo_client.contracts import (
     ViewOutcome,
 )
 
-from models.reconstruction import dlo3ds
 from models.reconstruction.association import Support
 from models.reconstruction.curves import Curve
 from models.reconstruction.drawing import reprojection
+from models.reconstruction.published import dlo3ds
 from models.reconstruction.reconstruct import (
     NotReconstructable,
     Reconstruction,

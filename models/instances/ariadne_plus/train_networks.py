@@ -22,7 +22,14 @@ from torch.nn import functional as F
 from models.export import Card, export
 from models.geometry.arrays import Float32Array
 from models.instances.ariadne_plus.network_residual import WIDTH_FACTOR, AboveProbability, CrossNet, TripletNet
-from models.instances.ariadne_plus.patches import CROSSING_PIXELS, NODE_PIXELS, only, patch, reduction, to_network
+from models.instances.published.ariadne_plus.patches import (
+    CROSSING_PIXELS,
+    NODE_PIXELS,
+    only,
+    patch,
+    reduction,
+    to_network,
+)
 from models.instances.train_crossings import RenderedCrossing, crossings_kept
 from models.train_state import restore, save
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from models.instances.fastdlo.similarity import FEATURES
+from models.instances.published.fastdlo.similarity import FEATURES
 
 EMBEDDING = 16
 

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from models.export import Card, export
 from models.geometry.arrays import Float32Array
 from models.instances.fastdlo.network_similarity import EMBEDDING, SimilarityNetwork
-from models.instances.fastdlo.similarity import FEATURES, features, probabilities
+from models.instances.published.fastdlo.similarity import FEATURES, features, probabilities
 from models.instances.train_crossings import RenderedCrossing, crop, crossings_kept
 from models.train_state import restore, save
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from models.instances.rt_dlo.orientation import CLASSES, PATCH_SIZE
+from models.instances.published.rt_dlo.orientation import CLASSES, PATCH_SIZE
 
 
 class OrientationNetwork(nn.Module):

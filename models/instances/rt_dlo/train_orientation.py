@@ -19,8 +19,8 @@ from torch import Tensor, nn
 
 from models.export import Card, export
 from models.geometry.arrays import FloatArray
+from models.instances.published.rt_dlo.orientation import CLASSES, PATCH_SIZE, angles_from_scores, principal_angles
 from models.instances.rt_dlo.network_orientation import OrientationNetwork, OrientationProbabilities
-from models.instances.rt_dlo.orientation import CLASSES, PATCH_SIZE, angles_from_scores, principal_angles
 from models.instances.rt_dlo.train_patches import make_patches
 from models.train_state import restore, save
 

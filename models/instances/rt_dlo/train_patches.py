@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.sampling import distance_map, farthest_points, local_maxima
-from models.instances.rt_dlo.orientation import PATCH_SIZE, read_patches
+from models.instances.published.rt_dlo.orientation import PATCH_SIZE, read_patches
 
 _SIDE = 224
 _SAMPLING_RATIO = 0.3

@@ -8,16 +8,16 @@ from time import perf_counter
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
-from models.geometry.pixel_graph import FREE, PixelGraph, doubled, halved, pixel_graph, skeleton_of, uphill
 from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
-from models.instances.section_matching.cleaning import CleanMask, clean
 from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
 from models.instances.section_matching.matching import match
-from models.instances.sections import Sections, sections_of
-from models.instances.strands import Joint, strands_of
+from models.strands.cleaning import CleanMask, clean
+from models.strands.pixel_graph import FREE, PixelGraph, doubled, halved, pixel_graph, skeleton_of, uphill
+from models.strands.sections import Sections, sections_of
+from models.strands.walks import Joint, strands_of
 
 _WIDE_PX = 8.0
 _BORDER_STOP = -2.0

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.polylines import bridge
 from models.geometry.sampling import read_nearest
-from models.instances.sections import Sections, pairs_at_junctions
+from models.strands.sections import Sections, pairs_at_junctions
 
 KINDS = ("junction", "gap", "shared", "absorbed")
 JUNCTION, GAP, SHARED, ABSORBED = range(4)

@@ -17,13 +17,13 @@ import torch
 from scipy.optimize import minimize
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
-from models.geometry.pixel_graph import pixel_graph, skeleton_of
 from models.geometry.sampling import distance_map
-from models.instances.section_matching.cleaning import clean
 from models.instances.section_matching.extraction import SectionMatchingParams
 from models.instances.section_matching.links import ABSORBED, FEATURES, KINDS, WEIGHTS_FILE, Links, candidate_links
 from models.instances.section_matching.train_scenes import CurveIndex, TrainScene, make_scene
-from models.instances.sections import Sections, sections_of
+from models.strands.cleaning import clean
+from models.strands.pixel_graph import pixel_graph, skeleton_of
+from models.strands.sections import Sections, sections_of
 from models.synthesis.textures import load_pool
 
 _SHRINKAGE = 2e-4

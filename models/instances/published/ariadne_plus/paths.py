@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from models.geometry.arrays import FloatArray
-from models.instances.ariadne_plus.superpixels import Regions
+from models.instances.published.ariadne_plus.superpixels import Regions
 
 _CONCENTRATION = 2.0
 """Of the von Mises distribution, taken relative to its peak: 1 for no change of the turn."""

@@ -10,9 +10,9 @@ import numpy as np
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths
 from models.geometry.sampling import read_nearest
-from models.instances.rt_dlo.arms import Arm, arm_of, continuation
-from models.instances.rt_dlo.graph import Vertices
-from models.instances.rt_dlo.intersections import Graph, chain_from
+from models.instances.published.rt_dlo.arms import Arm, arm_of, continuation
+from models.instances.published.rt_dlo.graph import Vertices
+from models.instances.published.rt_dlo.intersections import Graph, chain_from
 
 _MAX_PATHS = 400
 _GAP_RADII = 12.0

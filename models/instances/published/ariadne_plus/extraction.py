@@ -11,7 +11,9 @@ from scipy.interpolate import PchipInterpolator
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import distance_map, read_nearest
-from models.instances.ariadne_plus.patches import (
+from models.instances.assembly import Order, assemble
+from models.instances.crossings import Meeting, Strand, order_meetings, ordered
+from models.instances.published.ariadne_plus.patches import (
     CROSSING_PIXELS,
     NODE_PIXELS,
     AboveNetwork,
@@ -21,12 +23,11 @@ from models.instances.ariadne_plus.patches import (
     reduction,
     to_network,
 )
-from models.instances.ariadne_plus.paths import Appearance, find_paths, intersection_scores
-from models.instances.ariadne_plus.superpixels import Regions, region_graph
-from models.instances.assembly import Chain, Order, assemble
-from models.instances.crossings import Meeting, Strand, order_meetings, ordered
+from models.instances.published.ariadne_plus.paths import Appearance, find_paths, intersection_scores
+from models.instances.published.ariadne_plus.superpixels import Regions, region_graph
 from models.instances.resolution import at_working_size
 from models.instances.scene import Crossing, Scene
+from models.strands.chain import Chain
 
 _MAX_PIXELS = 700_000
 _SPACING_PX = 4.0

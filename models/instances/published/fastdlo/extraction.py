@@ -8,14 +8,14 @@ from time import perf_counter
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from models.geometry.pixel_graph import pixel_graph, skeleton_of
 from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
-from models.instances.fastdlo.similarity import SimilarityNetwork, features, probabilities
+from models.instances.published.fastdlo.similarity import SimilarityNetwork, features, probabilities
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
-from models.instances.sections import Sections, pairs_at_junctions, sections_of
-from models.instances.strands import strands_of
+from models.strands.pixel_graph import pixel_graph, skeleton_of
+from models.strands.sections import Sections, pairs_at_junctions, sections_of
+from models.strands.walks import strands_of
 
 _MAX_PIXELS = 1_500_000
 _SHARED_RADII = 14.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import FloatArray
-from models.instances.rt_dlo.graph import Vertices
+from models.instances.published.rt_dlo.graph import Vertices
 
 ARM_VERTICES = 12
 _ARM_RADII = 5.0

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
-from models.geometry.pixel_graph import FREE
 from models.geometry.polylines import arc_lengths, bridge
-from models.instances.assembly import Chain
-from models.instances.sections import Sections
+from models.strands.chain import Chain
+from models.strands.pixel_graph import FREE
+from models.strands.sections import Sections
 
 _SPACING_PX = 3.0
 _TIP_RADII = 1.5

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.sampling import farthest_points, local_maxima, read_nearest, thin_to_grid
-from models.instances.rt_dlo.orientation import (
+from models.instances.published.rt_dlo.orientation import (
     OrientationNetwork,
     angles_from_scores,
     principal_angles,

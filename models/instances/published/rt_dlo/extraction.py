@@ -9,13 +9,14 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray
 from models.geometry.sampling import distance_map
-from models.instances.assembly import Chain, assemble
+from models.instances.assembly import assemble
+from models.instances.published.rt_dlo.graph import sample_vertices, select_edges
+from models.instances.published.rt_dlo.intersections import graph_of, resolve_intersections
+from models.instances.published.rt_dlo.orientation import OrientationNetwork
+from models.instances.published.rt_dlo.paths import extract_paths, join_paths, split_at_kinks
 from models.instances.resolution import at_working_size
-from models.instances.rt_dlo.graph import sample_vertices, select_edges
-from models.instances.rt_dlo.intersections import graph_of, resolve_intersections
-from models.instances.rt_dlo.orientation import OrientationNetwork
-from models.instances.rt_dlo.paths import extract_paths, join_paths, split_at_kinks
 from models.instances.scene import Scene
+from models.strands.chain import Chain
 
 
 @dataclass(frozen=True)

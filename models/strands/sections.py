@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.components import components
-from models.geometry.pixel_graph import FREE, PixelGraph, smoothed
 from models.geometry.sampling import read_nearest
+from models.strands.pixel_graph import FREE, PixelGraph, smoothed
 
 _SMOOTHING_PX = 3
 _LOOK = 24

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from itertools import combinations
 
 from models.geometry.polylines import arc_lengths
-from models.instances.rt_dlo.arms import ARM_VERTICES, Arm, arm_of, continuation
-from models.instances.rt_dlo.graph import Vertices
+from models.instances.published.rt_dlo.arms import ARM_VERTICES, Arm, arm_of, continuation
+from models.instances.published.rt_dlo.graph import Vertices
 
 Graph = dict[int, set[int]]
 """Vertex to its neighbors, both ways."""
