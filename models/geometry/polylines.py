@@ -76,6 +76,32 @@ def crossing_segments(starts_xy: FloatArray, ends_xy: FloatArray) -> Intersectio
     return Intersections(i, j, t, u, starts_xy[i] + t[:, None] * steps[i])
 
 
+def segments(parts: tuple[tuple[int, FloatArray], ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Starts and ends ``(m, 2)`` of all segments of numbered polylines, and each one's number ``(m,)``."""
+    lines = [(k, xy) for k, xy in parts if len(xy) > 1]
+    if not lines:
+        return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
+    starts, ends = np.concatenate([xy[:-1] for _, xy in lines]), np.concatenate([xy[1:] for _, xy in lines])
+    return starts, ends, np.repeat([float(k) for k, _ in lines], [len(xy) - 1 for _, xy in lines])
+
+
+def intersections(
+    first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
+) -> tuple[np.ndarray, np.ndarray, FloatArray]:
+    """Indices of the segments of both sets that cross, and where ``(c, 2)``; all pairs at once."""
+    (p, p2), (q, q2) = first, second
+    if not len(p) or not len(q):
+        return np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2))
+    r, s = (p2 - p)[:, None], (q2 - q)[None]
+    between = q[None] - p[:, None]
+    area = r[..., 0] * s[..., 1] - r[..., 1] * s[..., 0]
+    safe = np.where(area == 0, 1.0, area)
+    t = (between[..., 0] * s[..., 1] - between[..., 1] * s[..., 0]) / safe
+    u = (between[..., 0] * r[..., 1] - between[..., 1] * r[..., 0]) / safe
+    i, j = np.nonzero((area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1))
+    return i, j, p[i] + t[i, j][:, None] * (p2 - p)[i]
+
+
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     out: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     return out

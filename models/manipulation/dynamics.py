@@ -21,7 +21,7 @@ NODES = 16
 
 
 class NetworkLike(Protocol):
-    """Arrays in, arrays out; as ``models.inference.Network``."""
+    """Arrays in, arrays out; as ``models.weights.inference.Network``."""
 
     def run(self, *inputs: NDArray) -> tuple[NDArray, ...]: ...
 

@@ -16,8 +16,8 @@ from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
 from models.strands.graph import degrees
+from models.topology.classifiers import chain_links, links_of
 from models.topology.graph import Graph
-from models.topology.judges import chain_links, links_of
 from models.topology.scene import Predictions
 from models.topology.sites import Arm, bend, ends_at, measure_arm
 

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import arc_lengths
+from models.topology.classifiers import Judges
 from models.topology.encodings import encode
 from models.topology.graph import Graph, TooComplexError, initialize
-from models.topology.judges import Judges
 from models.topology.order import Surface, ordered, picture
 from models.topology.scene import Predictions, Status, Topology
+from models.topology.sections import branch_points_of, crossings_of, final_links, sections_of, walk_all
 from models.topology.sites import Site
 from models.topology.solver import solve
-from models.topology.walks import branch_points_of, crossings_of, final_links, sections_of, walk_all
 
 MAX_PIXELS = 1_500_000
 _LEAST_SHARE = 0.35

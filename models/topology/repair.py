@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.geometry.polylines import intersections, segments
 from models.strands.graph import compact, contract, dissolve
-from models.topology.bodies import intersections, segments
 from models.topology.bridges import proposals
+from models.topology.classifiers import Judges, judged
 from models.topology.graph import Graph, without
-from models.topology.judges import Judges, judged
 from models.topology.scene import Predictions
 from models.topology.skeleton import Strand, Web
 from models.topology.stubs import candidates

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.topology.classifiers import Judges, judged
 from models.topology.graph import Graph
-from models.topology.judges import Judges, judged
 from models.topology.repair import repaired
 from models.topology.scene import Predictions
 from models.topology.sites import Reading, Site, bend, crossing_sites, ends_at, evidence, measure_arm

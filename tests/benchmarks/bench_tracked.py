@@ -27,16 +27,16 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import ByteArray
-from models.inference import Network, Runtime, default_name, load
 from models.instances.drawing import palette
-from models.labelling.correction import FIRST_SPREAD_PX, CorrectionParams, CropReader
-from models.labelling.drawing import outline
-from models.labelling.lines import read_lines, read_lines_at, weighed
-from models.labelling.tracked import TrackedParams, TrackedView, label_tracked
-from models.labelling.train_corrector import errors, marked
-from models.labelling.train_crops import CropParams, Crops, crops_of, joined
 from models.synthesis.scenes import render_scene
 from models.synthesis.textures import TexturePool, load_pool
+from models.tracked_labels.correction import FIRST_SPREAD_PX, CorrectionParams, CropReader
+from models.tracked_labels.lines import read_lines, read_lines_at, weighed
+from models.tracked_labels.outlines import outline
+from models.tracked_labels.tracked import TrackedParams, TrackedView, label_tracked
+from models.training.corrector.corrector import errors, marked
+from models.training.corrector.crops import CropParams, Crops, crops_of, joined
+from models.weights.inference import Network, Runtime, default_name, load
 from tests.benchmarks.scoring import score_labels
 from tests.benchmarks.tracked_scenes import TrackedScene, tracked_scene
 

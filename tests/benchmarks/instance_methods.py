@@ -7,10 +7,10 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from models.inference import Runtime, default_name, load
 from models.instances import section_matching
 from models.instances.published import ariadne_plus, fastdlo, rt_dlo
 from models.instances.scene import Scene
+from models.weights.inference import Runtime, default_name, load
 
 Extract = Callable[[np.ndarray, np.ndarray | None], Scene]
 METHODS = ("section_matching", "rt_dlo", "fastdlo", "ariadne_plus")

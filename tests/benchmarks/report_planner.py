@@ -52,7 +52,7 @@ def dynamics_networks(data: dict) -> str:
     ]
     header = ["network", "weights", "no params (fixed)", "no params (varied)", "mid-range", "fitted (*)", "fitted (**)"]
     return (
-        "## Dynamics networks compared (Fig. 5.9, Fig. 5.10)\n\n`python -m models.manipulation.train_compare`: "
+        "## Dynamics networks compared (Fig. 5.9, Fig. 5.10)\n\n`python -m models.training.dynamics.compare`: "
         f"{data['minutes']:g} processor minutes of training each; mean prediction error in mm on {data['ropes']} ropes "
         "that none has seen. (*) the same samples for fitting k_b and k_d and for measuring, (**) other ones. Floor: "
         "conditioning 30 % below no parameters.\n\n"

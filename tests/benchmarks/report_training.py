@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.segmentation.train_mixture import factorial_table
+from models.training.foreground.mixture import factorial_table
 from tests.benchmarks.markdown import table
 
 
@@ -39,7 +39,7 @@ def compare(data: dict) -> str:
         for name, runs in groups.items()
     ]
     return (
-        "## Chroma key against rendered data (as Table 2.1)\n\n`python -m models.segmentation.train_mixture compare`: "
+        "## Chroma key against rendered data (as Table 2.1)\n\n`python -m models.training.foreground.mixture compare`: "
         f"the compact network on 810 pictures of either kind, {_setting(data)}. Both kinds are made here: `chroma` is "
         "keyed from 90 recorded pictures before a rendered screen.\n\n" + table(["data", "runs", *kinds], rows)
     )
@@ -52,8 +52,8 @@ def networks(data: dict) -> str:
     ]
     kinds = list(next(iter(data["runs"].values()))["dice"])
     return (
-        "## Networks on equal terms, at reduced size\n\n`python -m models.segmentation.train_mixture networks`: all on "
-        f"the same {data['settings']['count']} rendered pictures, {_setting(data)}. `/4`: channels divided by four. "
+        "## Networks on equal terms, at reduced size\n\n`python -m models.training.foreground.mixture networks`: all "
+        f"on the same {data['settings']['count']} rendered pictures, {_setting(data)}. `/4`: channels divided by four. "
         "No GPU was there: a comparison of what short training on a processor reaches, not of the full networks.\n\n"
         + table(["network", "million weights", "pictures seen", *kinds], rows)
     )
@@ -61,7 +61,7 @@ def networks(data: dict) -> str:
 
 def mixture(data: dict) -> str:
     return (
-        "## Mixtures by ratio (Table 2.2, small)\n\n`python -m models.segmentation.train_mixture factorial --scale "
+        "## Mixtures by ratio (Table 2.2, small)\n\n`python -m models.training.foreground.mixture factorial --scale "
         f"{data['settings']['scale']:g}`: {_setting(data)}. Path-traced pictures stand in for the labelled real ones: "
         "no real set may be trained on.\n\n```\n" + factorial_table(data["runs"]) + "\n```\n"
     )

@@ -12,8 +12,8 @@ import numpy as np
 
 from models.geometry.arrays import ByteArray, FloatArray, IntArray
 from models.geometry.cameras import Camera, Intrinsics
-from models.labelling.trajectory import Ellipsoid, ellipsoid_poses
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable, render
+from models.tracked_labels.trajectory import Ellipsoid, ellipsoid_poses
 
 
 @dataclass(frozen=True)

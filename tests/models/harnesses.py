@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from models.geometry.polylines import arc_lengths, resample
-from models.inference import Network, Runtime, default_name, load
-from models.topology.judges import JUDGES, Judges
+from models.topology.classifiers import JUDGES, Judges
 from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
+from models.weights.inference import Network, Runtime, default_name, load
 
 
 def shipped() -> tuple[Network, Judges]:

@@ -9,8 +9,9 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from models import export, inference
-from models.inference import CorruptWeightsError, UnknownNetworkError
+from models.training import export
+from models.weights import inference
+from models.weights.inference import CorruptWeightsError, UnknownNetworkError
 
 
 def test_every_shipped_file_is_the_one_in_the_manifest():

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from models.inference import Runtime, default_name, load
 from models.instances import section_matching
 from models.instances.published import ariadne_plus, fastdlo, rt_dlo
+from models.weights.inference import Runtime, default_name, load
 from tests.models.drawn_masks import assert_valid, circle, colored, drawn, loop
 
 RED, BLUE = (200, 30, 30), (30, 40, 190)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.manipulation.frames import frames
-from models.manipulation.train_data import nearly_straight
+from models.training.dynamics.data import nearly_straight
 
 KINDS = ("principal", "edge")
 

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 import torch
 
-from models.inference import Runtime, load
 from models.manipulation.actions import best_actions, onto_target
 from models.manipulation.dynamics import Dynamics, shape_distance
 from models.manipulation.least_squares import SolverParams, minimize
 from models.manipulation.limits import Limits, checks, inside
-from models.manipulation.network_dynamics import DynamicsNetwork
-from models.manipulation.network_tangents import DynamicsTangents
 from models.manipulation.parameters import MID_RANGE, History, estimate
 from models.manipulation.planning import plan
 from models.manipulation.resampling import back_to_points, edge_of_points, node_edge_of, node_edges_within, to_nodes
 from models.manipulation.scaling import MOVE_SCALE, scale_rope, unscale_rope
 from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate, straight
-from models.manipulation.train_data import generate
-from models.manipulation.train_export import example
+from models.training.dynamics.data import generate
+from models.training.dynamics.export import example
+from models.training.dynamics.network_dynamics import DynamicsNetwork
+from models.training.dynamics.network_tangents import DynamicsTangents
+from models.weights.inference import Runtime, load
 
 STATE = straight(np.array([0.45]), 16)[0]
 ROPE = np.array([0.05, *MID_RANGE])

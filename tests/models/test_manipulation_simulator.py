@@ -16,7 +16,7 @@ from models.manipulation.simulator import (
     simulate,
     straight,
 )
-from models.manipulation.train_data import MID_RANGE, generate, mid_range, nearly_straight
+from models.training.dynamics.data import MID_RANGE, generate, mid_range, nearly_straight
 
 ROPE = Ropes.same(1, 0.05, 0.2, 10.0, 0.45)
 PARAMS = SimulationParams()

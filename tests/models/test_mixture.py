@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import torch
 
-from models.segmentation import train_mixture
-from models.segmentation.train_mixture import Ledger, Pictures, factorial_arms, factorial_table, run_all, stack
-from models.segmentation.train_networks import build
 from models.synthesis import __main__ as synthesis_command
 from models.synthesis.datasets import Mixture, exact_counts, load, samples_in, write_sample
+from models.training.foreground import mixture
+from models.training.foreground.mixture import Ledger, Pictures, factorial_arms, factorial_table, run_all, stack
+from models.training.foreground.networks import build
 
 
-def mixture(sizes: tuple[int, ...], weights: tuple[float, ...], seed: int = 0) -> Mixture:
+def mixed(sizes: tuple[int, ...], weights: tuple[float, ...], seed: int = 0) -> Mixture:
     return Mixture(sizes, weights, np.random.default_rng(seed))
 
 
@@ -26,10 +26,10 @@ def dark_and_bright(count: int, value: int) -> Pictures:
 
 
 def test_counts_are_exact_and_the_seed_decides():
-    drawn = mixture((50, 20), (0.8, 0.2)).draw(100)
+    drawn = mixed((50, 20), (0.8, 0.2)).draw(100)
     assert Counter(source for source, _ in drawn) == {0: 80, 1: 20}
-    assert drawn == mixture((50, 20), (0.8, 0.2)).draw(100)
-    assert drawn != mixture((50, 20), (0.8, 0.2), 1).draw(100)
+    assert drawn == mixed((50, 20), (0.8, 0.2)).draw(100)
+    assert drawn != mixed((50, 20), (0.8, 0.2), 1).draw(100)
 
 
 def test_counts_that_do_not_divide_are_rounded_by_largest_remainder():
@@ -39,7 +39,7 @@ def test_counts_that_do_not_divide_are_rounded_by_largest_remainder():
 
 
 def test_nothing_comes_twice_before_all_came_once():
-    drawn = mixture((10, 5), (0.5, 0.5)).draw(20)
+    drawn = mixed((10, 5), (0.5, 0.5)).draw(20)
     assert Counter(number for source, number in drawn if source == 0) == dict.fromkeys(range(10), 1)
     assert Counter(number for source, number in drawn if source == 1) == dict.fromkeys(range(5), 2)
 
@@ -47,13 +47,13 @@ def test_nothing_comes_twice_before_all_came_once():
 @pytest.mark.parametrize(
     ("sizes", "weights"), [((3, 0), (0.5, 0.5)), ((3, 3), (0, 0)), ((3, 3), (2, -1)), ((3,), (1, 1))]
 )
-def test_weights_and_sizes_that_make_no_mixture(sizes, weights):
+def test_weights_and_sizes_that_make_no_mixed(sizes, weights):
     with pytest.raises(ValueError, match="source"):
-        mixture(sizes, weights)
+        mixed(sizes, weights)
 
 
 def test_an_empty_source_of_weight_zero_is_no_error():
-    assert {source for source, _ in mixture((3, 0), (1, 0)).draw(9)} == {0}
+    assert {source for source, _ in mixed((3, 0), (1, 0)).draw(9)} == {0}
 
 
 def test_the_factorial_has_the_cells_and_ratios_of_table_2_2():
@@ -98,7 +98,7 @@ def test_what_the_renderer_writes_is_a_set(tmp_path, monkeypatch):
     synthesis_command.main()
     loaded = [load(sample) for sample in samples_in(tmp_path)]
     assert [rgb.shape for rgb, _ in loaded] == [(64, 96, 3)] * 2
-    assert stack(train_mixture.from_folder(tmp_path), (32, 64)).images.shape == (2, 3, 32, 64)
+    assert stack(mixture.from_folder(tmp_path), (32, 64)).images.shape == (2, 3, 32, 64)
 
 
 def test_the_commands_train_measure_and_continue(tmp_path, capsys):
@@ -110,15 +110,15 @@ def test_the_commands_train_measure_and_continue(tmp_path, capsys):
     out, folder = str(tmp_path / "runs.json"), str(tmp_path / "set")
     common = ["--minutes-per-run", "0.003", "--width", "64", "--height", "32", "--test", folder, "--out", out]
     command = ["compare", f"a={folder}", f"b={folder}", *common]
-    assert train_mixture.main(command) == 0
+    assert mixture.main(command) == 0
     first = json.loads((tmp_path / "runs.json").read_text())["runs"]
     assert set(first) == {"a_run0", "b_run0"}
     assert set(first["a_run0"]["dice"]) == {"all", "c0", "c1"}
     assert first["a_run0"]["pictures"] > 0
-    assert train_mixture.main(command) == 0
+    assert mixture.main(command) == 0
     assert json.loads((tmp_path / "runs.json").read_text())["runs"] == first
     capsys.readouterr()
-    assert train_mixture.main(["factorial", "--real", folder, "--scale", "0.01", *common]) == 1
+    assert mixture.main(["factorial", "--real", folder, "--scale", "0.01", *common]) == 1
     assert "4 pictures, --scale 0.01 needs 20" in capsys.readouterr().out
 
 
@@ -126,12 +126,12 @@ def test_networks_are_compared_on_the_same_pictures(tmp_path, capsys):
     out = str(tmp_path / "runs.json")
     common = ["--minutes-per-run", "0.001", "--width", "64", "--height", "32", "--batch", "2", "--out", out]
     names = ["compact", "deeplab_resnet50/8"]
-    assert train_mixture.main(["networks", *names, "--count", "3", "--test", str(one_picture(tmp_path)), *common]) == 0
+    assert mixture.main(["networks", *names, "--count", "3", "--test", str(one_picture(tmp_path)), *common]) == 0
     runs = json.loads((tmp_path / "runs.json").read_text())["runs"]
     assert set(runs) == {"compact_run0", "deeplab_resnet50/8_run0"}
     assert runs["compact_run0"]["parameters"] == sum(p.numel() for p in build("compact").parameters())
     assert "deeplab_resnet50/8_run0" in capsys.readouterr().out
-    assert train_mixture.main(["networks", "nobody", "--count", "3", *common, "--out", out + "2"]) == 1
+    assert mixture.main(["networks", "nobody", "--count", "3", *common, "--out", out + "2"]) == 1
     assert "unknown network 'nobody'" in capsys.readouterr().out
 
 

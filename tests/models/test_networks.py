@@ -6,16 +6,23 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from models import export as exporting
-from models.export import Card, export
-from models.inference import manifest
-from models.segmentation.network_convnext import ConvNeXt
-from models.segmentation.network_deeplab import DeepLab, Encoder
-from models.segmentation.network_resnet import ResNet
-from models.segmentation.network_swin import Swin, WindowAttention, _turned, from_windows, relative_index, to_windows
-from models.segmentation.train import Training, TrainParams
-from models.segmentation.train_export import SIZES, dynamic_sides
-from models.segmentation.train_networks import NETWORKS, build
+from models.training import export as exporting
+from models.training.export import Card, export
+from models.training.foreground.export import SIZES, dynamic_sides
+from models.training.foreground.network_convnext import ConvNeXt
+from models.training.foreground.network_deeplab import DeepLab, Encoder
+from models.training.foreground.network_resnet import ResNet
+from models.training.foreground.network_swin import (
+    Swin,
+    WindowAttention,
+    _turned,
+    from_windows,
+    relative_index,
+    to_windows,
+)
+from models.training.foreground.networks import NETWORKS, build
+from models.training.foreground.train import Training, TrainParams
+from models.weights.inference import manifest
 
 PUBLISHED_MILLIONS = {  # without classifier
     "deeplab_resnet50": 23.5,

@@ -56,8 +56,8 @@ def test_class_is_a_degree():
 
 def test_shipped_network_beats_the_main_axis_on_patches_it_never_saw():
     pytest.importorskip("onnxruntime")
-    from models.inference import Runtime, load
-    from models.instances.rt_dlo.train_patches import make_patches
+    from models.training.instances.rt_dlo_patches import make_patches
+    from models.weights.inference import Runtime, load
 
     network = load("rt_dlo_orientation", Runtime(threads=1))
     patches, angles = make_patches(1500, np.random.default_rng(99))
@@ -71,7 +71,7 @@ def test_shipped_network_beats_the_main_axis_on_patches_it_never_saw():
 
 def test_training_labels_are_gaussian_and_periodic():
     pytest.importorskip("torch")
-    from models.instances.rt_dlo.train_orientation import encode_angles
+    from models.training.instances.rt_dlo_orientation import encode_angles
 
     targets = encode_angles(np.deg2rad([1.0, 90.0]), 4.0).numpy()
     assert targets.shape == (2, CLASSES)
@@ -81,7 +81,7 @@ def test_training_labels_are_gaussian_and_periodic():
 
 def test_network_answers_one_patch_as_in_a_batch():
     torch = pytest.importorskip("torch")
-    from models.instances.rt_dlo.network_orientation import OrientationNetwork
+    from models.training.instances.rt_dlo_network_orientation import OrientationNetwork
 
     network = OrientationNetwork().eval()
     patches = torch.rand(5, PATCH_SIZE, PATCH_SIZE, generator=torch.Generator().manual_seed(0))
@@ -95,7 +95,7 @@ def test_network_answers_one_patch_as_in_a_batch():
 def test_training_is_repeatable_and_resumes(tmp_path):
     """A stopped training that goes on ends in the very network of one that was never stopped."""
     torch = pytest.importorskip("torch")
-    from models.instances.rt_dlo import train_orientation as training
+    from models.training.instances import rt_dlo_orientation as training
 
     config = training.TrainConfig(epochs=2, patches_per_epoch=300, batch=64)
     whole = training.train(config, tmp_path / "whole.pt").state_dict()

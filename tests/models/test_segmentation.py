@@ -10,14 +10,14 @@ import onnxruntime
 import pytest
 import torch
 
-from models.inference import WEIGHTS, load, manifest
-from models.segmentation.network_compact import CompactNetwork, foreground_loss
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
-from models.segmentation.train import Training, TrainParams, learning_rate, validate
-from models.segmentation.train_initial import unfold
-from models.segmentation.train_int8 import compare, quantize
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import TexturePool, load_pool
+from models.training.foreground.initial import unfold
+from models.training.foreground.int8 import compare, quantize
+from models.training.foreground.network_compact import CompactNetwork, foreground_loss
+from models.training.foreground.train import Training, TrainParams, learning_rate, validate
+from models.weights.inference import WEIGHTS, load, manifest
 
 SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5, 0.8, 4.0)
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 import torch
 
-from models.inference import Network
+from models.synthesis.harness import HarnessParams, make_harness
+from models.synthesis.harness_masks import PLAIN, MaskParams, draw_mask
 from models.topology import order
+from models.topology.classifiers import Judges
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH
 from models.topology.extraction import extract
 from models.topology.graph import initialize
-from models.topology.judges import Judges
-from models.topology.network_topology import MessageLayer, TopologyNetwork
 from models.topology.scene import Topology
-from models.topology.train_graphs import draw_scene, true_graph
-from models.topology.train_harness import HarnessParams, make_harness
-from models.topology.train_masks import PLAIN, MaskParams, draw_mask
+from models.training.topology.graphs import draw_scene, true_graph
+from models.training.topology.network_topology import MessageLayer, TopologyNetwork
+from models.weights.inference import Network
 from tests.benchmarks.topology_scoring import Tally, link_dice, points_of
 from tests.models.drawn_masks import circle, colored, drawn, loop
 from tests.models.harnesses import shipped

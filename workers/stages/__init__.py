@@ -23,8 +23,8 @@ from dlo_client.contracts import (
     TopologyRequest,
 )
 
-from models import inference
-from models.inference import NetworkSpec, Runtime
+from models.weights import inference
+from models.weights.inference import NetworkSpec, Runtime
 from workers.blobs import FolderBlobs
 from workers.settings import Settings
 from workers.stages import (

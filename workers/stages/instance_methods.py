@@ -10,10 +10,10 @@ from dlo_client.contracts import AriadnePlusParams, FastDloParams, InstanceMetho
 from dlo_client.contracts.methods import MethodParams
 from numpy.typing import NDArray
 
-from models.inference import Network, default_name
 from models.instances import section_matching
 from models.instances.published import ariadne_plus, fastdlo, rt_dlo
 from models.instances.scene import Scene
+from models.weights.inference import Network, default_name
 from workers.stages.outcome import Tools
 
 Extract = Callable[[NDArray[np.bool_], NDArray[np.uint8] | None], Scene]

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 from dlo_client.contracts import Contract, NetworkInfo
 
-from models import inference
-from models.inference import Network, Runtime
+from models.weights import inference
+from models.weights.inference import Network, Runtime
 from workers.blobs import FolderBlobs
 
 
@@ -31,7 +31,7 @@ class Tools:
     loaded: dict[str, Network] = field(default_factory=dict)
 
     def network(self, name: str) -> Network:
-        """Loaded once, then kept; raises models.inference.UnknownNetworkError."""
+        """Loaded once, then kept; raises models.weights.inference.UnknownNetworkError."""
         if name not in self.loaded:
             self.loaded[name] = inference.load(name, self.runtime)
         return self.loaded[name]

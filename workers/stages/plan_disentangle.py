@@ -16,11 +16,12 @@ from dlo_client.contracts import (
 )
 from numpy.typing import NDArray
 
+from models.disentangling.overlay import draw_action
+from models.disentangling.plan import Action, Base, DisentangleParams, Grasp, assign_arms, plan
 from models.geometry.polylines import arc_lengths
-from models.inference import Network, default_name
 from models.topology import scene as found
-from models.topology.disentangling import Action, Base, DisentangleParams, Grasp, assign_arms, plan
-from models.topology.drawing import draw_action, overlay
+from models.topology.overlay import overlay
+from models.weights.inference import Network, default_name
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
 from workers.stages.pictures import png, read_rgb
 from workers.stages.segment import model_used

@@ -6,8 +6,8 @@ import numpy as np
 from dlo_client.contracts import ModelUsed, SegmentRequest, SegmentResult
 from numpy.typing import NDArray
 
-from models.inference import NetworkSpec, default_name, manifest
 from models.segmentation.segment import ForegroundInput, segment
+from models.weights.inference import NetworkSpec, default_name, manifest
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
 from workers.stages.pictures import png, read_rgb
 

@@ -11,11 +11,11 @@ from dlo_client.contracts.manipulation import DloObject, PlanWarning
 from numpy.typing import NDArray
 
 from models.geometry.polylines import arc_lengths, crossing_segments
-from models.inference import default_name
 from models.manipulation.dynamics import Dynamics
 from models.manipulation.parameters import History
 from models.manipulation.resampling import node_edge_of, to_nodes
 from models.manipulation.simulator import LENGTH_M, MASS_KG
+from models.weights.inference import default_name
 from workers.stages.outcome import Tools
 from workers.stages.segment import model_used
 

@@ -22,14 +22,14 @@ from dlo_client.contracts import (
 )
 from numpy.typing import NDArray
 
-from models.inference import Network, default_name
 from models.segmentation.segment import foreground_mask
 from models.topology import scene as found
-from models.topology.drawing import overlay
+from models.topology.classifiers import JUDGES, Judges
 from models.topology.extraction import extract
-from models.topology.judges import JUDGES, Judges
-from models.topology.matching import Drawn, Match, match_drawing
+from models.topology.harness_drawing import Drawn, Match, match_drawing
 from models.topology.order import Surface, depth_map, points
+from models.topology.overlay import overlay
+from models.weights.inference import Network, default_name
 from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
 from workers.stages.pictures import png, read_depth_m, read_mask, read_rgb
 from workers.stages.segment import foreground, mask_png, model_used

