@@ -8,8 +8,10 @@ PORT ?= 8000
 WORKERS ?= 1
 DATA ?= data
 SHARED ?= ../shared
+# Processes that run tests, each with a queue server of its own.
+JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
-.PHONY: run serve dev test lint bench lock clean
+.PHONY: run serve dev test quick lint docs bench lock clean
 
 ## Start everything, find the cables of IMAGE through HTTP, print them, stop.
 run: $(BIN)/.service
@@ -23,14 +25,21 @@ serve: $(BIN)/.service
 ## The tools for tests and training.
 dev: $(BIN)/.dev
 
-## Everything that CI runs.
+# Threads within a process would only take the processor from the other processes.
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS)
+
+## Everything that CI runs. The summary at its end names what was skipped and why.
 test: lint
-	$(BIN)/python -m pytest
+	$(PYTEST) --dist worksteal --cov --cov-report=html:build/coverage/html --cov-report=
+
+## Lint, types and the unit tests: what to run while working.
+quick: lint
+	$(PYTEST) --dist worksteal -m "not system and not slow"
 
 lint: $(BIN)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers $(JOBS)
 	$(BIN)/lint-imports
 	$(BIN)/hadolint Dockerfile
 

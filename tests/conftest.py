@@ -1,4 +1,4 @@
-"""A real queue server for the whole run, and real workers on request."""
+"""A real queue server for each process that runs tests, and real workers on request."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from workers.embedded import EmbeddedQueue
 from workers.queue import JobQueue
 from workers.settings import Settings
 
+pytest_plugins = ["tests.needed"]
+
 
 @pytest.fixture(scope="session")
 def valkey_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Of an embedded queue server that all tests share."""
+    """Of an embedded queue server that all tests of this process share."""
     with EmbeddedQueue(tmp_path_factory.mktemp("queue")) as server:
         yield server.url
 

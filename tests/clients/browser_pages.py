@@ -24,6 +24,7 @@ FLAGS = [
 ]
 NEEDS_BROWSER = [
     pytest.mark.system,
+    pytest.mark.browser,
     pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
 ]
 
