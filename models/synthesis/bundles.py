@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.synthesis.curves import FloatArray, coil, parallel_curve, random_curve
+from models.synthesis.curves import FloatArray, axes, coil, parallel_curve, random_curve
 from models.synthesis.ribbons import STEP_PX
 
 Rng = np.random.Generator
 Course = tuple[FloatArray, float]
 """A curve (m, 3) and its width in px."""
+
+
+Arrangement = Callable[[Rng, tuple[int, int], Callable[[], float], int], "Layout"]
+"""From the picture's (height, width), a source of widths and about how many cables."""
 
 
 @dataclass(frozen=True)
@@ -25,14 +29,55 @@ class Layout:
     ties: tuple[tuple[FloatArray, float, float], ...] = ()
 
 
-def random_layout(rng: Rng, size: tuple[int, int], width_share: tuple[float, float], max_cables: int) -> Layout:
-    """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's."""
+def fan(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: int) -> Layout:
+    """Two to ``count`` + 3 nearly straight strands about one axis with one common bow: side by side, or meeting
+    and crossing at small angles; some end in the picture."""
+    thick, number = width(), int(rng.integers(2, count + 4))
+    along, across = axes(rng.uniform(-np.pi, np.pi))
+    middle = rng.uniform(np.array(size[::-1]) * 0.15, np.array(size[::-1]) * 0.85)
+    reach = 0.8 * float(np.hypot(*size))
+    starts, stops = (np.sort(rng.uniform(-1, 1, number)) * thick * number * rng.uniform(0.5, 3.0) for _ in range(2))
+    if rng.random() < 0.4:
+        rng.shuffle(stops)
+    bow, t = rng.normal(0, 0.1) * reach, np.linspace(-1, 1, int(2 * reach / STEP_PX))
+    courses: list[Course] = []
+    for start, stop in zip(starts, stops, strict=True):
+        wave = 0.3 * thick * np.sin(rng.uniform(1, 4) * t + rng.uniform(0, 6))
+        offset = (start + (stop - start) * (t + 1) / 2) + bow * (1 - t**2) + wave
+        height = np.full(len(t), rng.uniform(0, 1))
+        curve = np.column_stack([middle + t[:, None] * reach * along + offset[:, None] * across, height])
+        first = int(rng.uniform(0.2, 0.6) * len(t)) if rng.random() < 0.2 else 0
+        courses.append((curve[first:].astype(np.float32), float(thick * np.exp(rng.normal(0, 0.05)))))
+    return Layout(tuple(courses))
+
+
+def ribbon_cable(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: int) -> Layout:
+    """A flat cable: three to sixteen equal strands side by side without a gap, and a few others."""
+    number = int(rng.integers(3, 17))
+    thick = min(width() * 0.5, 0.35 * size[1] / number)
+    middle = random_curve(rng, size, thick * number)
+    gaps = thick * (np.arange(number) - (number - 1) / 2)
+    flat = [(parallel_curve(rng, middle, gap, stray=0.0), thick) for gap in gaps]
+    return Layout((*flat, *loose(rng, size, width, min(count, 2)).courses))
+
+
+def random_layout(
+    rng: Rng,
+    size: tuple[int, int],
+    width_share: tuple[float, float],
+    max_cables: int,
+    arranged: Arrangement | None = None,
+) -> Layout:
+    """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's; ``arranged``
+    as asked for, else loose, as a harness or coiled."""
     low, high = np.log(width_share)
     typical = float(np.exp(rng.uniform(low, high)))
 
     def width() -> float:
         return float(np.clip(typical * np.exp(rng.normal(0.0, 0.25)), *width_share) * size[1])
 
+    if arranged is not None:
+        return arranged(rng, size, width, int(rng.integers(1, max_cables + 1)))
     arrange = (loose, harness, coiled)[rng.choice(3, p=[0.80, 0.14, 0.06])] if max_cables >= 3 else loose
     return arrange(rng, size, width, int(rng.integers(1, max_cables + 1)))
 

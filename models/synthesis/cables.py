@@ -76,14 +76,14 @@ def _shadow_on_ground(canvas: Canvas, strands: Sequence[tuple[Strand, Tensor]], 
     half = max(float(s.half.mean()) for s, _ in strands)
     if light.contact >= 0.04:
         near = [replace(s, half=s.half * 1.25) for s, _ in strands]
-        canvas.darken(_cover(canvas, near, round(0.35 * half)), light.contact)
+        canvas.darken(soft_cover(canvas, near, round(0.35 * half)), light.contact)
     if light.shadow >= 0.04:
         toward = torch.tensor(light.direction[:2], device=canvas.rgb.device)
         cast = [replace(s, xy=s.xy - toward * (s.half * (0.6 + _LIFT * z))[:, None]) for s, z in strands]
-        canvas.darken(_cover(canvas, cast, light.softness + round(0.3 * half)), light.shadow)
+        canvas.darken(soft_cover(canvas, cast, light.softness + round(0.3 * half)), light.shadow)
 
 
-def _cover(canvas: Canvas, strands: Sequence[Strand], softness_px: int) -> Tensor:
+def soft_cover(canvas: Canvas, strands: Sequence[Strand], softness_px: int) -> Tensor:
     """(H, W) blurred union of strands, 0 to 1."""
     size = (canvas.height + 1) // 2, (canvas.width + 1) // 2
     cover = torch.zeros(size[0] * size[1], device=canvas.rgb.device)

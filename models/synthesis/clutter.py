@@ -14,6 +14,7 @@ import numpy as np
 from models.synthesis.boards import board
 from models.synthesis.canvas import Canvas
 from models.synthesis.looks import random_gray
+from models.synthesis.lookalikes import LOOKALIKES, dark_boxes
 from models.synthesis.paint import mosaic, mural, splatter
 from models.synthesis.panels import din_rail, duct, grid, keyboard, label, panel, perforated, rails, terminal_blocks
 from models.synthesis.surfaces import bars_of_shadow, folds, glare, seams, tiles, wood_grain
@@ -21,7 +22,7 @@ from models.synthesis.tools import pliers, rods, screwdriver, wrench
 
 Rng = np.random.Generator
 Painter = Callable[[Canvas, Rng], None]
-Style = Literal["mixed", "plain", "busy", "industrial"]
+Style = Literal["mixed", "plain", "busy", "industrial", "workshop"]
 
 # What is taken for a cable most often comes most often: joints, rods, thrown paint.
 PAINTERS: tuple[Painter, ...] = (
@@ -34,6 +35,8 @@ PAINTERS: tuple[Painter, ...] = (
 )
 _INDUSTRIAL: tuple[Painter, ...] = (rails, din_rail, duct, panel, panel, terminal_blocks, label, rods)
 
+_WORKSHOP: tuple[Painter, ...] = (*PAINTERS, *LOOKALIKES, *LOOKALIKES, dark_boxes, dark_boxes)
+
 
 def paint_clutter(canvas: Canvas, rng: Rng, style: Style) -> None:
     """What stands in the background: nothing, thrown paint, machine parts, or up to four of anything."""
@@ -45,6 +48,9 @@ def paint_clutter(canvas: Canvas, rng: Rng, style: Style) -> None:
         case "industrial":
             for painter in _INDUSTRIAL:
                 painter(canvas, rng)
+        case "workshop":
+            for _ in range(rng.choice([0, 1, 2, 3, 4], p=[0.15, 0.25, 0.25, 0.2, 0.15])):
+                _WORKSHOP[rng.integers(len(_WORKSHOP))](canvas, rng)
         case "mixed":
             for _ in range(rng.choice([0, 1, 2, 3, 4], p=[0.12, 0.26, 0.28, 0.2, 0.14])):
                 PAINTERS[rng.integers(len(PAINTERS))](canvas, rng)

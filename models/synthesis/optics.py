@@ -14,7 +14,7 @@ def photograph(rgb: Tensor, rng: Rng) -> Tensor:
     """(3, H, W) scene to (3, H, W) picture 0 to 1; geometry does not move, so labels stay valid."""
     rgb = _falloff(rgb, rng)
     if rng.random() < 0.35:
-        rgb = _defocus(rgb, rng.uniform(0.3, 1.3))
+        rgb = defocus(rgb, rng.uniform(0.3, 1.3))
     if rng.random() < 0.12:
         rgb = _motion(rgb, rng.uniform(-np.pi, np.pi), rng.uniform(1.0, 4.0))
     rgb = _expose(rgb, rng)
@@ -64,8 +64,9 @@ def _falloff(rgb: Tensor, rng: Rng) -> Tensor:
     return rgb * field.clamp(min=0.1)
 
 
-def _defocus(rgb: Tensor, sigma: float) -> Tensor:
-    radius = int(np.ceil(2.5 * sigma))
+def defocus(rgb: Tensor, sigma: float) -> Tensor:
+    """(3, H, W) blurred by a Gaussian of ``sigma`` px."""
+    radius = min(int(np.ceil(2.5 * sigma)), min(rgb.shape[1:]) - 1)
     x = torch.arange(-radius, radius + 1, device=rgb.device, dtype=torch.float32)
     kernel = torch.exp(-0.5 * (x / sigma) ** 2)
     kernel = (kernel / kernel.sum()).expand(3, 1, 1, -1)

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from models.synthesis import truth
-from models.synthesis.bundles import Course, Layout, cut_through, random_layout, wired
+from models.synthesis.bundles import Arrangement, Course, Layout, cut_through, fan, random_layout, ribbon_cable, wired
 from models.synthesis.cables import Cable, paint_cables
 from models.synthesis.canvas import Canvas
 from models.synthesis.clutter import Style, occluder, paint_clutter
 from models.synthesis.curves import FloatArray
+from models.synthesis.depth_of_field import blur_layer, blur_room, without_shadows
 from models.synthesis.ends import terminal, tie
 from models.synthesis.looks import Color, Look, random_color, random_light, random_look
 from models.synthesis.optics import photograph
@@ -27,7 +28,11 @@ from models.synthesis.textures import TexturePool
 class SceneParams:
     """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's width (6 to
     60 px at 640); ``max_cables``; ``empty_share`` pictures without any; ``clutter`` how often there is some, and
-    of which ``style``; ``cut_share`` cables whose ends face each other over a gap."""
+    of which ``style``; ``cut_share`` cables whose ends face each other over a gap.
+
+    Shares of pictures: ``air_share`` with the cables in the air before a room out of focus, ``fan_share`` with nearly
+    straight strands side by side, ``ribbon_share`` with a flat cable, ``alike_share`` whose cables have the ground's
+    own tone."""
 
     size: tuple[int, int] = (192, 320)
     width_share: tuple[float, float] = (0.008, 0.095)
@@ -36,6 +41,10 @@ class SceneParams:
     clutter: float = 0.8
     style: Style = "mixed"
     cut_share: float = 0.0
+    air_share: float = 0.0
+    fan_share: float = 0.0
+    ribbon_share: float = 0.0
+    alike_share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -62,9 +71,15 @@ def render_scene(
     canvas = Canvas(pool.sample(rng, params.size, device).contiguous())
     if rng.random() < params.clutter:
         paint_clutter(canvas, rng, params.style)
+    in_air = _happens(rng, params.air_share)
+    if in_air:
+        blur_room(canvas, rng)
     layout = _layout(canvas, rng, params)
-    cables = random_cables(rng, layout, canvas.rgb)
-    plan = paint_cables(canvas, cables, random_light(rng), rng)
+    cables = random_cables(rng, layout, canvas.rgb, alike=_happens(rng, params.alike_share))
+    light = random_light(rng)
+    plan = paint_cables(canvas, cables, without_shadows(light) if in_air else light, rng)
+    if in_air and rng.random() < 0.2:
+        blur_layer(canvas, rng)
     for cable, course in zip(cables, layout.courses, strict=True):
         _finish_ends(canvas, rng, cable, course)
     for at, heading, half in layout.ties:
@@ -80,10 +95,11 @@ def to_uint8(rgb: Tensor) -> NDArray[np.uint8]:
     return np.asarray((rgb.clamp(0, 1) * 255).round().byte().permute(1, 2, 0).cpu().numpy())
 
 
-def random_cables(rng: np.random.Generator, layout: Layout, ground: Tensor) -> list[Cable]:
-    """Looks for the courses of a layout over ``ground`` (3, H, W), some of whose colors they take."""
+def random_cables(rng: np.random.Generator, layout: Layout, ground: Tensor, *, alike: bool = False) -> list[Cable]:
+    """Looks for the courses of a layout over ``ground`` (3, H, W), some (or, ``alike``, all) of whose colors they
+    take."""
     # Colors are often the background's own: contrast is not what makes a cable.
-    colors = _colors(rng, len(layout.courses), ground)
+    colors = (_ground_colors if alike else _colors)(rng, len(layout.courses), ground)
     looks = [random_look(rng, c, width) for c, (_, width) in zip(colors, layout.courses, strict=True)]
     if layout.trunk is not None:
         looks[layout.trunk] = _wrapping(rng, looks[layout.trunk])
@@ -110,7 +126,12 @@ def _layout(canvas: Canvas, rng: np.random.Generator, params: SceneParams) -> La
         return Layout(())
     if rng.random() < 0.1 * params.clutter:
         return _out_of_terminals(canvas, rng, params)
-    layout = random_layout(rng, params.size, params.width_share, params.max_cables)
+    arranged: Arrangement | None = None
+    if _happens(rng, params.fan_share):
+        arranged = fan
+    elif _happens(rng, params.ribbon_share):
+        arranged = ribbon_cable
+    layout = random_layout(rng, params.size, params.width_share, params.max_cables, arranged)
     return cut_through(rng, layout, params.cut_share) if params.cut_share else layout
 
 
@@ -131,13 +152,24 @@ def _colors(rng: np.random.Generator, n: int, ground: Tensor) -> list[Color]:
     colors = []
     for _ in range(n):
         color = identical or random_color(rng)
-        if rng.random() < 0.18:
-            y, x = rng.integers(ground.shape[1]), rng.integers(ground.shape[2])
-            seen = ground[:, y, x].cpu().numpy()
-            red, green, blue = np.clip(seen + rng.normal(0, 0.04, 3), 0, 1).tolist()
-            color = (red, green, blue)
-        colors.append(color)
+        colors.append(_ground_colors(rng, 1, ground)[0] if rng.random() < 0.18 else color)
     return colors
+
+
+def _ground_colors(rng: np.random.Generator, n: int, ground: Tensor) -> list[Color]:
+    """Colors of random pixels of the ground, a little off."""
+    colors: list[Color] = []
+    for _ in range(n):
+        y, x = rng.integers(ground.shape[1]), rng.integers(ground.shape[2])
+        seen = ground[:, y, x].cpu().numpy()
+        red, green, blue = np.clip(seen + rng.normal(0, 0.04, 3), 0, 1).tolist()
+        colors.append((red, green, blue))
+    return colors
+
+
+def _happens(rng: np.random.Generator, share: float) -> bool:
+    """Draws nothing where the share is 0: scenes without the new kinds stay the same, byte for byte."""
+    return share > 0 and rng.random() < share
 
 
 def _wrapping(rng: np.random.Generator, look: Look) -> Look:

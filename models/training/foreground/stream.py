@@ -23,9 +23,12 @@ _REST_S = 0.05
 
 
 class SceneStream:
-    """``slots`` scenes in shared memory; ``renderers`` processes replace the oldest one after another."""
+    """``slots`` scenes in shared memory; ``renderers`` processes replace the oldest one after another, one new
+    scene for every ``reuse`` that were drawn."""
 
-    def __init__(self, params: SceneParams, pool: TexturePool, *, seed: int, slots: int, renderers: int) -> None:
+    def __init__(
+        self, params: SceneParams, pool: TexturePool, *, seed: int, slots: int, renderers: int, reuse: int = 1
+    ) -> None:
         height, width = params.size
         self.images = torch.zeros((slots, 3, height, width), dtype=torch.uint8).share_memory_()
         self.masks = torch.zeros((slots, height, width), dtype=torch.uint8).share_memory_()
@@ -35,7 +38,7 @@ class SceneStream:
         self._processes = [
             context.Process(
                 target=_render_forever,
-                args=(params, pool, seed, self.images, self.masks, self.rendered, self._drawn),
+                args=(params, pool, seed, self.images, self.masks, self.rendered, self._drawn, reuse),
                 daemon=True,
             )
             for _ in range(renderers)
@@ -49,15 +52,19 @@ class SceneStream:
 
     def batch(self, rng: np.random.Generator, size: int) -> tuple[Tensor, Tensor]:
         """(size, 3, H, W) uint8 pictures and (size, H, W) uint8 masks, flipped and recolored at random."""
-        picks = torch.as_tensor(rng.integers(self.filled(), size=size))
-        self._drawn.value += size
-        images, masks = self.images[picks], self.masks[picks]
+        images, masks = self.draw(rng, size)
         for k in range(size):
             axes = [axis for axis in (1, 2) if rng.random() < 0.5]
             image = images[k].flip(axes) if axes else images[k]
             images[k] = image[torch.as_tensor(rng.permutation(3))] if rng.random() < 0.4 else image
             masks[k] = masks[k].flip([a - 1 for a in axes]) if axes else masks[k]
         return images, masks
+
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Tensor, Tensor]:
+        """(size, 3, H, W) uint8 pictures and (size, H, W) uint8 masks as they were rendered."""
+        picks = torch.as_tensor(rng.integers(self.filled(), size=size))
+        self._drawn.value += size
+        return self.images[picks], self.masks[picks]
 
     def close(self) -> None:
         for process in self._processes:
@@ -72,11 +79,12 @@ def _render_forever(
     masks: Tensor,
     rendered: Synchronized[int],
     drawn: Synchronized[int],
+    reuse: int,
 ) -> None:
     torch.set_num_threads(1)
     parent = os.getppid()
     while os.getppid() == parent:  # an orphan would render for ever
-        if rendered.value >= len(images) + drawn.value:
+        if rendered.value >= len(images) + drawn.value // reuse:
             time.sleep(_REST_S)
             continue
         with rendered.get_lock():
