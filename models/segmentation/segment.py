@@ -8,11 +8,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array
 
 _ABOVE_ZERO = 1e-6
 
-Network = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+Network = Callable[[Float32Array], Float32Array]
 
 
 @dataclass(frozen=True)
@@ -37,46 +38,56 @@ class ForegroundInput:
         return cls(**values)
 
 
-def segment(image: NDArray[np.uint8], network: Network, settings: ForegroundInput) -> NDArray[np.float32]:
-    """``image`` (H, W, 3) RGB to (H, W) probability of cable.
+def segment(image: ByteArray, network: Network, settings: ForegroundInput) -> Float32Array:
+    """``image`` (H, W, 3) RGB to (H, W) probability of cable, in one pass at :func:`network_scale`."""
+    scale = network_scale(image.shape[:2], settings)
+    return enlarged(probability_at(image, network, settings, scale), image.shape[:2])
 
-    The rule for every size: a picture longer than ``long_side`` is reduced to it (area average), a smaller
-    one is left as it is; a strip keeps at least ``multiple`` pixels across, as long as that is no more than
-    32 × ``long_side`` along. The sides are then filled up to a multiple by repeating the last row and column.
-    The way back is the exact inverse: cut, then enlarge with pixel centers at ``(k + 0.5) s - 0.5``.
+
+def network_scale(size: tuple[int, ...], settings: ForegroundInput) -> float:
+    """The rule for every ``size`` (H, W): a picture longer than ``long_side`` is reduced to it, a smaller one is
+    left as it is; a strip keeps at least ``multiple`` pixels across, as long as that is no more than 32 × ``long_side``
+    along."""
+    fit = settings.long_side / max(size)
+    return min(1.0, max(fit, min(settings.multiple / min(size), 32 * fit)))
+
+
+def probability_at(image: ByteArray, network: Network, settings: ForegroundInput, scale: float) -> Float32Array:
+    """What the network sees in ``image`` (H, W, 3) resized by ``scale``: probability (round(scale H), round(scale W)).
+
+    Reduced by the average over areas, enlarged linearly; then filled up to the multiple by repeating the last row
+    and column, which are cut off again.
     """
     height, width = image.shape[:2]
-    scale = _scale(height, width, settings)
     inner = max(round(width * scale), 1), max(round(height * scale), 1)
-    small: NDArray[Any] = cv2.resize(image, inner, interpolation=cv2.INTER_AREA) if scale < 1 else image
+    if inner != (width, height):
+        way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+        image = np.asarray(cv2.resize(image, inner, interpolation=way), np.uint8)
     right, bottom = (-side % settings.multiple for side in inner)
-    padded = cv2.copyMakeBorder(small, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
+    padded = cv2.copyMakeBorder(image, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
     mean, std = (np.array(v, np.float32) * 255.0 for v in (settings.mean, settings.std))
     planes = ((padded.astype(np.float32) - mean) / std).transpose(2, 0, 1)[None]
     logits = network(np.ascontiguousarray(planes))[0, 0, : inner[1], : inner[0]]
-    probability = np.asarray(1.0 / (1.0 + np.exp(-logits)), np.float32)
-    if scale == 1:
+    return np.asarray(1.0 / (1.0 + np.exp(-logits)), np.float32)
+
+
+def enlarged(probability: Float32Array, size: tuple[int, int]) -> Float32Array:
+    """(h, w) to ``size`` (H, W), linearly, pixel centers at ``(k + 0.5) s - 0.5``."""
+    if probability.shape == size:
         return probability
-    return np.asarray(cv2.resize(probability, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+    return np.asarray(cv2.resize(probability, size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def foreground_mask(
-    probability: NDArray[np.float32], settings: ForegroundInput, threshold: float | None = None
-) -> NDArray[np.bool_]:
+def foreground_mask(probability: Float32Array, settings: ForegroundInput, threshold: float | None = None) -> BoolArray:
     """(H, W) bool. At the network's own threshold patches that are small or not certain are left out: a cable is
-    certain along most of its length, a tool's edge is not. A ``threshold`` asked for is taken to the letter."""
+    certain along most of its length, a tool's edge is not. A ``threshold`` asked for is applied as it is."""
     if threshold is not None:
         return np.asarray(probability >= max(threshold, _ABOVE_ZERO))
     mask = probability >= settings.threshold
     count, patches = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     sizes = np.bincount(patches.ravel(), minlength=count)
     sums = np.bincount(patches.ravel(), probability.ravel(), minlength=count)
-    least = settings.least_area / _scale(mask.shape[0], mask.shape[1], settings) ** 2
+    least = settings.least_area / network_scale(mask.shape, settings) ** 2
     kept = (sums >= settings.certainty * sizes) & (sizes >= least)
     kept[0] = False
     return np.asarray(kept[patches])
-
-
-def _scale(height: int, width: int, settings: ForegroundInput) -> float:
-    fit = settings.long_side / max(height, width)
-    return min(1.0, max(fit, min(settings.multiple / min(height, width), 32 * fit)))

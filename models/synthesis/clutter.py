@@ -13,8 +13,8 @@ import numpy as np
 
 from models.synthesis.boards import board
 from models.synthesis.canvas import Canvas
-from models.synthesis.looks import random_gray
 from models.synthesis.lookalikes import LOOKALIKES, dark_boxes
+from models.synthesis.looks import random_gray
 from models.synthesis.paint import mosaic, mural, splatter
 from models.synthesis.panels import din_rail, duct, grid, keyboard, label, panel, perforated, rails, terminal_blocks
 from models.synthesis.surfaces import bars_of_shadow, folds, glare, seams, tiles, wood_grain

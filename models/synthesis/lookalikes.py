@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from models.synthesis.cables import paint_thing, soft_cover
 from models.synthesis.canvas import Canvas
-from models.synthesis.curves import FloatArray, axes, interpolate, random_curve
+from models.synthesis.curves import axes, interpolate, random_curve
 from models.synthesis.looks import Look, flat_look, random_color, random_gray, random_light, random_look
 from models.synthesis.ribbons import STEP_PX, strand
 
@@ -131,7 +132,9 @@ def stray_shadow(canvas: Canvas, rng: Rng) -> None:
 LOOKALIKES = (spring, arrow, ruled_mat, grille, drag_chain, handle, table_edge, stray_shadow)
 
 
-def _tube(canvas: Canvas, rng: Rng, points: FloatArray, half: float, color: tuple[float, float, float]) -> None:
+def _tube(
+    canvas: Canvas, rng: Rng, points: NDArray[np.floating], half: float, color: tuple[float, float, float]
+) -> None:
     """A smooth round bar through ``points`` (n, 2), ``half`` px thick on either side."""
     flat = np.concatenate([points, np.zeros((len(points), 1))], 1).astype(np.float32)
     curve = interpolate(flat, STEP_PX)

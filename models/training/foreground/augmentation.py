@@ -24,9 +24,11 @@ class Cut:
     turn_rad: float
 
 
-def cut_out(image: ByteArray, labels: ByteArray, cut: Cut, rng: Rng, at: FloatArray | None = None) -> tuple[ByteArray, ByteArray]:
-    """(h, w, 3) and (h, w) of the cut around ``at`` (x, y), or anywhere. Beyond the border the picture is mirrored
-    and its labels are unknown, unless the mirror image of a label is as good as the label itself."""
+def cut_out(
+    image: ByteArray, labels: ByteArray, cut: Cut, rng: Rng, at: FloatArray | None = None
+) -> tuple[ByteArray, ByteArray]:
+    """(h, w, 3) and (h, w) of the cut around ``at`` (x, y), or anywhere. Beyond the border picture and labels are
+    mirrored."""
     height, width = cut.size
     scale = float(np.exp(rng.uniform(*np.log(cut.scale))))
     angle = float(rng.normal(0.0, cut.turn_rad))
@@ -40,30 +42,26 @@ def cut_out(image: ByteArray, labels: ByteArray, cut: Cut, rng: Rng, at: FloatAr
     linear = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     linear = np.where(flip, -1.0, 1.0)[:, None] * linear
     matrix = np.column_stack([linear, np.array([width, height]) / 2 - linear @ center])
+    planes = [image, *(np.where(labels == value, 255, 0).astype(np.uint8) for value in (255, UNKNOWN))]
     if scale < 0.7:  # averaged before it is reduced, as the network's input is
-        image, labels, matrix = _reduced(image, labels, matrix, scale)
-    picture = cv2.warpAffine(image, matrix, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
-    cable = (labels == 255).astype(np.uint8) * 255
-    unknown = (labels == UNKNOWN).astype(np.uint8) * 255
-    truth, doubt = (
+        planes, matrix = _reduced(planes, matrix, scale)
+    picture, cable, unknown = (
         cv2.warpAffine(plane, matrix, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
-        for plane in (cable, unknown)
+        for plane in planes
     )
-    found = np.where(truth >= 128, 255, 0).astype(np.uint8)
-    found[doubt >= 64] = UNKNOWN
-    return picture, found
+    found = np.where(cable >= 128, 255, 0).astype(np.uint8)
+    found[unknown >= 64] = UNKNOWN
+    return np.asarray(picture, np.uint8), found
 
 
-def _reduced(
-    image: ByteArray, labels: ByteArray, matrix: FloatArray, scale: float
-) -> tuple[ByteArray, ByteArray, FloatArray]:
-    size = max(round(labels.shape[1] * scale), 2), max(round(labels.shape[0] * scale), 2)
-    factors = np.array([size[0] / labels.shape[1], size[1] / labels.shape[0]])
-    smaller = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    nearest = cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST)
+def _reduced(planes: list[ByteArray], matrix: FloatArray, scale: float) -> tuple[list[ByteArray], FloatArray]:
+    rows, columns = planes[0].shape[:2]
+    size = max(round(columns * scale), 2), max(round(rows * scale), 2)
+    factors = np.array([size[0] / columns, size[1] / rows])
     linear = matrix[:, :2] / factors
     shift = matrix[:, 2] + linear @ ((1 - factors) / 2)  # centers of pixels: x' = (x + 0.5) f - 0.5
-    return smaller, nearest, np.column_stack([linear, shift])
+    smaller = [np.asarray(cv2.resize(p, size, interpolation=cv2.INTER_AREA), np.uint8) for p in planes]
+    return smaller, np.column_stack([linear, shift])
 
 
 def recolored(image: ByteArray, rng: Rng) -> ByteArray:
@@ -82,7 +80,8 @@ def recolored(image: ByteArray, rng: Rng) -> ByteArray:
         share = 0.0 if rng.random() < 0.3 else float(rng.uniform(0.3, 1.5))
         out = np.clip(gray + share * (out.astype(np.float32) - gray), 0, 255).astype(np.uint8)
     if rng.random() < 0.15:
-        out = cv2.GaussianBlur(np.ascontiguousarray(out), (0, 0), float(rng.uniform(0.3, 1.2)))
+        sigma = float(rng.uniform(0.3, 1.2))
+        out = np.asarray(cv2.GaussianBlur(np.ascontiguousarray(out), (0, 0), sigma), np.uint8)
     if rng.random() < 0.3:
         noise = rng.standard_normal(out.shape, dtype=np.float32) * rng.uniform(1, 9)
         out = np.clip(out + noise, 0, 255).astype(np.uint8)

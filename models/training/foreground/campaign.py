@@ -19,13 +19,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from models.segmentation.train import normalize
-from models.segmentation.train_stream import SceneStream
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import load_pool
 from models.training.foreground.augmentation import UNKNOWN, Cut, cut_out, recolored
-from models.training.foreground.network_dense import PLANS, DenseNetwork
+from models.training.foreground.networks import build
 from models.training.foreground.real_pictures import RealPictures, load_empty, load_labelled
+from models.training.foreground.stream import SceneStream
+from models.training.foreground.train import normalize
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,9 @@ def masked_loss(logits: Tensor, labels: Tensor) -> Tensor:
     """Binary cross entropy and soft Dice over the pixels where one can tell; ``labels`` (B, H, W) 255, 128, 0."""
     target = (labels == 255).float().unsqueeze(1)
     weight = (labels != UNKNOWN).float().unsqueeze(1)
-    bce = (F.binary_cross_entropy_with_logits(logits, target, reduction="none") * weight).sum() / weight.sum().clamp(min=1)
+    bce = (F.binary_cross_entropy_with_logits(logits, target, reduction="none") * weight).sum() / weight.sum().clamp(
+        min=1
+    )
     p = torch.sigmoid(logits) * weight
     both, total = (p * target).sum((1, 2, 3)), (p + target).sum((1, 2, 3))
     filled = (target.sum((1, 2, 3)) > 0).float()
@@ -97,8 +99,8 @@ class Campaign:
     def __init__(self, params: CampaignParams, folder: Path) -> None:
         self.params, self.folder = params, folder
         torch.manual_seed(params.seed)
-        self.network = DenseNetwork(PLANS[params.network]).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.average = DenseNetwork(PLANS[params.network]).eval()
+        self.network = build(params.network).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = build(params.network).eval()
         self.average.load_state_dict(self.network.state_dict())
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=params.rate, weight_decay=0.02)
         self.step, self.pictures, self.seconds = 0, 0, 0.0
@@ -118,6 +120,7 @@ class Campaign:
             "optimizer": self.optimizer.state_dict(),
             "progress": {"step": self.step, "pictures": self.pictures, "seconds": self.seconds},
             "params": asdict(self.params),
+            "metrics": {},
         }
         torch.save(state, self.folder / "last.tmp")
         (self.folder / "last.tmp").replace(self.folder / "last.pt")
@@ -210,9 +213,15 @@ def main() -> None:
         alike_share=0.12,
     )
     seed = int(time.time())
-    stream = SceneStream(scenes, load_pool(args.textures), seed=seed, slots=params.slots, renderers=1, reuse=params.reuse)
+    stream = SceneStream(
+        scenes, load_pool(args.textures), seed=seed, slots=params.slots, renderers=1, reuse=params.reuse
+    )
     try:
-        run(params, Mixture(stream, load_labelled(args.photographs), load_empty(args.empty_pictures), params), args.folder)
+        run(
+            params,
+            Mixture(stream, load_labelled(args.photographs), load_empty(args.empty_pictures), params),
+            args.folder,
+        )
     finally:
         stream.close()
 

@@ -20,6 +20,11 @@ class Plan(NamedTuple):
     blocks: tuple[int, int, int, int]
     pyramid: int
 
+    def divided(self, slim: int) -> Plan:
+        """All channels over ``slim``, for tests and slow machines."""
+        half, *others = (c // slim for c in self.channels)
+        return Plan((half, *others), self.blocks, self.pyramid // slim)  # type: ignore[arg-type]
+
 
 PLANS: Mapping[str, Plan] = {
     "dense": Plan((16, 32, 64, 128, 192), (2, 2, 3, 2), 48),
@@ -79,6 +84,10 @@ class DenseNetwork(nn.Module):
             top = smooth(_doubled(top) + lateral(tap))
         logits: Tensor = self.head(self.fine(F.relu(_doubled(self.narrow(top)) + taps[0])))
         return logits
+
+    def load_encoder(self, weights: Mapping[str, Tensor]) -> int:
+        """Nobody publishes weights of this encoder. Raises ValueError."""
+        raise ValueError("the dense networks begin from random weights or from an export, not from published weights")
 
 
 def _doubled(x: Tensor) -> Tensor:

@@ -8,10 +8,11 @@ from typing import Any
 from models.training.foreground.network_compact import CompactNetwork
 from models.training.foreground.network_convnext import ConvNeXt
 from models.training.foreground.network_deeplab import DeepLab, Encoder
+from models.training.foreground.network_dense import PLANS, DenseNetwork
 from models.training.foreground.network_resnet import ResNet
 from models.training.foreground.network_swin import Swin
 
-ForegroundNetwork = CompactNetwork | DeepLab
+ForegroundNetwork = CompactNetwork | DeepLab | DenseNetwork
 """Picture to logits; ``features`` is the encoder, ``load_encoder`` takes its published weights."""
 
 
@@ -21,6 +22,8 @@ def _deeplab(encoder: Callable[[int], Encoder]) -> Callable[[int], ForegroundNet
 
 NETWORKS: Mapping[str, Callable[[int], ForegroundNetwork]] = {
     "compact": lambda slim: CompactNetwork(48 // slim),
+    "dense": lambda slim: DenseNetwork(PLANS["dense"].divided(slim)),
+    "dense_large": lambda slim: DenseNetwork(PLANS["dense_large"].divided(slim)),
     "deeplab_resnet50": _deeplab(lambda slim: ResNet((3, 4, 6, 3), 64 // slim)),
     "deeplab_resnet101": _deeplab(lambda slim: ResNet((3, 4, 23, 3), 64 // slim)),
     "deeplab_swin_t": _deeplab(lambda slim: Swin((2, 2, 6, 2), 96 // slim)),

@@ -61,7 +61,7 @@ def load_labelled(folder: Path, aside: bool = False) -> RealPictures:
     """The labelled pictures of ``folder`` that train, or those kept aside. Raises ValueError when there is none."""
     return _weighted(
         [
-            _photograph(file, cv2.imread(str(folder / "masks" / f"{file.stem}.png"), cv2.IMREAD_GRAYSCALE))
+            _photograph(file, folder / "masks" / f"{file.stem}.png")
             for file in sorted((folder / "imgs").iterdir())
             if kept_aside(file.stem) == aside
         ]
@@ -70,22 +70,23 @@ def load_labelled(folder: Path, aside: bool = False) -> RealPictures:
 
 def load_empty(folder: Path, aside: bool = False) -> RealPictures:
     """The pictures without cables of ``folder`` that train, or those kept aside. Raises ValueError when none."""
-    return _weighted(
-        [_photograph(f, None) for f in sorted(folder.glob("*.jpg")) if kept_aside(f.stem) == aside]
-    )
+    return _weighted([_photograph(f, None) for f in sorted(folder.glob("*.jpg")) if kept_aside(f.stem) == aside])
 
 
-def _photograph(file: Path, labels: ByteArray | None) -> Photograph:
+def _photograph(file: Path, mask: Path | None) -> Photograph:
     bgr = cv2.imread(str(file), cv2.IMREAD_COLOR)
     if bgr is None:
         raise ValueError(f"{file} is not a picture")
-    if labels is None:
-        labels = np.zeros(bgr.shape[:2], np.uint8)
+    labels = np.zeros(bgr.shape[:2], np.uint8)
+    if mask is not None:
+        labels = np.asarray(cv2.imread(str(mask), cv2.IMREAD_GRAYSCALE), np.uint8)
     if labels.shape != bgr.shape[:2]:
         raise ValueError(f"the mask of {file} has another size than the picture")
     y, x = np.nonzero(labels == 255)
     some = np.linspace(0, len(x) - 1, min(_MARKED_POINTS, len(x))).astype(int)
-    return Photograph(file.stem, np.ascontiguousarray(bgr[:, :, ::-1]), labels, np.column_stack([x, y])[some].astype(float))
+    return Photograph(
+        file.stem, np.ascontiguousarray(bgr[:, :, ::-1]), labels, np.column_stack([x, y])[some].astype(float)
+    )
 
 
 def _weighted(photographs: list[Photograph]) -> RealPictures:
