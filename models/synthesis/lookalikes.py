@@ -4,6 +4,7 @@ shadows whose cable is elsewhere."""
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from models.synthesis.cables import paint_thing, soft_cover
 from models.synthesis.canvas import Canvas
 from models.synthesis.curves import axes, interpolate, random_curve
-from models.synthesis.looks import Look, flat_look, random_color, random_gray, random_light, random_look
+from models.synthesis.looks import Color, Look, flat_look, random_color, random_gray, random_light, random_look
 from models.synthesis.ribbons import STEP_PX, strand
 
 Rng = np.random.Generator
@@ -41,9 +42,9 @@ def arrow(canvas: Canvas, rng: Rng) -> None:
     tip, wide = start + along * length, rng.uniform(2.5, 5.0) * half
     if rng.random() < 0.3:
         side = rng.uniform(0.1, 0.3) * w
-        corners = [start, start + (side, 0), start + (side, 0.6 * side), start + (0, 0.6 * side), start]
-        for a, b in zip(corners, corners[1:], strict=False):
-            middle, leg = (np.asarray(a) + b) / 2, np.asarray(b) - a
+        corners = start + side * np.array([(0, 0), (1, 0), (1, 0.6), (0, 0.6), (0, 0)])
+        for a, b in pairwise(corners):
+            middle, leg = (a + b) / 2, b - a
             canvas.box(middle, (np.hypot(*leg) / 2 + half, half), float(np.arctan2(leg[1], leg[0])), color)
         return
     canvas.box((start + tip) / 2, (length / 2, half), heading, color)
@@ -132,9 +133,7 @@ def stray_shadow(canvas: Canvas, rng: Rng) -> None:
 LOOKALIKES = (spring, arrow, ruled_mat, grille, drag_chain, handle, table_edge, stray_shadow)
 
 
-def _tube(
-    canvas: Canvas, rng: Rng, points: NDArray[np.floating], half: float, color: tuple[float, float, float]
-) -> None:
+def _tube(canvas: Canvas, rng: Rng, points: NDArray[np.floating], half: float, color: Color) -> None:
     """A smooth round bar through ``points`` (n, 2), ``half`` px thick on either side."""
     flat = np.concatenate([points, np.zeros((len(points), 1))], 1).astype(np.float32)
     curve = interpolate(flat, STEP_PX)

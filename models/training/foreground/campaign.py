@@ -1,4 +1,4 @@
-"""Train the dense foreground network on renders and real photographs: ``python -m models.training.foreground.campaign``.
+"""Train a foreground network on renders and photographs: ``python -m models.training.foreground.campaign``.
 
 Every batch mixes scenes of the renderer, cuts of hand-marked photographs at any scale and photographs without
 cables. Pixels where nobody can tell have no weight. The learning rate warms up, holds, and falls over the last
