@@ -23,6 +23,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
     return {
         "http": ["tests.benchmarks.bench_http"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
+        "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
         "planner": ["tests.benchmarks.bench_planner"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "synthesis": ["tests.benchmarks.bench_synthesis"],

@@ -9,6 +9,7 @@ from typing import Any
 from tests.benchmarks import report_labelling, report_planner, report_reconstruction, report_topology, report_training
 from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_methods import methods_section, tangles_section
+from tests.benchmarks.report_photographs import photographs
 
 HEAD = """# Measured
 
@@ -116,6 +117,7 @@ def _instances(title: str, asked: str) -> Any:
 SECTIONS: dict[str, Any] = {
     "http": _http,
     "foreground": _foreground,
+    "photographs": photographs,
     "instances_ewd": _instances(
         "RT-DLO on the published masks of `ewd`",
         "`masks_r101` at threshold 77. Floor: IoU ≥ 78, median ≤ 13 ms, p95 ≤ 22 ms; published 79.9, "

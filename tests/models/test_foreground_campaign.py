@@ -120,7 +120,8 @@ def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.Mon
     cv2.imwrite(str(tmp_path / "textures" / "group" / "t.png"), np.full((90, 90, 3), 99, np.uint8))
     command = [
         "campaign", str(tmp_path / "out"), "--textures", str(tmp_path / "textures"),
-        "--labelled", str(tmp_path / "real"), "--empty-pictures", str(tmp_path / "empty"), "--height", "64", "--width", "96", "--batch", "2",
+        "--labelled", str(tmp_path / "real"), "--empty-pictures", str(tmp_path / "empty"),
+        "--height", "64", "--width", "96", "--batch", "2",
         "--slots", "8", "--minutes",
     ]  # fmt: skip
     for minutes in ("0.02", "0.05"):
