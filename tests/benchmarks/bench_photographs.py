@@ -99,7 +99,7 @@ def measure_middle(root: Path, mask: Mask) -> dict[str, float]:
     px, widths = [], []
     for photo in photos(root, "ewd"):
         scene = extract(mask(photo.image, "normal"), photo.image)
-        ridge, depth = _middle(photo.labels)
+        ridge = _middle(photo.labels)
         away = cv2.distanceTransform((~ridge).astype(np.uint8), cv2.DIST_L2, 5)
         for instance in scene.instances:
             column, row = np.rint(instance.centerline_xy).astype(int).T
@@ -111,15 +111,14 @@ def measure_middle(root: Path, mask: Mask) -> dict[str, float]:
     return {"mean_px": round(float(np.mean(px)), 3), "mean_widths": round(float(np.mean(widths)), 4)}
 
 
-def _middle(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ridge (H, W) bool of each label's distance transform, and that transform."""
-    ridge, depth = np.zeros(labels.shape, bool), np.zeros(labels.shape, np.float32)
+def _middle(labels: np.ndarray) -> np.ndarray:
+    """Ridge (H, W) bool of each label's distance transform."""
+    ridge = np.zeros(labels.shape, bool)
     for k in np.unique(labels[labels > 0]):
         inside = cv2.distanceTransform(np.pad((labels == k).astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
         top = (inside >= cv2.dilate(inside, np.ones((3, 3), np.uint8)) - 1e-3) & (inside > 1.5)
         ridge |= top
-        depth = np.maximum(depth, inside)
-    return ridge, depth
+    return ridge
 
 
 def measure_large(network: Network, settings: ForegroundInput, mask: Mask) -> dict[str, float]:

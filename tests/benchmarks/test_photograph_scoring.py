@@ -26,7 +26,7 @@ def test_half_a_cable_is_found_to_one_half() -> None:
     found = labels == 255
     found[:, 50:] = False
     share = score_photograph(found, strokes, labels)
-    assert share.found == pytest.approx(0.5, abs=0.04)
+    assert share.found == pytest.approx(0.5, abs=0.06)  # half a width further still counts
     assert share.right == 1.0
     assert share.dice == pytest.approx(2 / 3)
 
