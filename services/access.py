@@ -13,6 +13,7 @@ from prometheus_client import CollectorRegistry
 
 from services.problems import ProblemError
 from services.settings import ServiceSettings
+from services.submissions import Submissions
 from services.uploads import Uploads
 from workers.blobs import FolderBlobs
 from workers.queue import AsyncJobQueue, JobQueue
@@ -27,6 +28,7 @@ class Backend:
     waiting: AsyncJobQueue
     blobs: FolderBlobs
     uploads: Uploads
+    submissions: Submissions
     registry: CollectorRegistry
 
 

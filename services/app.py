@@ -15,12 +15,13 @@ from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 from prometheus_client import CollectorRegistry
 
-from services import documents, problems
+from services import documents, problems, validation
 from services.access import Backend
 from services.metrics import QueueCollector, RequestDurations
 from services.middleware import Requests
 from services.routes import health, images, jobs, metrics, viewer
 from services.settings import ServiceSettings
+from services.submissions import Submissions
 from services.uploads import Uploads
 from workers.blobs import FolderBlobs
 from workers.queue import AsyncJobQueue, JobQueue
@@ -55,16 +56,18 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
 
 
 def _assemble(settings: ServiceSettings) -> Backend:
-    blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s)
+    blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s, settings.disk_reserve_bytes)
     queue = JobQueue(settings)
     registry = CollectorRegistry()
     registry.register(QueueCollector(queue))
+    uploads = Uploads(settings, blobs)
     return Backend(
         settings=settings,
         queue=queue,
         waiting=AsyncJobQueue(settings),
         blobs=blobs,
-        uploads=Uploads(settings, blobs),
+        uploads=uploads,
+        submissions=Submissions(settings, uploads, validation.limiter()),
         registry=registry,
     )
 

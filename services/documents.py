@@ -12,7 +12,7 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 
 from services.problems import MEDIA_TYPE
-from services.submissions import REQUEST
+from workers.record import REQUEST
 
 _SCHEMAS = "#/components/schemas/"
 _PROBLEM = {MEDIA_TYPE: {"schema": {"$ref": f"{_SCHEMAS}Problem"}}}

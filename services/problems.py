@@ -14,10 +14,13 @@ from redis.exceptions import RedisError
 from starlette.exceptions import HTTPException
 
 from services.fields import parameter_problems
-from workers.blobs import BlobMissing
+from workers.blobs import BlobMissing, NoRoomError
 from workers.queue import IdempotencyConflict, JobGone, JobUnknown, QueueFull
 
 MEDIA_TYPE = "application/problem+json"
+MOST_ERRORS, _FIELD_LENGTH, _MESSAGE_LENGTH = 20, 100, 250
+"""So that no answer is larger than 50 kB, whatever was sent and however it is escaped."""
+
 log = structlog.get_logger(__name__)
 
 
@@ -48,15 +51,25 @@ class ProblemError(Exception):
 
 def field_error(field: str, message: str, *, code: str = "invalid_request", status: int = 422) -> ProblemError:
     """The problem of a request with one field at fault."""
-    errors = [FieldProblem(field=field, message=message)]
-    return ProblemError(status, code, f"{field}: {message}", errors=errors)
+    error = _bounded(FieldProblem(field=field, message=message))
+    return ProblemError(status, code, f"{error.field}: {error.message}", errors=[error])
 
 
-def fields_error(errors: list[FieldProblem]) -> ProblemError:
-    """The problem of a request with several fields at fault; the first three are in ``detail`` too."""
-    detail = "; ".join(f"{error.field}: {error.message}" for error in errors[:3])
-    more = f" (and {len(errors) - 3} more)" if len(errors) > 3 else ""
-    return ProblemError(422, "invalid_request", detail + more, errors=errors)
+def fields_error(errors: list[FieldProblem], count: int) -> ProblemError:
+    """The problem of a request with ``count`` fields at fault, the first in ``errors``, three in ``detail`` too."""
+    named = [_bounded(error) for error in errors[:MOST_ERRORS]]
+    detail = "; ".join(f"{error.field}: {error.message}" for error in named[:3])
+    more = f" (and {count - 3} more)" if count > 3 else ""
+    return ProblemError(422, "invalid_request", detail + more, errors=named)
+
+
+def _bounded(error: FieldProblem) -> FieldProblem:
+    """Names and messages may quote what the caller sent."""
+    return FieldProblem(field=_clipped(error.field, _FIELD_LENGTH), message=_clipped(error.message, _MESSAGE_LENGTH))
+
+
+def _clipped(text: str, length: int) -> str:
+    return text if len(text) <= length else f"{text[: length - 1]}…"
 
 
 def problem_of(error: Exception) -> ProblemError:
@@ -65,7 +78,8 @@ def problem_of(error: Exception) -> ProblemError:
         case ProblemError():
             return error
         case RequestValidationError():
-            return fields_error(parameter_problems(error.errors()))
+            problems = parameter_problems(error.errors())
+            return fields_error(problems, len(problems))
         case HTTPException():
             code = HTTPStatus(error.status_code).name.lower()
             return ProblemError(error.status_code, code, str(error.detail), headers=error.headers)
@@ -78,6 +92,9 @@ def problem_of(error: Exception) -> ProblemError:
         case IdempotencyConflict():
             message = "this Idempotency-Key was used before, for another request"
             return field_error("Idempotency-Key", message, code="idempotency_conflict", status=409)
+        case NoRoomError():
+            log.warning("no room on the disk", error=str(error))
+            return _retry(507, "storage_full", "the disk of the service is too full for this; try again later", 60.0)
         case QueueFull():
             return _retry(429, "queue_full", "too many jobs wait; try again later", error.retry_after_s)
         case RedisError():
@@ -120,6 +137,7 @@ def install(app: FastAPI) -> None:
         JobUnknown,
         JobGone,
         BlobMissing,
+        NoRoomError,
         IdempotencyConflict,
         QueueFull,
         RedisError,

@@ -1,4 +1,4 @@
-"""Pictures on their way in: looked at, then kept as blobs."""
+"""Pictures on their way in: looked at, staged, and kept as blobs once what they came with is accepted."""
 
 from __future__ import annotations
 
@@ -8,23 +8,24 @@ from dlo_client.contracts import ImageInfo
 from services.pictures import PictureError, Size, inspect
 from services.problems import field_error
 from services.settings import ServiceSettings
-from workers.blobs import BlobMissing, FolderBlobs
+from workers.blobs import BlobMissing, FolderBlobs, Staged
 
 
 class Uploads:
-    """Keeps pictures and knows their sizes. The work is done in threads: it hashes and touches the disk."""
+    """Stages pictures and knows their sizes. The work is done in threads: it hashes and touches the disk."""
 
     def __init__(self, settings: ServiceSettings, blobs: FolderBlobs) -> None:
         self._max_pixels = settings.max_image_pixels
         self._blobs = blobs
 
-    async def keep(self, data: bytes, *, field: str) -> ImageInfo:
-        """Store the picture that came in as ``field``.
+    async def stage(self, data: bytes, *, field: str) -> tuple[ImageInfo, Staged]:
+        """Look at the picture that came in as ``field`` and write it down, to be kept or dropped.
 
         Raises:
             ProblemError: 422 when it is no whole picture or has too many pixels.
+            NoRoomError: the disk is too full.
         """
-        return await to_thread.run_sync(self._keep, data, field)
+        return await to_thread.run_sync(self._stage, data, field)
 
     async def find(self, image_id: str, *, field: str) -> ImageInfo:
         """The picture kept before that ``field`` refers to; its lifetime begins anew.
@@ -34,9 +35,10 @@ class Uploads:
         """
         return await to_thread.run_sync(self._find, image_id, field)
 
-    def _keep(self, data: bytes, field: str) -> ImageInfo:
+    def _stage(self, data: bytes, field: str) -> tuple[ImageInfo, Staged]:
         size = self._inspect(data, field)
-        return _info(self._blobs.put(data), size, len(data))
+        staged = self._blobs.stage(data)
+        return _info(staged.blob_id, size, len(data)), staged
 
     def _find(self, image_id: str, field: str) -> ImageInfo:
         try:

@@ -1,36 +1,85 @@
-"""Bytes in and out by their SHA-256, in a folder, with a lifetime."""
+"""Bytes in and out by their SHA-256, in a folder, with a lifetime.
+
+Strategy: bytes are written beside their place and renamed, so that a reader never sees half a blob; what a
+write that failed has left is removed at once. Who stages bytes decides later whether to keep them. Nothing is
+written that would leave less of the disk free than a reserve: others on the same disk have to go on.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import os
 import re
+import shutil
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
 _ID = re.compile(r"[0-9a-f]{64}")
+_DISK_IS_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_STAGED_FOR_S = 3600.0
+"""What is still staged after so long was left by a process that was killed."""
 
 
 class BlobMissing(KeyError):
     """No blob has this id: it was never put, it has expired, or the id is not one."""
 
 
+class NoRoomError(Exception):
+    """The disk has no room for more."""
+
+
+@dataclass(frozen=True)
+class Staged:
+    """Bytes on the disk that are no blob yet, unless they were one before."""
+
+    blob_id: str
+    bytes: int
+    _place: Path
+    _beside: Path | None
+
+    def keep(self) -> str:
+        """Make a blob of them; its id."""
+        if self._beside is None:
+            os.utime(self._place)
+        else:
+            with contextlib.suppress(FileNotFoundError):  # kept before
+                self._beside.replace(self._place)
+        return self.blob_id
+
+    def drop(self) -> None:
+        """Forget them; nothing happens to a blob."""
+        if self._beside is not None:
+            self._beside.unlink(missing_ok=True)
+
+
 class FolderBlobs:
     """Blobs as files ``root/ab/abcd…``; one lives for ``lifetime_s`` after it was last put or touched."""
 
-    def __init__(self, root: Path, lifetime_s: float) -> None:
+    def __init__(self, root: Path, lifetime_s: float, reserve_bytes: int = 0) -> None:
         self._root = root
         self._lifetime_s = lifetime_s
+        self._reserve_bytes = reserve_bytes
 
     def put(self, data: bytes) -> str:
-        """Store ``data`` and return its id; the same bytes are stored once."""
+        """Store ``data`` and return its id; the same bytes are stored once. Raises :class:`NoRoomError`."""
+        return self.stage(data).keep()
+
+    def stage(self, data: bytes) -> Staged:
+        """Write ``data`` to the disk, to be kept or dropped; raises :class:`NoRoomError`."""
         blob_id = hashlib.sha256(data).hexdigest()
-        if not self.touch(blob_id):
-            self._write(self._place(blob_id), data)
-        return blob_id
+        place = self._place(blob_id)
+        known = self.touch(blob_id) and place.stat().st_size == len(data)  # a crash may leave an empty file
+        return Staged(blob_id, len(data), place, None if known else self._write_beside(place, data))
+
+    def free_bytes(self) -> int:
+        """What may still be written."""
+        folder = next(folder for folder in (self._root, *self._root.absolute().parents) if folder.exists())
+        return shutil.disk_usage(folder).free - self._reserve_bytes
 
     def get(self, blob_id: str) -> bytes:
         """The bytes; raises :class:`BlobMissing`."""
@@ -56,12 +105,13 @@ class FolderBlobs:
 
     def sweep(self, now: float | None = None) -> int:
         """Remove what has outlived its lifetime at ``now`` (seconds since the epoch); return how many."""
-        oldest = (time.time() if now is None else now) - self._lifetime_s
+        now = time.time() if now is None else now
         removed = 0
         for file in self._files():
+            lifetime_s = self._lifetime_s if _ID.fullmatch(file.name) else min(_STAGED_FOR_S, self._lifetime_s)
             # Another worker may sweep the same folder.
             with contextlib.suppress(FileNotFoundError):
-                if file.stat().st_mtime < oldest:
+                if file.stat().st_mtime < now - lifetime_s:
                     file.unlink()
                     removed += 1
         return removed
@@ -75,10 +125,16 @@ class FolderBlobs:
             raise BlobMissing(blob_id)
         return self._root / blob_id[:2] / blob_id
 
-    @staticmethod
-    def _write(place: Path, data: bytes) -> None:
-        """Write beside, then rename: a reader never sees half a blob."""
-        place.parent.mkdir(parents=True, exist_ok=True)
+    def _write_beside(self, place: Path, data: bytes) -> Path:
+        if self.free_bytes() < len(data):
+            raise NoRoomError(f"{len(data)} bytes would leave less than the reserve free")
         beside = place.with_name(f"{place.name}.{uuid4().hex}")
-        beside.write_bytes(data)
-        beside.replace(place)
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            beside.write_bytes(data)
+        except OSError as error:
+            beside.unlink(missing_ok=True)
+            if error.errno in _DISK_IS_FULL:
+                raise NoRoomError(str(error)) from error
+            raise
+        return beside

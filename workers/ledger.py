@@ -23,7 +23,7 @@ from rq.job import Job as RQJob
 from rq.queue import Queue
 
 from workers import problems
-from workers.record import ACTIVE, COUNTS, RECENT, WEBHOOKS, alive_key, events_key, job_key, tombstone_key
+from workers.record import ACTIVE, COUNTS, RECENT, WEBHOOKS, Entry, alive_key, events_key, job_key, tombstone_key
 from workers.settings import Settings
 
 ALIVE_MS = 5000
@@ -191,20 +191,10 @@ class Ledger:
         steps |= {"end": _END, "cancel": _CANCEL, "lost": _LOST, "reap": _REAP}
         self._scripts = {name: client.register_script(_LIBRARY + body) for name, body in steps.items()}
 
-    def open(
-        self,
-        pipeline: redis.client.Pipeline,
-        job_id: str,
-        *,
-        kind: str,
-        priority: str,
-        label: str | None,
-        timeout_s: float,
-        request: str,
-        webhook_url: str | None = None,
-    ) -> None:
+    def open(self, pipeline: redis.client.Pipeline, job_id: str, entry: Entry) -> None:
         """Begin a record, as part of the transaction that also puts the id into a queue."""
-        self._step("open", job_id, kind, priority, label or "", timeout_s, request, webhook_url or "", client=pipeline)
+        texts = (entry.kind, entry.priority, entry.label or "")
+        self._step("open", job_id, *texts, entry.timeout_s, entry.request, entry.webhook_url or "", client=pipeline)
 
     def claim(self, job_id: str, worker: str) -> Claim | None:
         """Make a queued job running; None if it is not queued, or too late (it then has failed)."""

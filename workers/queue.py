@@ -25,7 +25,7 @@ from workers.ledger import Ledger
 from workers.listing import recent_page
 from workers.presence import WorkerInfo, present
 from workers.reaper import reap
-from workers.record import COUNTS, QUEUES, events_key, job_key, pictures, read_event, read_job, tombstone_key
+from workers.record import COUNTS, QUEUES, Entry, JobRecord, events_key, job_key, read_event, read_job, tombstone_key
 from workers.settings import Settings
 
 __all__ = [
@@ -47,6 +47,10 @@ _RETRY_AFTER_S = 5.0
 _EVENT_ID = re.compile(r"\d{1,20}(-\d{1,20})?")
 
 
+def _nothing() -> None:
+    """Where no pictures have to be kept."""
+
+
 class JobQueue:
     """Jobs by id; every method raises ``redis.RedisError`` when the queue server does not answer."""
 
@@ -60,14 +64,21 @@ class JobQueue:
         }
 
     def submit(
-        self, request: AnyRequest, *, idempotency_key: str | None = None, request_digest: str | None = None
+        self,
+        request: AnyRequest | Entry,
+        *,
+        idempotency_key: str | None = None,
+        request_digest: str | None = None,
+        keep: Callable[[], None] = _nothing,
     ) -> tuple[AnyJob, bool]:
         """Put a request, its pictures all uploaded, into the queue; the job, and whether it is a new one.
 
         With a key that was used within ``idempotency_ttl_s`` for a request of the same digest the job of
-        then is returned. Raises QueueFull, IdempotencyConflict, and JobGone when the job of then has expired.
+        then is returned. ``keep`` is called, perhaps again, once there is room and before a worker can see
+        the job. Raises QueueFull, IdempotencyConflict, and JobGone when the job of then has expired.
         """
-        key = idempotency_key and f"dlo:idempotency:{hashlib.sha256(idempotency_key.encode()).hexdigest()}"
+        entry = request if isinstance(request, Entry) else Entry.of(request)
+        key = _idempotency_key(idempotency_key)
         digest = request_digest or ""
         job_id = uuid4().hex
 
@@ -75,14 +86,15 @@ class JobQueue:
             if key and (known := _known(cast(str | None, pipeline.get(key)), digest)):
                 return known
             self._make_room()
+            keep()
             pipeline.multi()
-            self._put(pipeline, job_id, request)
+            self._put(pipeline, job_id, entry)
             if key:
                 ttl_ms = round(self._settings.idempotency_ttl_s * 1000)
                 pipeline.set(key, f"{digest} {job_id}", px=ttl_ms)
             return job_id
 
-        for blob_id in pictures(request):
+        for blob_id in entry.pictures:
             self._blobs.touch(blob_id)  # they live longer than any job may wait
         watched = [key] if key else []
         put_any = cast(Callable[[redis.client.Pipeline], None], put)  # redis-py's type forgets the value
@@ -164,18 +176,15 @@ class JobQueue:
     def close(self) -> None:
         self._client.close()
 
-    def _put(self, pipeline: redis.client.Pipeline, job_id: str, request: AnyRequest) -> None:
-        self._ledger.open(
-            pipeline,
-            job_id,
-            kind=request.kind,
-            priority=request.priority,
-            label=request.label,
-            timeout_s=request.timeout_s,
-            request=request.model_dump_json(),
-            webhook_url=request.webhook_url,
-        )
-        queue = self._queues[request.priority]
+    def check_room(self, idempotency_key: str | None = None) -> None:
+        """Raise QueueFull now if a submission with this key would, before its body is read."""
+        key = _idempotency_key(idempotency_key)
+        if not (key and self._client.exists(key)):
+            self._make_room()
+
+    def _put(self, pipeline: redis.client.Pipeline, job_id: str, entry: Entry) -> None:
+        self._ledger.open(pipeline, job_id, entry)
+        queue = self._queues[entry.priority]
         queue.enqueue_job(queue.create_job(RUN, args=(job_id,), job_id=job_id), pipeline=pipeline)
 
     def _make_room(self) -> None:
@@ -190,12 +199,12 @@ class AsyncJobQueue:
     def __init__(self, settings: Settings) -> None:
         self._client = connect_async(settings)
 
-    async def get(self, job_id: str) -> AnyJob:
+    async def get(self, job_id: str) -> JobRecord:
         """See :meth:`JobQueue.get`."""
         record = cast(dict[str, str], await self._client.hgetall(job_key(job_id)))
         if not record:
             raise _absent(await self._client.exists(tombstone_key(job_id)), job_id)
-        return read_job(record)
+        return JobRecord.read(record)
 
     async def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
         """See :meth:`JobQueue.events`."""
@@ -206,6 +215,10 @@ class AsyncJobQueue:
 
     async def close(self) -> None:
         await self._client.aclose()
+
+
+def _idempotency_key(given: str | None) -> str | None:
+    return given and f"dlo:idempotency:{hashlib.sha256(given.encode()).hexdigest()}"
 
 
 def _known(value: str | None, digest: str) -> str | None:

@@ -7,6 +7,7 @@ queue server's clock, so that machines need not agree on theirs.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from dlo_client.contracts import AnyJob, AnyRequest, Contract, ImageRef, JobEvent, JobState
@@ -40,6 +41,33 @@ LISTED = (*_TEXT, "state", *(name for name in _JSON if name != "result"))
 """What a list of jobs shows: everything but the result, which can be large."""
 
 
+@dataclass(frozen=True)
+class Entry:
+    """What the queue has to know of a request, so that it need not read it again."""
+
+    kind: str
+    priority: Literal["interactive", "batch"]
+    label: str | None
+    timeout_s: float
+    webhook_url: str | None
+    request: str
+    """Its JSON."""
+    pictures: tuple[str, ...]
+    """Blob ids of the pictures that it names."""
+
+    @classmethod
+    def of(cls, request: AnyRequest) -> Entry:
+        return cls(
+            kind=request.kind,
+            priority=request.priority,
+            label=request.label,
+            timeout_s=request.timeout_s,
+            webhook_url=request.webhook_url,
+            request=request.model_dump_json(),
+            pictures=tuple(pictures(request)),
+        )
+
+
 def job_key(job_id: str) -> str:
     return f"dlo:job:{job_id}"
 
@@ -58,6 +86,25 @@ def alive_key(job_id: str) -> str:
 
 def worker_key(name: str) -> str:
     return f"dlo:worker:{name}"
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """A job as it is answered: its result stays text, which can be megabytes and is valid as it stands."""
+
+    job: AnyJob
+    """Without its result."""
+    result: str | None
+
+    @classmethod
+    def read(cls, record: Mapping[str, str]) -> JobRecord:
+        return cls(read_job({**record, "result": ""}), record.get("result") or None)
+
+    def json(self) -> str:
+        """What ``model_dump_json`` of the whole job gives."""
+        text = self.job.model_dump_json()
+        # Once there: inside a text of the job these quotation marks would be escaped.
+        return text.replace('"result":null', f'"result":{self.result}', 1) if self.result else text
 
 
 def read_job(record: Mapping[str, str]) -> AnyJob:

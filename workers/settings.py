@@ -33,6 +33,10 @@ class Settings(BaseSettings):
     idempotency_ttl_s: PositiveFloat = 86_400.0
     blob_ttl_s: PositiveFloat = Field(default=86_400.0, description="since a blob was last put or touched")
 
+    disk_reserve_bytes: int = Field(
+        default=1024**3, ge=0, description="uploads leave so much of the disk free, results half of it"
+    )
+
     max_queue_depth: PositiveInt = 1000
     max_attempts: PositiveInt = Field(default=2, description="times a job whose worker dies is taken up")
     max_images_per_job: PositiveInt = 64

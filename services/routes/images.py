@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import aclosing
 
+from anyio import to_thread
 from dlo_client.contracts import ImageInfo
 from fastapi import APIRouter, Request
 
@@ -30,14 +31,20 @@ async def upload_image(request: Request, backend: BackendDep) -> ImageInfo:
     if kind and kind != "application/octet-stream" and not kind.startswith("image/"):
         detail = f"send the picture as image/*, application/octet-stream or multipart/form-data, not {kind}"
         raise ProblemError(415, "unsupported_media_type", detail)
-    return await backend.uploads.keep(await whole(request, field="image", max_bytes=limit), field="image")
+    return await _keep(await whole(request, field="image", max_bytes=limit), "image", backend)
 
 
 async def _keep_part(request: Request, backend: Backend) -> ImageInfo:
     kept = None
     async with aclosing(parts(request, {"file": Allowed(1, backend.settings.max_image_bytes)})) as stream:
         async for part in stream:
-            kept = await backend.uploads.keep(part.data, field=part.name)
+            kept = await _keep(part.data, part.name, backend)
     if kept is None:
         raise field_error("file", "this part is missing: it holds the picture")
     return kept
+
+
+async def _keep(data: bytes, field: str, backend: Backend) -> ImageInfo:
+    info, staged = await backend.uploads.stage(data, field=field)
+    await to_thread.run_sync(staged.keep)
+    return info

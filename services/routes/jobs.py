@@ -16,8 +16,8 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from services import documents, waiting
 from services.access import Authorized, BackendDep
 from services.problems import ProblemError
-from services.submissions import read_submission
 from workers.queue import JobUnknown
+from workers.record import JobRecord
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=[Authorized])
 
@@ -47,16 +47,22 @@ async def _job_id(job_id: Annotated[str, Path(description="as in the job")]) -> 
 JobId = Annotated[str, Depends(_job_id)]
 
 
-async def _job(job_id: JobId, backend: BackendDep) -> AnyJob:
+async def _record(job_id: JobId, backend: BackendDep) -> JobRecord:
     return await backend.waiting.get(job_id)
 
 
-Existing = Annotated[AnyJob, Depends(_job)]
+Existing = Annotated[JobRecord, Depends(_record)]
+
+
+def _answer(record: JobRecord, status: int = 200, **headers: str) -> Response:
+    """The record's own text: a result can be megabytes, and reading it here would hold up everybody else."""
+    return Response(record.json(), status, headers, media_type="application/json")
 
 
 @router.post(
     "",
     status_code=202,
+    response_model=AnyJob,
     responses={
         200: {"model": AnyJob, "description": "It ended within `wait`"},
         **documents.problems(409, 410, 413, 415, 429),
@@ -65,21 +71,19 @@ Existing = Annotated[AnyJob, Depends(_job)]
 )
 async def submit_job(
     request: Request,
-    response: Response,
     backend: BackendDep,
     wait: Wait = 0.0,
     idempotency_key: IdempotencyKey = None,
-) -> AnyJob:
+) -> Response:
     """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in time."""
-    submitted = await read_submission(request, backend.settings, backend.uploads)
-    digest = hashlib.sha256(submitted.model_dump_json().encode()).hexdigest()
-    submit = partial(backend.queue.submit, submitted, idempotency_key=idempotency_key, request_digest=digest)
-    job, _ = await to_thread.run_sync(submit)
-    if wait:
-        job = await waiting.ended(backend.waiting, job, wait)
-        response.status_code = 200 if job.state.final else 202
-    response.headers["Location"] = request.app.url_path_for("read_job", job_id=job.id)
-    return job
+    await to_thread.run_sync(backend.queue.check_room, idempotency_key)
+    async with backend.submissions.read(request) as submission:
+        digest = hashlib.sha256(submission.entry.request.encode()).hexdigest()
+        submit = partial(backend.queue.submit, submission.entry, keep=submission.keep)
+        job, _ = await to_thread.run_sync(partial(submit, idempotency_key=idempotency_key, request_digest=digest))
+    record = await waiting.ended(backend.waiting, await backend.waiting.get(job.id), wait)
+    status = 200 if wait and record.job.state.final else 202
+    return _answer(record, status, Location=request.app.url_path_for("read_job", job_id=job.id))
 
 
 @router.get("", responses=documents.problems())
@@ -94,24 +98,26 @@ def list_jobs(
     return backend.queue.recent(limit=limit, cursor=cursor, state=state, kind=kind)
 
 
-@router.get("/{job_id}", responses=documents.problems(404, 410))
-async def read_job(job: Existing, backend: BackendDep, wait: Wait = 0.0) -> AnyJob:
+@router.get("/{job_id}", response_model=AnyJob, responses=documents.problems(404, 410))
+async def read_job(record: Existing, backend: BackendDep, wait: Wait = 0.0) -> Response:
     """The job; with `wait`, as soon as it has ended or the seconds are over."""
-    return await waiting.ended(backend.waiting, job, wait)
+    return _answer(await waiting.ended(backend.waiting, record, wait))
 
 
-@router.delete("/{job_id}", responses=documents.problems(404, 410))
-def cancel_job(job_id: JobId, backend: BackendDep) -> AnyJob:
+@router.delete("/{job_id}", response_model=AnyJob, responses=documents.problems(404, 410))
+async def cancel_job(record: Existing, backend: BackendDep) -> Response:
     """Cancel a queued or running job; one that has ended stays as it is."""
-    return backend.queue.cancel(job_id)
+    job_id = record.job.id
+    await to_thread.run_sync(backend.queue.cancel, job_id)
+    return _answer(await backend.waiting.get(job_id))
 
 
 @router.get("/{job_id}/events", response_class=EventSourceResponse, responses=documents.problems(404, 410))
 async def follow_job(
-    job: Existing, backend: BackendDep, last_event_id: EventId = "0"
+    record: Existing, backend: BackendDep, last_event_id: EventId = "0"
 ) -> AsyncIterator[ServerSentEvent]:
     """Server-sent events of state and progress; the stream ends when the job does."""
-    async for event in waiting.follow(backend.waiting, job, last_event_id):
+    async for event in waiting.follow(backend.waiting, record.job, last_event_id):
         yield ServerSentEvent(id=event.id, data=event)
 
 
@@ -124,10 +130,10 @@ async def follow_job(
     },
 )
 async def read_file(
-    job: Existing, name: str, backend: BackendDep, if_none_match: Annotated[str | None, Header()] = None
+    record: Existing, name: str, backend: BackendDep, if_none_match: Annotated[str | None, Header()] = None
 ) -> Response:
     """A file of the job's result, as named in its `files`."""
-    file = next((file for file in job.files if file.name == name), None)
+    file = next((file for file in record.job.files if file.name == name), None)
     if file is None:
         raise ProblemError(404, "unknown_file", "the job has no file of this name")
     headers = {"ETag": f'"{file.sha256}"', "X-Content-Type-Options": "nosniff"}

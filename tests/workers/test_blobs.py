@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from workers.blobs import BlobMissing, FolderBlobs
+from workers.blobs import BlobMissing, FolderBlobs, NoRoomError
 
 HOUR = 3600.0
 
@@ -58,3 +58,42 @@ def test_putting_again_starts_the_lifetime_anew(blobs):
 
 def test_sweep_of_a_folder_that_is_not_there_yet(blobs):
     assert blobs.sweep() == 0
+
+
+def test_what_is_staged_is_a_blob_only_once_it_is_kept(blobs):
+    dropped, kept = blobs.stage(b"dropped"), blobs.stage(b"kept")
+    for staged in (dropped, kept):
+        with pytest.raises(BlobMissing):
+            blobs.get(staged.blob_id)
+    dropped.drop()
+    assert kept.keep() == kept.keep() == kept.blob_id
+    kept.drop()
+    assert blobs.get(kept.blob_id) == b"kept"
+    assert len(list(blobs._files())) == 1
+
+
+def test_dropping_bytes_that_were_a_blob_before_leaves_the_blob(blobs):
+    blob_id = blobs.put(b"cable")
+    blobs.stage(b"cable").drop()
+    assert blobs.get(blob_id) == b"cable"
+
+
+def test_sweep_removes_what_a_killed_process_had_staged(blobs):
+    staged = blobs.stage(b"half")
+    assert blobs.sweep(time.time() + HOUR / 2) == 0
+    assert blobs.sweep(time.time() + HOUR + 1) == 1
+    assert not staged._beside.exists()
+
+
+def test_a_blob_that_a_crash_left_empty_is_written_again(blobs):
+    blob_id = blobs.put(b"cable")
+    blobs.path(blob_id).write_bytes(b"")
+    blobs.put(b"cable")
+    assert blobs.get(blob_id) == b"cable"
+
+
+def test_the_reserve_stays_free(tmp_path):
+    free = FolderBlobs(tmp_path, HOUR).free_bytes()
+    with pytest.raises(NoRoomError):
+        FolderBlobs(tmp_path, HOUR, reserve_bytes=free * 2).put(b"cable")
+    assert list(tmp_path.iterdir()) == []

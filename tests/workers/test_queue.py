@@ -3,7 +3,7 @@ import os
 from datetime import UTC, datetime
 
 import pytest
-from dlo_client.contracts import ImageRef, JobState, NoopRequest, NoopResult, SegmentRequest
+from dlo_client.contracts import AnyJob, ImageRef, JobState, NoopRequest, NoopResult, SegmentRequest
 
 from tests.processes import wait_until
 from workers.blobs import FolderBlobs
@@ -136,7 +136,7 @@ def test_async_twin_waits_for_events(settings, job_queue):
     job, _ = job_queue.submit(NoopRequest())
     event, seen = asyncio.run(watch(job.id))
     assert event.state is JobState.CANCELLED
-    assert seen == job_queue.get(job.id)
+    assert AnyJob.model_validate_json(seen.json()) == job_queue.get(job.id)
 
 
 def test_recent_pages_newest_first(job_queue):

@@ -1,0 +1,100 @@
+"""What a request may cost before it is accepted: few errors are answered, large bodies are checked elsewhere."""
+
+import json
+
+import pytest
+
+from services import validation
+from services.validation import Given, Refused
+from workers.record import REQUEST
+
+JSON = {"Content-Type": "application/json"}
+CURVE = {"points_m": [["a", "b", {}]] * 300, "covariance_m2": [], "sigma_m": [], "spline": {}}
+
+
+def flood(curves: int) -> bytes:
+    return json.dumps({"kind": "merge_curves", "curves": [CURVE] * curves}).encode()
+
+
+def given(text: bytes) -> Given:
+    return Given(text, whole="body")
+
+
+@pytest.fixture
+def inline(monkeypatch):
+    """Checks large bodies in this process: the path of small ones is not to be taken for them."""
+
+    async def here(function, *arguments, cancellable):
+        return function(*arguments)
+
+    monkeypatch.setattr(validation.to_process, "run_sync", here)
+    monkeypatch.setattr(validation.resource, "setrlimit", lambda *_: None)
+
+
+@pytest.mark.parametrize(
+    "request_fields",
+    [
+        {f"unknown{index}": index for index in range(800)},
+        {"\x01" * 2000: 1},
+        {"label": "\x02" * 2000},
+        {"hold_s": "\u2028" * 2000},
+    ],
+)
+def test_answer_to_many_errors_is_small(client, problem, request_fields):
+    """49 000 wrong objects in 1.9 MB were answered with 26 MB."""
+    body = json.dumps({"kind": "noop"} | request_fields, ensure_ascii=False).encode()
+    assert len(body) <= validation.SMALL_BYTES
+    response = client.post("/v1/jobs", content=body, headers=JSON)
+    assert len(problem(response, 422)["errors"]) <= 20
+    assert len(response.content) < 50_000
+
+
+def test_unknown_part_of_a_long_name_is_answered_shortly(client, problem):
+    response = client.post("/v1/jobs", files={"\x01" * 20_000: ("x", b"")})
+    problem(response, 422)
+    assert len(response.content) < 50_000
+
+
+def test_a_large_body_is_not_checked_by_the_service_itself(client, problem, monkeypatch):
+    """It was, and nobody else was answered for 15 to 32 seconds."""
+
+    def refuse(*_):
+        raise AssertionError("checked in the process that answers")
+
+    monkeypatch.setattr(validation, "check", refuse)
+    body = flood(10)
+    assert len(body) > validation.SMALL_BYTES
+    found = problem(client.post("/v1/jobs", content=body, headers=JSON), 422)
+    assert found["errors"][0]["field"].startswith("curves.0.")
+    assert len(found["errors"]) <= 20
+
+
+def test_a_large_list_ends_at_its_first_error():
+    with pytest.raises(Refused) as refused:
+        check_large_here(flood(60))
+    assert len(refused.value.errors) < 20
+    assert {error.field.split(".")[1] for error in refused.value.errors} == {"0"}
+
+
+def check_large_here(text: bytes):
+    return validation.check(given(text), validation._first_errors().validate_python)
+
+
+def test_a_large_request_that_is_valid_gives_the_same_entry():
+    request = {"kind": "plan_shape", "target_m": [[0.001 * x, 0.1] for x in range(2000)], "object": {"mass_kg": 0.05}}
+    text = json.dumps(request | {"state_m": [[0.001 * x, 0] for x in range(2000)]}).encode()
+    assert check_large_here(text) == validation.check(given(text), REQUEST.validate_python)
+
+
+def test_a_check_without_end_is_cut_off(client, app, problem, monkeypatch):
+    monkeypatch.setattr(validation, "_LIMIT_S", 0.0)
+    problem(client.post("/v1/jobs", content=flood(10), headers=JSON), 413, "too_large", "body")
+    assert app.state.backend.submissions._limiter.borrowed_tokens == 0
+
+
+def test_memory_that_runs_out_is_the_bodys_fault(client, problem, monkeypatch, inline):
+    def greedy(_):
+        raise MemoryError
+
+    monkeypatch.setattr(validation, "check_large", greedy)
+    problem(client.post("/v1/jobs", content=flood(10), headers=JSON), 413, "too_large", "body")
