@@ -127,7 +127,7 @@ def _first_errors() -> SchemaValidator:
 
     Without the argument it would take the models' own validators, which know nothing of that.
     """
-    return SchemaValidator(_fail_fast(REQUEST.core_schema), _use_prebuilt=False)  # type: ignore[call-arg]
+    return SchemaValidator(_fail_fast(REQUEST.core_schema), _use_prebuilt=False)
 
 
 def _fail_fast(schema: Any) -> Any:
