@@ -12,6 +12,7 @@ from dlo_client import (
     ImageRef,
     InstancesRequest,
     InstancesResult,
+    InvalidArgument,
     JobCancelled,
     JobFailed,
     NoopRequest,
@@ -22,7 +23,7 @@ from dlo_client import (
     errors,
     result_of,
 )
-from dlo_client.contracts import ImageInfo, JobPage, JobState
+from dlo_client.contracts import FileRef, ImageInfo, JobPage, JobState
 
 from tests.clients import samples
 from tests.clients.conftest import Connect
@@ -181,6 +182,24 @@ def test_wait_ends_in_time(connect: Connect) -> None:
     assert caught.value.job.state is JobState.RUNNING
 
 
+@pytest.mark.parametrize("timeout", [0.12, 0, 0.0])
+def test_a_run_that_takes_too_long_names_the_time_it_was_given(connect: Connect, timeout: float) -> None:
+    """It named what was left of that time at the last look: "after -0.0159 s"."""
+    script = Script(ok(QUEUED, 202), ok(samples.job(JobState.RUNNING)))
+    with pytest.raises(WaitTimeout, match=f"after {timeout:g} s$"):
+        connect(script).run(NoopRequest(), timeout=timeout)
+
+
+@pytest.mark.parametrize("timeout", [-1, float("nan"), "5", None])
+def test_what_is_no_time_to_wait_is_refused(connect: Connect, timeout: object) -> None:
+    client = connect(Script(LOST))
+    with pytest.raises(InvalidArgument, match=r"^timeout: .* is no number of seconds"):
+        client.wait(QUEUED, timeout=timeout)
+    if timeout is not None:
+        with pytest.raises(InvalidArgument, match=r"^timeout"):
+            client.run(NoopRequest(), timeout=timeout)
+
+
 def test_no_pause_outlasts_the_wait(connect: Connect) -> None:
     """A retry's pause once could be far longer than the time the caller gave."""
     script = Script(refusal(samples.refused(503), {"Retry-After": "15"}))
@@ -300,6 +319,65 @@ def test_address_and_key_come_from_the_environment(connect: Connect, monkeypatch
     assert script.requests[0].headers["Authorization"] == "Bearer secret"
     connect(script, api_key="other").get("abc")
     assert script.requests[1].headers["Authorization"] == "Bearer other"
+
+
+def test_a_key_from_a_file_may_end_in_a_line_break(connect: Connect) -> None:
+    script = Script(ok(QUEUED))
+    connect(script, api_key="secret\n").get("abc")
+    assert script.requests[0].headers["Authorization"] == "Bearer secret"
+
+
+@pytest.mark.parametrize("key", ["schlüssel", "one\ntwo", "one\0two"])
+def test_a_key_that_is_no_header_is_refused_and_not_repeated(connect: Connect, key: str) -> None:
+    with pytest.raises(InvalidArgument, match=r"^api_key: takes printable ASCII") as caught:
+        connect(Script(LOST), api_key=key)
+    assert key not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("method", "arguments", "argument"),
+    [
+        ("get", [""], "job"),
+        ("get", [None], "job"),
+        ("cancel", [7], "job"),
+        ("events", [""], "job"),
+        ("wait", ["abc"], "job"),
+        ("file", ["abc", ""], "file"),
+        ("file", ["abc", None], "file"),
+        ("submit", [{"kind": "noop"}], "request"),
+        ("upload", [None], "image"),
+    ],
+)
+def test_an_argument_of_another_type_is_named(
+    connect: Connect, method: str, arguments: list[object], argument: str
+) -> None:
+    """An empty id asked for the list of jobs; others ended in AttributeError."""
+    client = connect(Script(LOST))
+    with pytest.raises(InvalidArgument, match=f"^{argument}: "):
+        list(getattr(client, method)(*arguments))
+
+
+def test_a_mask_that_is_none_is_named(connect: Connect) -> None:
+    client = connect(Script(LOST))
+    with pytest.raises(InvalidArgument, match=r"^mask: float is no picture"):
+        client.run(InstancesRequest(), b"picture", mask=0.5)
+    with pytest.raises(InvalidArgument, match=r"^idempotency_key: "):
+        client.submit(NoopRequest(), idempotency_key="schlüssel")
+
+
+def test_a_closed_client_is_said_to_be_closed(connect: Connect) -> None:
+    client = connect(Script(ok(QUEUED)))
+    getattr(client, "aclose" if hasattr(client, "_runner") else "close")()
+    for call in (lambda: client.get("abc"), lambda: list(client.events("abc"))):
+        with pytest.raises(ConnectionFailed, match="has been closed"):
+            call()
+
+
+def test_a_file_may_be_named_by_its_entry_in_the_job(connect: Connect) -> None:
+    script = Script(reply(200, content=samples.OVERLAY))
+    entry = FileRef(name="overlay.png", media_type="image/png", bytes=1, sha256=samples.SHA)
+    assert connect(script).file("abc", entry) == samples.OVERLAY
+    assert script.requests[0].url.path == "/v1/jobs/abc/files/overlay.png"
 
 
 @pytest.mark.parametrize("url", ["localhost:8000", "cell", "http://", "http://[::", "ftp://cell"])

@@ -10,7 +10,12 @@ import dlo_client
 import pytest
 
 TYPED = """
+from io import BytesIO
+from pathlib import Path
 from typing import assert_type
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
 from dlo_client import *
 
 async def check(client: Client, other: AsyncClient) -> None:
@@ -21,6 +26,10 @@ async def check(client: Client, other: AsyncClient) -> None:
     assert_type(client.run(SegmentRequest(), "desk.png"), Job[SegmentResult])
     assert_type(await other.submit(NoopRequest()), Job[NoopResult])
     assert_type(await other.run(InstancesRequest(), b"", mask=b""), Job[InstancesResult])
+    client.run(SegmentRequest(), np.zeros((4, 4, 3), np.uint8), mask=np.zeros((4, 4), bool))
+    client.run(SegmentRequest(), [Image.new("L", (4, 4)), Path("desk.png"), open("desk.png", "rb"), BytesIO()])
+    for instance in result_of(job).instances:
+        assert_type(instance.mask_rle.array(), npt.NDArray[np.bool_])
 """
 
 
@@ -35,6 +44,16 @@ def test_all_that_is_listed_exists() -> None:
     assert [name for name in dlo_client.__all__ if not hasattr(dlo_client, name)] == []
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = dlo_client.nothing
+
+
+def test_the_package_lists_what_it_offers() -> None:
+    """``dir`` showed the contracts only, and not the clients, which load on first use."""
+    assert set(dlo_client.__all__) <= set(dir(dlo_client))
+    assert {"Client", "AsyncClient", "result_of"} <= set(dir(dlo_client))
+
+
+def test_the_package_has_a_version() -> None:
+    assert dlo_client.__version__[0].isdecimal()
 
 
 def test_contracts_load_no_http_client() -> None:

@@ -7,7 +7,9 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
+from dlo_client import AsyncClient, InvalidArgument
 from dlo_client.commands import reconstruction_commands
 from dlo_client.commands.app import app
 from dlo_client.contracts import (
@@ -135,6 +137,35 @@ def test_a_scan_is_bounded():
     assert len(result.sections) == 3
 
 
+class ArrayArm(Arm):
+    """Knows its pose and its camera as arrays, and gives pixels."""
+
+    intrinsics = Arm.intrinsics | {"distortion": np.zeros(5)}
+
+    def pose(self):
+        return np.asarray(super().pose())
+
+    def picture(self):
+        return np.zeros((480, 640, 3), np.uint8)
+
+
+def test_an_arm_may_speak_in_arrays():
+    result = Scan(Table(), ArrayArm()).run()
+    assert result.curve.length_m == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("views", [-1, 0, 1, 17])
+def test_a_section_needs_two_pictures(views: int):
+    """One ended in a division by zero after the arm had moved."""
+    with pytest.raises(InvalidArgument, match=r"^views: "):
+        ScanOptions(views=views)
+
+
+def test_an_asynchronous_client_is_refused_by_name():
+    with pytest.raises(InvalidArgument, match="Scan waits for answers: give it a Client"):
+        Scan(AsyncClient("http://service"), Arm())
+
+
 def test_an_arm_without_a_pose_is_refused():
     class Broken(Arm):
         def pose(self):
@@ -197,6 +228,32 @@ def test_cameras_that_cannot_be_read_are_named(cameras: list[Path]):
     done = CliRunner().invoke(app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None))
     assert done.exit_code == 1
     assert "row.json" in done.stderr
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_dlo_reconstruct_with_too_few_cameras_says_so(cameras: list[Path], count: int):
+    """One camera was a traceback of pydantic's: only errors of the client ended in one line."""
+    cameras[0].write_text(json.dumps(json.loads(cameras[0].read_text())[:count]))
+    done = CliRunner().invoke(app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None))
+    assert done.exit_code == 1
+    assert done.stderr == f"error: views: List should have at least 2 items after validation, not {count}\n"
+
+
+@pytest.mark.parametrize(("where", "message"), [("a.png", "No such file"), ("row.json", "No such file")])
+def test_dlo_reconstruct_names_a_file_that_is_not_there(cameras: list[Path], where: str, message: str):
+    next(path for path in cameras if path.name == where).unlink()
+    done = CliRunner().invoke(app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None))
+    assert done.exit_code == 1
+    assert where in done.stderr
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("arm", ["nothing", "nothing:at_all", ":made", ".here:made", "json:nothing", "json:loads"])
+def test_dlo_scan_names_an_arm_that_is_none(arm: str, tmp_path: Path):
+    done = CliRunner().invoke(app, ["scan", "--arm", arm, "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert done.stderr.startswith(f"error: --arm {arm}: ")
 
 
 def test_dlo_scan_drives_an_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

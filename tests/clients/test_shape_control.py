@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from dlo_client import AsyncClient, InvalidArgument
 from dlo_client.contracts import DloObject, Job, JobState, PlannedAction
 from dlo_client.demo.shape_drawing import animate, plot
 from dlo_client.demo.simulated_table import SimulatedTable, target_shape
@@ -89,6 +90,32 @@ def test_a_shape_is_reached_and_the_rope_learnt(client, tmp_path):
         assert picture.n_frames > 20
     with Image.open(tmp_path / "task.png") as picture:
         assert picture.size == (640, 570)
+
+
+class ArrayTable(SimulatedTable):
+    """Sees the rope as an array, as a camera's program does."""
+
+    def observe(self):
+        return np.asarray(super().observe())
+
+
+def test_a_robot_may_see_in_arrays(client):
+    target = np.asarray(target_shape("U", 0.45))
+    outcome = ShapeController(client, ArrayTable(0.45), OBJECT, target, max_actions=1).run()
+    assert len(outcome.steps) == 1
+    assert outcome.errors_m[1] < outcome.errors_m[0]
+
+
+@pytest.mark.parametrize("target", [np.zeros((4, 3)), [1.0, 2.0], None, "ab"])
+def test_a_target_that_is_no_line_of_points_is_named(client, target):
+    with pytest.raises(InvalidArgument, match=r"^target_m: takes"):
+        ShapeController(client, SimulatedTable(0.45), OBJECT, target)
+
+
+def test_an_asynchronous_client_is_refused_by_name():
+    """It ended in "'coroutine' object has no attribute 'state'" after the robot had been asked."""
+    with pytest.raises(InvalidArgument, match="ShapeController waits for answers: give it a Client"):
+        ShapeController(AsyncClient("http://service"), SimulatedTable(0.45), OBJECT, target_shape("U"))
 
 
 def test_it_stops_after_the_actions_it_may_do(client):

@@ -52,6 +52,34 @@ def test_the_same_picture_twice_gives_the_same_bytes(client):
     assert [f.sha256 for f in jobs[0].files] == [f.sha256 for f in jobs[1].files]
 
 
+def test_arrays_and_images_are_pictures_and_masks(client):
+    """The same answer, whether a file, its array or its image is sent; masks come back as arrays."""
+    path = SAMPLES / "plain.jpg"
+    with Image.open(path) as image:
+        answers = [result_of(client.run(InstancesRequest(), given)) for given in (np.asarray(image), image)]
+        assert client.upload(image).sha256 == client.upload(image.copy()).sha256
+    first = answers[0]
+    assert answers[0] == answers[1]
+    assert len(first.instances) == len(result_of(client.run(InstancesRequest(), path)).instances)
+    masks = [instance.mask_rle.array() for instance in first.instances]
+    assert {mask.shape for mask in masks} == {(360, 640)}
+    assert sum(mask.astype(int) for mask in masks).max() == 1, "visible pixels belong to one DLO"
+    foreground = np.any(masks, axis=0)
+    seen = [
+        result_of(client.run(InstancesRequest(), mask=given)) for given in (foreground, Image.fromarray(foreground))
+    ]
+    assert seen[0] == seen[1]
+    covered = np.any([instance.mask_rle.array() for instance in seen[0].instances], axis=0)
+    assert (covered & foreground).sum() > 0.9 * foreground.sum()
+
+
+def test_16_bit_arrays_are_pictures(client):
+    with Image.open(SAMPLES / "plain.jpg") as image:
+        gray = np.asarray(image.convert("L"))
+    found = result_of(client.run(InstancesRequest(), gray.astype(np.uint16) * 257))
+    assert len(found.instances) == len(result_of(client.run(InstancesRequest(), gray)).instances) > 0
+
+
 def test_a_picture_without_a_cable_has_none(client):
     buffer = BytesIO()
     Image.effect_noise((640, 360), 12).convert("RGB").save(buffer, "PNG")

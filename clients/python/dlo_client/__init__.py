@@ -61,11 +61,20 @@ from dlo_client.contracts import (
 if TYPE_CHECKING:
     from dlo_client.async_client import AsyncClient
     from dlo_client.client import Client
-    from dlo_client.errors import APIError, ConnectionFailed, DLOError, JobCancelled, JobFailed, WaitTimeout
+    from dlo_client.errors import (
+        APIError,
+        ConnectionFailed,
+        DLOError,
+        InvalidArgument,
+        JobCancelled,
+        JobFailed,
+        WaitTimeout,
+    )
     from dlo_client.outcomes import result_of
     from dlo_client.retry import RetryPolicy
     from dlo_client.scan import CameraOnArm, Scan, ScanOptions, ScanResult
     from dlo_client.shape_control import Robot, ShapeController, ShapeOutcome
+    from dlo_client.version import __version__
     from dlo_client.webhooks import read_webhook
 
 __all__ = [
@@ -95,6 +104,7 @@ __all__ = [
     "Instance",
     "InstancesRequest",
     "InstancesResult",
+    "InvalidArgument",
     "Job",
     "JobCancelled",
     "JobFailed",
@@ -131,6 +141,7 @@ __all__ = [
     "TopologyRequest",
     "TopologyResult",
     "WaitTimeout",
+    "__version__",
     "read_webhook",
     "result_of",
 ]
@@ -145,6 +156,7 @@ _LOADED_ON_USE = {
     "Client": "client",
     "ConnectionFailed": "errors",
     "DLOError": "errors",
+    "InvalidArgument": "errors",
     "JobCancelled": "errors",
     "JobFailed": "errors",
     "CameraOnArm": "scan",
@@ -153,6 +165,7 @@ _LOADED_ON_USE = {
     "ScanOptions": "scan",
     "ScanResult": "scan",
     "WaitTimeout": "errors",
+    "__version__": "version",
     "result_of": "outcomes",
 }
 
@@ -161,3 +174,7 @@ def __getattr__(name: str) -> Any:
     if name not in _LOADED_ON_USE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_LOADED_ON_USE[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

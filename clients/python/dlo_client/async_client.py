@@ -13,10 +13,11 @@ from typing import Self, Unpack
 import httpx
 
 from dlo_client import calls
-from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, Picture, Pictures, RunInputs, Submission, T
+from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, RunInputs, Submission, T
 from dlo_client.connection import DEFAULT_TIMEOUT_S, POLL_PAUSE_S, base_headers, base_url
 from dlo_client.contracts import (
     AnyJob,
+    FileRef,
     ImageInfo,
     Job,
     JobEvent,
@@ -29,6 +30,7 @@ from dlo_client.contracts.base import ResultT
 from dlo_client.errors import WaitTimeout
 from dlo_client.event_stream import EventCursor
 from dlo_client.outcomes import succeeded
+from dlo_client.pictures import Picture, Pictures
 from dlo_client.retry import Outcome, RetryPolicy
 
 
@@ -76,19 +78,11 @@ class AsyncClient:
         deadline = time.monotonic() + patience_s
         held_s = min(patience_s, LONGEST_WAIT_S)
         job = await self._send(calls.submit(request, image, more.get("mask"), held_s), deadline)
-        return succeeded(await self.wait(job, deadline - time.monotonic()))
+        return succeeded(await self._ended(job, deadline, patience_s))
 
     async def wait(self, job: Job[ResultT], timeout: float = 60.0) -> Job[ResultT]:
         """The job once it has ended, whichever way; WaitTimeout after ``timeout`` seconds."""
-        deadline = time.monotonic() + timeout
-        while not job.state.final:
-            left_s = deadline - time.monotonic()
-            if left_s <= 0:
-                raise WaitTimeout(job, timeout)
-            job = await self._send(calls.get(job, min(left_s, LONGEST_WAIT_S)), deadline)
-            if not job.state.final:
-                await asyncio.sleep(POLL_PAUSE_S)
-        return job
+        return await self._ended(calls.awaited(job), time.monotonic() + calls.seconds(timeout), timeout)
 
     async def get(self, job: JobOrId) -> AnyJob:
         """The job as it is now."""
@@ -125,9 +119,9 @@ class AsyncClient:
                     raise calls.connection_failed(error) from error
                 await asyncio.sleep(pause_s)
 
-    async def file(self, job: JobOrId, name: str) -> bytes:
+    async def file(self, job: JobOrId, file: FileRef | str) -> bytes:
         """A file of a result, such as ``overlay.png``; the job's ``files`` lists them."""
-        return await self._send(calls.file(job, name))
+        return await self._send(calls.file(job, file))
 
     async def networks(self) -> list[NetworkInfo]:
         """The networks of the workers that are alive."""
@@ -137,6 +131,17 @@ class AsyncClient:
         """Whether the service can take jobs now; False also while nobody answers."""
         outcome = await self._attempt(calls.ready().build(self._http, self._timeout_s))
         return isinstance(outcome, httpx.Response) and outcome.is_success
+
+    async def _ended(self, job: Job[ResultT], deadline: float, patience_s: float) -> Job[ResultT]:
+        """The job once it has ended; at ``deadline`` WaitTimeout, after ``patience_s`` seconds in all."""
+        while not job.state.final:
+            left_s = deadline - time.monotonic()
+            if left_s <= 0:
+                raise WaitTimeout(job, patience_s)
+            job = await self._send(calls.get(job, min(left_s, LONGEST_WAIT_S)), deadline)
+            if not job.state.final:
+                await asyncio.sleep(POLL_PAUSE_S)
+        return job
 
     async def _send(self, call: Call[T], deadline: float = math.inf) -> T:
         """Send until it succeeds, is refused for good, or another pause would pass ``deadline``."""

@@ -1,14 +1,14 @@
 """Every call of the API as data: what is sent, and how the reply is read. Both clients send these.
 
-The only input or output here is reading picture files.
+The only input or output here is that pictures are read.
 """
 
 from __future__ import annotations
 
-import os
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from numbers import Real
 from typing import Any, Generic, TypedDict, TypeVar, cast
 from urllib.parse import quote
 from uuid import uuid4
@@ -16,8 +16,10 @@ from uuid import uuid4
 import httpx
 from pydantic import TypeAdapter, ValidationError
 
+from dlo_client.connection import header_value
 from dlo_client.contracts import (
     AnyJob,
+    FileRef,
     ImageInfo,
     Job,
     JobKind,
@@ -28,15 +30,11 @@ from dlo_client.contracts import (
     Problem,
 )
 from dlo_client.contracts.base import ResultT
-from dlo_client.errors import APIError, ConnectionFailed, UnexpectedReply, refusal
+from dlo_client.errors import APIError, ConnectionFailed, InvalidArgument, UnexpectedReply, describe_fields, refusal
+from dlo_client.pictures import Part, Picture, Pictures, part_of, parts_of
 from dlo_client.retry import Outcome, retry_after_s
 
 T = TypeVar("T")
-
-Picture = bytes | str | os.PathLike[str]
-"""The encoded bytes of a picture (PNG, JPEG, …) or the path of a file that holds them."""
-
-Pictures = Picture | Sequence[Picture]
 
 JobOrId = Job[Any] | str
 
@@ -84,6 +82,8 @@ class Call(Generic[T]):
     held_s: float = 0.0
 
     def build(self, http: httpx.Client | httpx.AsyncClient, timeout_s: float) -> httpx.Request:
+        if http.is_closed:
+            raise ConnectionFailed("this client has been closed")
         return http.build_request(
             self.method,
             self.path,
@@ -102,7 +102,7 @@ class Call(Generic[T]):
 
 
 def upload(image: Picture) -> Call[ImageInfo]:
-    body = {"content": _bytes_of(image)}
+    body = {"content": part_of(image, "image").data}
     return Call("POST", "/v1/images", _reader(ImageInfo), headers=_BINARY, body=body)
 
 
@@ -119,8 +119,8 @@ def submit(
         "/v1/jobs",
         cast(Callable[[httpx.Response], Job[ResultT]], _reader(AnyJob)),
         params=_wait_params(wait),
-        headers={"Idempotency-Key": idempotency_key or uuid4().hex},
-        body=_job_body(request, _several(images), mask),
+        headers={"Idempotency-Key": header_value(idempotency_key or uuid4().hex, "idempotency_key")},
+        body=_job_body(request, parts_of(images, "image"), mask),
         held_s=wait,
     )
 
@@ -147,7 +147,10 @@ def events(job: JobOrId, after: str | None) -> Call[None]:
     return Call("GET", path, _nothing, headers=headers, held_s=LONGEST_WAIT_S)
 
 
-def file(job: JobOrId, name: str) -> Call[bytes]:
+def file(job: JobOrId, file: FileRef | str) -> Call[bytes]:
+    name = file.name if isinstance(file, FileRef) else file
+    if not isinstance(name, str) or not name:
+        raise InvalidArgument("file", f"{file!r} is neither a file of a job nor the name of one")
     return Call("GET", f"{_job_path(job)}/files/{quote(name, safe='')}", lambda response: response.content)
 
 
@@ -161,7 +164,27 @@ def ready() -> Call[None]:
 
 def patience_s(request: JobRequest[Any], timeout: float | None) -> float:
     """How long ``run`` waits for the job of ``request``."""
-    return request.timeout_s + GRACE_S if timeout is None else timeout
+    return request.timeout_s + GRACE_S if timeout is None else seconds(timeout)
+
+
+def seconds(timeout: float) -> float:
+    """``timeout`` itself. Raises InvalidArgument when it is no time to wait: negative, NaN or no number."""
+    if isinstance(timeout, Real) and timeout >= 0:
+        return float(timeout)
+    raise InvalidArgument("timeout", f"{timeout!r} is no number of seconds from 0 on")
+
+
+def blocking(client: Any, who: str) -> None:
+    """Raises InvalidArgument when ``who`` was given an AsyncClient, whose answers it could not wait for."""
+    if inspect.iscoroutinefunction(getattr(client, "run", None)):
+        raise InvalidArgument("client", f"{who} waits for answers: give it a Client, not an AsyncClient")
+
+
+def awaited(job: Job[ResultT]) -> Job[ResultT]:
+    """``job`` itself. Raises InvalidArgument for its id alone."""
+    if not isinstance(job, Job):
+        raise InvalidArgument("job", "is the job itself, which get(id) gives")
+    return job
 
 
 def check(response: httpx.Response) -> None:
@@ -205,13 +228,17 @@ def _reader(kind: type[T]) -> Callable[[httpx.Response], T]:
         try:
             return TypeAdapter(kind).validate_json(response.content)
         except ValidationError as error:
-            raise UnexpectedReply(f"{response.request.url} did not answer as this API: {error}") from error
+            raise UnexpectedReply(
+                f"{response.request.url} did not answer as this API: {describe_fields(error)}"
+            ) from error
 
     return read
 
 
 def _job_path(job: JobOrId) -> str:
-    job_id = job if isinstance(job, str) else job.id
+    job_id = job.id if isinstance(job, Job) else job
+    if not isinstance(job_id, str) or not job_id:
+        raise InvalidArgument("job", f"{job!r} is neither a job nor the id of one")
     return f"/v1/jobs/{quote(job_id, safe='')}"
 
 
@@ -219,23 +246,13 @@ def _wait_params(wait: float) -> dict[str, float]:
     return {"wait": round(wait, 3)} if wait > 0 else {}
 
 
-def _job_body(request: JobRequest[Any], images: Sequence[Picture], mask: Picture | None) -> dict[str, Any]:
-    parts = [("image", _part(image)) for image in images]
+def _job_body(request: JobRequest[Any], images: Sequence[Part], mask: Picture | None) -> dict[str, Any]:
+    if not isinstance(request, JobRequest):
+        raise InvalidArgument("request", f"{type(request).__name__} is no request: give an InstancesRequest, …")
+    parts = [("image", image) for image in images]
     if mask is not None:
-        parts.append(("mask", _part(mask)))
+        parts.append(("mask", part_of(mask, "mask")))
     if not parts:
         return {"json": request.model_dump(mode="json", exclude_none=True)}
-    return {"data": {"request": request.model_dump_json(exclude_none=True)}, "files": parts}
-
-
-def _several(images: Pictures | None) -> Sequence[Picture]:
-    return [images] if isinstance(images, bytes | str | os.PathLike) else images or []
-
-
-def _part(picture: Picture) -> tuple[str, bytes, str]:
-    name = "picture" if isinstance(picture, bytes) else Path(picture).name
-    return name, _bytes_of(picture), "application/octet-stream"
-
-
-def _bytes_of(picture: Picture) -> bytes:
-    return picture if isinstance(picture, bytes) else Path(picture).read_bytes()
+    files = [(field, (name, data, "application/octet-stream")) for field, (name, data) in parts]
+    return {"data": {"request": request.model_dump_json(exclude_none=True)}, "files": files}

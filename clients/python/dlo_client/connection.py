@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Any
 
 import httpx
 
-from dlo_client.errors import ConnectionFailed
+from dlo_client.errors import ConnectionFailed, InvalidArgument
+from dlo_client.version import __version__
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 DEFAULT_TIMEOUT_S = 20.0
@@ -37,7 +37,7 @@ def base_url(given: str | None) -> httpx.URL:
     text = given or os.environ.get(URL_VARIABLE) or DEFAULT_URL
     try:
         url = httpx.URL(text)
-    except httpx.InvalidURL as error:
+    except (httpx.InvalidURL, TypeError) as error:
         raise ConnectionFailed(f"{text!r} is not an address: {error}") from error
     if url.scheme not in ("http", "https") or not url.host:
         raise ConnectionFailed(f"{text!r} is not an address such as {DEFAULT_URL}")
@@ -45,7 +45,14 @@ def base_url(given: str | None) -> httpx.URL:
 
 
 def base_headers(api_key: str | None) -> dict[str, str]:
-    """Who asks; the key is ``api_key``, else ``DLO_API_KEY``, else none is sent."""
-    agent = {"User-Agent": f"dlo-client/{version('dlo-client')}"}
-    key = api_key or os.environ.get(KEY_VARIABLE)
-    return agent | {"Authorization": f"Bearer {key}"} if key else agent
+    """Who asks; the key is ``api_key``, else ``DLO_API_KEY``, else none is sent. Raises InvalidArgument."""
+    agent = {"User-Agent": f"dlo-client/{__version__}"}
+    key = (api_key or os.environ.get(KEY_VARIABLE) or "").strip()  # a key from a file ends in a line break
+    return agent | {"Authorization": f"Bearer {header_value(key, 'api_key')}"} if key else agent
+
+
+def header_value(text: str, argument: str) -> str:
+    """``text``; raises InvalidArgument, without repeating it, when it cannot stand in a header."""
+    if not isinstance(text, str) or not text.isascii() or not text.isprintable():
+        raise InvalidArgument(argument, "takes printable ASCII characters only")
+    return text

@@ -1,6 +1,7 @@
 """What can go wrong, as one tree::
 
 DLOError
+├── InvalidArgument       what the caller gave cannot be used, and nothing was sent: ``.argument`` says which
 ├── ConnectionFailed      nobody answered, or the connection broke, after all attempts
 ├── UnexpectedReply       somebody answered, but not with what this version of the API says
 ├── APIError              the service refused, and says why in ``.problem``
@@ -14,6 +15,9 @@ DLOError
 ├── JobFailed             the job was accepted and ended badly: ``.problem`` says why
 ├── JobCancelled          the job was cancelled
 └── WaitTimeout           the job goes on, only the waiting ended: ``.job`` is its last known state
+
+A request with a wrong field is refused by pydantic when it is made (``pydantic.ValidationError``), and a picture
+file that cannot be read is an ``OSError``.
 """
 
 from __future__ import annotations
@@ -21,11 +25,21 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Any
 
+from pydantic import ValidationError
+
 from dlo_client.contracts import Job, Problem
 
 
 class DLOError(Exception):
     """Base of everything this package raises on purpose."""
+
+
+class InvalidArgument(DLOError, ValueError):
+    """An argument of the SDK that cannot be used, such as an array that is no picture."""
+
+    def __init__(self, argument: str, message: str) -> None:
+        super().__init__(f"{argument}: {message}")
+        self.argument = argument
 
 
 class ConnectionFailed(DLOError):
@@ -108,6 +122,19 @@ def describe(problem: Problem) -> str:
         text += f" [incident {problem.incident}]"
     return text
 
+
+def describe_fields(error: ValidationError) -> str:
+    """What pydantic found wrong, in one line: ``views.0.intrinsics.fx: Field required; …``."""
+    found = error.errors(include_url=False, include_input=False)
+    named = [(".".join(map(str, each["loc"])), each["msg"].removeprefix("Value error, ")) for each in found]
+    lines = [f"{field}: {message}" if field else message for field, message in named[:_SHOWN]]
+    if len(named) > _SHOWN:
+        lines.append(f"and {len(named) - _SHOWN} more")
+    return "; ".join(lines)
+
+
+_SHOWN = 5
+"""Wrong fields that are listed."""
 
 _BY_STATUS: dict[int, type[APIError]] = {
     HTTPStatus.UNAUTHORIZED: Unauthorized,

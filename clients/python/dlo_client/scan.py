@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from pydantic import TypeAdapter
 
-from dlo_client.calls import Pictures
+from dlo_client.calls import blocking
 from dlo_client.contracts import (
     CameraPose,
     CameraView,
@@ -33,11 +33,13 @@ from dlo_client.contracts import (
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.cameras import AnyIntrinsics
 from dlo_client.contracts.reconstruction import Optimise
-from dlo_client.errors import JobFailed
+from dlo_client.errors import InvalidArgument, JobFailed
 from dlo_client.outcomes import result_of
+from dlo_client.pictures import Picture, Pictures
 
 _INTRINSICS: TypeAdapter[AnyIntrinsics] = TypeAdapter(AnyIntrinsics)
 _POSE: TypeAdapter[Pose] = TypeAdapter(Pose)
+_LEAST_VIEWS, _MOST_VIEWS = 2, 16
 
 
 class CameraOnArm(Protocol):
@@ -57,8 +59,8 @@ class CameraOnArm(Protocol):
         """Bring the camera there and hold it still; an exception ends the scan."""
         ...
 
-    def picture(self) -> bytes:
-        """An encoded picture from here."""
+    def picture(self) -> Picture:
+        """What is seen from here: an encoded picture, or an array of its pixels (H, W, 3)."""
         ...
 
 
@@ -89,6 +91,10 @@ class ScanOptions:
     reconstruct: Mapping[str, Any] = field(default_factory=dict)
     """Further fields of the ReconstructRequests, such as ``threshold``."""
 
+    def __post_init__(self) -> None:
+        if not _LEAST_VIEWS <= self.views <= _MOST_VIEWS:
+            raise InvalidArgument("views", f"{_LEAST_VIEWS} to {_MOST_VIEWS} pictures a section, not {self.views}")
+
 
 @dataclass(frozen=True)
 class Section:
@@ -96,7 +102,7 @@ class Section:
 
     result: ReconstructResult
     poses: list[Pose]
-    pictures: list[bytes]
+    pictures: list[Picture]
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,7 @@ class Scan:
         options: ScanOptions | None = None,
         target_xy: tuple[float, float] | None = None,
     ) -> None:
+        blocking(client, type(self).__name__)
         self._client = client
         self._arm = arm
         self._options = options or ScanOptions()

@@ -9,10 +9,11 @@ After every action the service is told what it did, and knows the DLO better for
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from dlo_client.calls import blocking
 from dlo_client.client import Client
 from dlo_client.contracts import (
     DloObject,
@@ -24,6 +25,7 @@ from dlo_client.contracts import (
     PlanShapeResult,
 )
 from dlo_client.contracts.manipulation import UsedParameters
+from dlo_client.errors import InvalidArgument
 from dlo_client.outcomes import result_of
 
 Points = Sequence[tuple[float, float]]
@@ -79,23 +81,27 @@ class ShapeController:
     """False plans with the middle of the parameters' range all the time."""
     history: list[Experience] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        blocking(self.client, type(self).__name__)
+        self.target_m = _points(self.target_m, "target_m")
+
     def run(self) -> ShapeOutcome:
         """Act until the target is reached, no action helps, or ``max_actions`` are done."""
         steps = list(self.steps())
-        last = self.plan(self.robot.observe())
+        last = self.plan(self._seen())
         errors = [*(s.plan.error_before_m for s in steps), last.error_before_m]
         parameters = [*(s.plan.parameters for s in steps), last.parameters]
         return ShapeOutcome(last.converged, last.status.message, errors, steps, parameters)
 
     def steps(self) -> Iterator[Step]:
         """The loop, a step at a time, for callers that want to look on."""
-        before = self.robot.observe()
+        before = self._seen()
         for _ in range(self.max_actions):
             plan = self.plan(before)
             if plan.action is None:
                 return
             self.robot.execute(plan.action)
-            after = self.robot.observe()
+            after = self._seen()
             self._remember(before, plan.action, after)
             yield Step(before, plan, after, mean_distance(after, self.target_m))
             before = after
@@ -103,7 +109,7 @@ class ShapeController:
     def plan(self, state_m: Points) -> PlanShapeResult:
         """What to do next, from this state and all that is remembered."""
         request = PlanShapeRequest(
-            state_m=list(state_m),
+            state_m=_points(state_m, "state_m"),
             target_m=list(self.target_m),
             object=self.object,
             history=self.history[-self.remembered :] if self.learn else [],
@@ -113,9 +119,20 @@ class ShapeController:
         )
         return result_of(self.client.run(request))
 
+    def _seen(self) -> list[tuple[float, float]]:
+        return _points(self.robot.observe(), "robot.observe()")
+
     def _remember(self, before: Points, action: PlannedAction, after: Points) -> None:
         done = MoveAction(edge=action.edge, dx_m=action.dx_m, dy_m=action.dy_m, dtheta_rad=action.dtheta_rad)
         self.history.append(Experience(before=list(before), action=done, after=list(after)))
+
+
+def _points(given: Iterable[Iterable[float]], argument: str) -> list[tuple[float, float]]:
+    """Pairs of numbers, from lists, tuples or an (N, 2) array. Raises InvalidArgument."""
+    try:
+        return [(float(x), float(y)) for x, y in given]
+    except (TypeError, ValueError) as error:
+        raise InvalidArgument(argument, f"takes (x, y) pairs in meters: {error}") from error
 
 
 def mean_distance(points: Points, others: Points) -> float:

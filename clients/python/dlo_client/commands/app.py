@@ -1,7 +1,7 @@
 """The commands of ``dlo``: they speak HTTP through the client, print, and save files. See ``dlo --help``.
 
-Exit code 0, or 1 with a readable problem on the error stream. A bad picture does not keep the next one from
-being processed.
+Exit code 0; 1 with a readable problem on the error stream; 2 for a command line that is none. A bad picture does
+not keep the next one from being processed.
 """
 
 from __future__ import annotations
@@ -10,9 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from pydantic import ValidationError
+from typer.core import TyperGroup
 
 from dlo_client.client import Client
 from dlo_client.commands.printing import (
@@ -28,9 +30,23 @@ from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VAR
 from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
-from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized
+from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized, describe_fields
+from dlo_client.version import __version__
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+EXIT_CODES = "Exit code: 0 all went well, 1 something failed (the error stream says what), 2 wrong options."
+
+
+class _Readable(TyperGroup):
+    """Every command ends with one line about what went wrong, whoever raised it."""
+
+    def invoke(self, ctx: Any) -> Any:  # click's Context, of whichever click this typer uses
+        with readable():
+            return super().invoke(ctx)
+
+
+app = typer.Typer(
+    cls=_Readable, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, epilog=EXIT_CODES
+)
 
 Images = Annotated[list[Path], typer.Argument(metavar="IMAGE", help="Pictures to look at.")]
 Out = Annotated[Path | None, typer.Option(file_okay=False, help="Folder for the results, named after each picture.")]
@@ -41,17 +57,25 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object a li
 Show = Callable[[Path, Job[ResultT], Sequence[Path]], None]
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"dlo {__version__}")
+        raise typer.Exit
+
+
 @app.callback()
 def connect(
     context: typer.Context,
     url: Annotated[str | None, typer.Option(envvar=URL_VARIABLE, help=f"The service; default {DEFAULT_URL}.")] = None,
     key: Annotated[str | None, typer.Option(envvar=KEY_VARIABLE, help="API key.")] = None,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and end.")
+    ] = False,
 ) -> None:
     """Find cables, wires, hoses and ropes in pictures, with a running DLO service."""
     # The context's object is the client's transport: tests hand one in, otherwise it is None.
     context.meta[CONNECTION] = Connection(url, key, context.obj)
-    with readable():
-        context.obj = context.with_resource(Client(url, key, transport=context.obj))
+    context.obj = context.with_resource(Client(url, key, transport=context.obj))
 
 
 @app.command()
@@ -98,34 +122,42 @@ def jobs(
 ) -> None:
     """List recent jobs, newest first."""
     client: Client = context.obj
-    with readable():
-        print_jobs(list(islice(client.jobs(state=state, kind=kind, page_size=min(limit, 100)), limit)))
+    print_jobs(list(islice(client.jobs(state=state, kind=kind, page_size=min(limit, 100)), limit)))
 
 
 @app.command()
 def models(context: typer.Context) -> None:
     """List the networks the service has loaded."""
     client: Client = context.obj
-    with readable():
-        print_networks(client.networks())
+    print_networks(client.networks())
 
 
 @app.command()
 def cancel(context: typer.Context, job_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the job.")]) -> None:
     """Cancel a queued or running job."""
     client: Client = context.obj
-    with readable():
-        print_jobs([client.cancel(job_id)])
+    print_jobs([client.cancel(job_id)])
 
 
 @contextmanager
 def readable() -> Iterator[None]:
-    """Errors of the client as one line and exit code 1."""
+    """Errors of the client, of a request and of files as one line and exit code 1."""
     try:
         yield
-    except DLOError as error:
-        print_error(str(error))
+    except (DLOError, ValidationError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            raise  # the reader of our output has gone: no error of ours
+        print_error(described(error))
         raise typer.Exit(1) from error
+
+
+def described(error: Exception) -> str:
+    """In one line."""
+    if isinstance(error, ValidationError):
+        return describe_fields(error)
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 def process(
@@ -142,9 +174,11 @@ def process(
         try:
             job = client.run(request, mask=image) if masks else client.run(request, image)
             show(image, job, save(client, job, out, stem) if out else [])
+        except BrokenPipeError:
+            raise
         except OSError as error:
             failed = True
-            print_error(f"{error.filename}: {error.strerror}")
+            print_error(described(error))
         except DLOError as error:
             failed = True
             print_error(f"{image}: {error}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +20,7 @@ from dlo_client.contracts import (
     TopologyRequest,
     TopologyResult,
 )
+from dlo_client.errors import describe_fields
 from dlo_client.outcomes import result_of
 
 Drawing = Annotated[
@@ -70,9 +70,9 @@ def disentangle(
 
 def _drawing(path: Path) -> HarnessDrawing:
     try:
-        return HarnessDrawing.model_validate(json.loads(path.read_text()))
-    except (ValueError, ValidationError) as error:
-        raise typer.BadParameter(f"{path}: {error}", param_hint="--drawing") from error
+        return HarnessDrawing.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        raise typer.BadParameter(f"{path}: {describe_fields(error)}", param_hint="--drawing") from error
 
 
 def _arm(text: str) -> ArmBase:
@@ -80,7 +80,7 @@ def _arm(text: str) -> ArmBase:
     try:
         x, y = (float(v) for v in place.split(","))
         return ArmBase(name=name, xy=(x, y))
-    except (ValueError, ValidationError) as error:
+    except ValueError as error:
         raise typer.BadParameter(f"{text}: expected NAME:X,Y", param_hint="--arm") from error
 
 

@@ -11,12 +11,13 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 
 from dlo_client.client import Client
-from dlo_client.commands.app import Out, app, readable
+from dlo_client.commands.app import Out, app
 from dlo_client.commands.printing import print_error
 from dlo_client.commands.saving import save
 from dlo_client.contracts import CameraView, Curve3D, ReconstructRequest, Target
 from dlo_client.contracts.reconstruction import Optimise, ReconstructMethod
 from dlo_client.demo.scan_picture import svg
+from dlo_client.errors import describe_fields
 from dlo_client.outcomes import result_of
 from dlo_client.scan import CameraOnArm, Scan, ScanOptions
 
@@ -36,21 +37,20 @@ def reconstruct(
 ) -> None:
     """The 3D curve of a cable in pictures from known poses."""
     client: Client = context.obj
-    with readable():
-        views = _read_views(cameras)
-        chosen = Target(view=target[0], xy=target[1:]) if target else None
-        job = client.run(ReconstructRequest(views=views, method=method, target=chosen), images)
-        result = result_of(job)
-        _print_curve(result.curve, f"reprojection {result.reprojection_px:.2f} px")
-        for view in result.views:
-            print(f"  {view.name}: {view.status}" + (f", {view.reason}" if view.reason else ""))
-        for warning in result.warnings:
-            print(f"  warning: {warning}")
-        if out is not None:
-            saved = save(client, job, out, cameras.stem)
-            saved.append(_picture(out / f"{cameras.stem}.svg", result.curve, [v.T_world_camera for v in views]))
-            for path in saved:
-                print(f"  saved {path}")
+    views = _read_views(cameras)
+    chosen = Target(view=target[0], xy=target[1:]) if target else None
+    job = client.run(ReconstructRequest(views=views, method=method, target=chosen), images)
+    result = result_of(job)
+    _print_curve(result.curve, f"reprojection {result.reprojection_px:.2f} px")
+    for view in result.views:
+        print(f"  {view.name}: {view.status}" + (f", {view.reason}" if view.reason else ""))
+    for warning in result.warnings:
+        print(f"  warning: {warning}")
+    if out is not None:
+        saved = save(client, job, out, cameras.stem)
+        saved.append(_picture(out / f"{cameras.stem}.svg", result.curve, [v.T_world_camera for v in views]))
+        for path in saved:
+            print(f"  saved {path}")
 
 
 @app.command()
@@ -72,21 +72,20 @@ def scan(
     """
     client: Client = context.obj
     options = ScanOptions(views=views, optimise=optimise, overlap=overlap, nearest_m=nearest_m)
-    with readable():
-        result = Scan(client, _load(arm), options).run()
-        _print_curve(result.curve, f"{len(result.sections)} sections; ended: {'; '.join(result.ended)}")
-        out.mkdir(parents=True, exist_ok=True)
-        poses = [pose for section in result.sections for pose in section.poses]
-        (out / "scan.json").write_text(result.merged.model_dump_json(indent=2))
-        print(f"  saved {_picture(out / 'scan.svg', result.curve, poses)}")
-        print(f"  saved {out / 'scan.json'}")
+    result = Scan(client, _load(arm), options).run()
+    _print_curve(result.curve, f"{len(result.sections)} sections; ended: {'; '.join(result.ended)}")
+    out.mkdir(parents=True, exist_ok=True)
+    poses = [pose for section in result.sections for pose in section.poses]
+    (out / "scan.json").write_text(result.merged.model_dump_json(indent=2))
+    print(f"  saved {_picture(out / 'scan.svg', result.curve, poses)}")
+    print(f"  saved {out / 'scan.json'}")
 
 
 def _read_views(cameras: Path) -> list[CameraView]:
     try:
         return _VIEWS.validate_json(cameras.read_bytes())
-    except (OSError, ValidationError) as error:
-        print_error(f"{cameras}: {error}")
+    except ValidationError as error:
+        print_error(f"{cameras}: {describe_fields(error)}")
         raise typer.Exit(1) from error
 
 
@@ -96,7 +95,7 @@ def _load(name: str) -> CameraOnArm:
     sys.path.insert(0, str(Path.cwd()))
     try:
         made: Any = getattr(import_module(module), factory)()
-    except (ImportError, AttributeError) as error:
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
         print_error(f"--arm {name}: {error}")
         raise typer.Exit(1) from error
     arm: CameraOnArm = made

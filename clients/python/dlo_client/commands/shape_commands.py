@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from dlo_client.client import Client
-from dlo_client.commands.app import app, readable
+from dlo_client.commands.app import app
 from dlo_client.commands.printing import print_lines
 from dlo_client.contracts import DloObject
 from dlo_client.demo.simulated_table import SimulatedTable, target_shape
@@ -34,8 +34,7 @@ def shape(
     controller = ShapeController(
         client, table, DloObject(mass_kg=mass), goal, threshold, max_actions=max_actions, horizon=horizon
     )
-    with readable():
-        outcome = controller.run()
+    outcome = controller.run()
     lines = ["action  edge   dx mm   dy mm  turn deg  predicted mm  reached mm    k_b    k_d"]
     for k, step in enumerate(outcome.steps, start=1):
         done, used = step.plan.action, step.plan.parameters

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 Point = tuple[float, float]
 """``(x, y)`` in pixels of the upright image; the center of the top-left pixel is ``(0, 0)``."""
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def _without_arrays(value: Any) -> Any:
+    """Lists in place of an array, or of a list of arrays, which pydantic does not take for lists."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list | tuple) and value and hasattr(value[0], "tolist"):
+        return [_without_arrays(item) for item in value]
+    return value
+
+
+Numbers = BeforeValidator(_without_arrays)
+"""Beside the type of a field that holds lists of numbers: a program may give a NumPy array for them."""
 
 
 class Contract(BaseModel):

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, AliasChoices, ConfigDict, Field, model_validator
 
-from dlo_client.contracts.base import Contract
+from dlo_client.contracts.base import Contract, Numbers
 from dlo_client.contracts.images import ImageSource
 
 _TOLERANCE = 1e-3
@@ -37,12 +37,13 @@ def _rigid(rows: tuple[Row, Row, Row, Row]) -> tuple[Row, Row, Row, Row]:
     return rows
 
 
-Pose = Annotated[tuple[Row, Row, Row, Row], AfterValidator(_rigid)]
+Pose = Annotated[tuple[Row, Row, Row, Row], AfterValidator(_rigid), Numbers]
 """4 × 4, row by row; its rotation is checked to 1e-3."""
 
 Pixels = Annotated[int, Field(gt=0, le=_LARGEST_PX)]
 Focal = Annotated[float, Field(gt=0, le=_LARGEST_PX)]
 Center = Annotated[float, Field(ge=-_LARGEST_PX, le=_LARGEST_PX)]
+Coefficients = Annotated[list[Annotated[float, Field(ge=-1e3, le=1e3)]], Numbers]
 DistortionName = Literal["plumb_bob", "rational_polynomial", "equidistant"]
 _COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (0, 4)}
 
@@ -56,7 +57,7 @@ class PinholeIntrinsics(Contract):
     fy: Focal
     cx: Center
     cy: Center
-    distortion: list[Annotated[float, Field(ge=-1e3, le=1e3)]] = Field(default_factory=list, max_length=8)
+    distortion: Coefficients = Field(default_factory=list, max_length=8)
 
     @model_validator(mode="after")
     def _known_count(self) -> PinholeIntrinsics:
@@ -73,10 +74,8 @@ class CameraInfo(Contract):
 
     width: Pixels
     height: Pixels
-    K: list[float] = Field(min_length=9, max_length=9, validation_alias=AliasChoices("K", "k"))
-    D: list[Annotated[float, Field(ge=-1e3, le=1e3)]] = Field(
-        default_factory=list, max_length=8, validation_alias=AliasChoices("D", "d")
-    )
+    K: Annotated[list[float], Numbers] = Field(min_length=9, max_length=9, validation_alias=AliasChoices("K", "k"))
+    D: Coefficients = Field(default_factory=list, max_length=8, validation_alias=AliasChoices("D", "d"))
     distortion_model: DistortionName = "plumb_bob"
 
     @model_validator(mode="after")

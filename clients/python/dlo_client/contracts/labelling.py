@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from dlo_client.contracts.base import Contract, Point, Probability, Reply
+from dlo_client.contracts.base import Contract, Numbers, Point, Probability, Reply
 from dlo_client.contracts.cameras import AnyIntrinsics, CameraView, Pose
 from dlo_client.contracts.objects import Crossing, Endpoint, MaskRLE
 from dlo_client.contracts.submission import JobRequest, ModelUsed
@@ -18,7 +18,7 @@ LabelFile = Literal["labels", "overlay"]
 class Stroke(Contract):
     """One DLO as the pen marked it, from end to end: a click every few centimeters is enough."""
 
-    points_m: list[tuple[_Meters, _Meters, _Meters]] = Field(
+    points_m: Annotated[list[tuple[_Meters, _Meters, _Meters]], Numbers] = Field(
         min_length=2, max_length=5000, description="x, y, z of the pen's tip, in the tracker's frame"
     )
     thickness_m: float = Field(gt=0, le=1, description="diameter of the DLO")

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from dlo_client.contracts.base import Contract, Reply
+from dlo_client.contracts.base import Contract, Numbers, Reply
 from dlo_client.contracts.images import ImageSource
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 
@@ -29,7 +29,7 @@ def _is_a_line(points: list[Point2]) -> list[Point2]:
     return points
 
 
-Shape = Annotated[list[Point2], Field(min_length=2, max_length=2000), AfterValidator(_is_a_line)]
+Shape = Annotated[list[Point2], Field(min_length=2, max_length=2000), AfterValidator(_is_a_line), Numbers]
 """A DLO on the table, end to end; any number of points."""
 
 
@@ -177,7 +177,7 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
     kind: Literal["plan_shape"] = "plan_shape"
     state_m: Shape | None = None
     image: ImageSource | None = Field(default=None, description="instead of state_m; or an `image` part")
-    homography: tuple[Row3, Row3, Row3] | None = Field(
+    homography: Annotated[tuple[Row3, Row3, Row3] | None, Numbers] = Field(
         default=None, description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters"
     )
     model: ModelName | None = Field(default=None, description="foreground network for the picture")

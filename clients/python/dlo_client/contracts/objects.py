@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
 from dlo_client.contracts.base import Point, Probability, Reply
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Spline(Reply):
@@ -29,6 +33,12 @@ class MaskRLE(Reply):
 
     size: tuple[int, int]
     counts: str
+
+    def array(self) -> NDArray[np.bool_]:
+        """(height, width), True where the mask is. Needs NumPy; raises ValueError for runs that are no mask."""
+        from dlo_client.arrays import mask_array  # NumPy is no requirement of the contracts
+
+        return mask_array(self.counts, self.size)
 
 
 Reason = Literal["gap", "border", "parallel", "low_contrast", "blur"]
