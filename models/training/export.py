@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,50 @@ class Card:
     preprocess: Mapping[str, Any]
     training: Mapping[str, Any]
     metrics: Mapping[str, float]
+    features: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A file to write: ``module``, the task it serves and what a caller needs to feed it.
+
+    ``examples``: inputs of several sizes, the first is traced; ``dynamic``: free axes of every input; ``features``:
+    names of the columns where the input is a row of evidence; ``facts``: what else the manifest notes of the training.
+    """
+
+    name: str
+    module: nn.Module
+    task: str
+    input: str
+    origin: str
+    preprocess: Mapping[str, Any]
+    examples: Sequence[tuple[Tensor, ...]]
+    dynamic: Sequence[Mapping[int, Any]]
+    tolerance: float
+    inputs: Sequence[str] = ("input",)
+    outputs: Sequence[str] = ("output",)
+    version: str = "1.0"
+    features: Sequence[str] = ()
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+def refuse_useless(name: str, metrics: Mapping[str, float], least: Mapping[str, float]) -> None:
+    """Raises ValueError for a network that is no better than a guess: it must not replace the one that ships."""
+    for figure, bound in least.items():
+        if not metrics.get(figure, math.nan) > bound:
+            raise ValueError(f"{name} is not exported: {figure} is {metrics.get(figure)}, no more than {bound}")
+
+
+def publish(exported: Exported, training: Mapping[str, Any], metrics: Mapping[str, float]) -> float:
+    """Write a trained network's file and its manifest entry; returns the largest difference to torch."""
+    card = Card(
+        exported.version, exported.task, True, exported.input, "Apache-2.0", exported.origin, exported.preprocess,
+        {**training, **exported.facts}, metrics, exported.features,
+    )  # fmt: skip
+    return export(
+        exported.module, exported.name, card, exported.examples, exported.dynamic, exported.tolerance,
+        exported.inputs, exported.outputs,
+    )  # fmt: skip
 
 
 def export(
@@ -123,5 +168,6 @@ def register(name: str, path: Path, card: Card, parameters: int) -> None:
         "preprocess": dict(card.preprocess),
         "training": dict(card.training),
         "metrics": dict(card.metrics),
+        **({"features": list(card.features)} if card.features else {}),
     }
     file.write_text(tomli_w.dumps(dict(sorted(entries.items()))))

@@ -44,6 +44,7 @@ class NetworkSpec:
     preprocess: Mapping[str, Any]
     training: Mapping[str, Any]
     metrics: Mapping[str, float]
+    features: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from models.manipulation.resampling import back_to_points, edge_of_points, node_
 from models.manipulation.scaling import MOVE_SCALE, scale_rope, unscale_rope
 from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate, straight
 from models.training.dynamics.data import generate
-from models.training.dynamics.export import example
 from models.training.dynamics.network_dynamics import DynamicsNetwork
 from models.training.dynamics.network_tangents import DynamicsTangents
+from models.training.dynamics.train import example
 from models.weights.inference import Runtime, load
 
 STATE = straight(np.array([0.45]), 16)[0]

@@ -13,6 +13,8 @@ import torch
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import TexturePool, load_pool
+from models.training import export
+from models.training.foreground.export import main as export_command
 from models.training.foreground.initial import unfold
 from models.training.foreground.int8 import compare, quantize
 from models.training.foreground.network_compact import CompactNetwork, foreground_loss
@@ -147,6 +149,30 @@ def test_training_learns_and_resumes_where_it_was(tmp_path):
     for a, b in zip(training.average.parameters(), resumed.average.parameters(), strict=True):
         assert torch.equal(a, b)
     assert resumed.optimizer.state_dict()["state"].keys() == training.optimizer.state_dict()["state"].keys()
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [({"slots": 160, "batch": 8}, "slots is 160"), ({"slots": 161, "batch": 8, "renderers": 2}, "at least 162"),
+     ({"batch": 0}, "batch"), ({"minutes": 0.0}, "minutes")],
+)  # fmt: skip
+def test_a_training_that_would_wait_for_ever_is_refused(settings, named):
+    """With 20 batches of slots or fewer the first step never came: a renderer rests when the slots are full."""
+    with pytest.raises(ValueError, match=named):
+        TrainParams(**settings)
+    assert TrainParams(slots=161, batch=8).slots == 161
+
+
+@pytest.mark.parametrize("metrics", [{}, {"dice": 0.0, "false": 0.0}])
+def test_a_network_that_finds_nothing_is_not_exported(metrics, tmp_path, capsys, monkeypatch):
+    """One with Dice 0.0 took the place of the shipped one without a word."""
+    monkeypatch.setattr(export, "WEIGHTS", tmp_path / "weights")
+    training = Training(TrainParams(), tmp_path, torch.device("cpu"))
+    training.save("last", metrics)
+    with pytest.raises(SystemExit):
+        export_command([str(tmp_path / "last.pt")])
+    assert "foreground_compact is not exported: rendered_dice is" in capsys.readouterr().err
+    assert not (tmp_path / "weights").exists()
 
 
 def test_validation_reports_and_draws(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -10,9 +12,10 @@ from models.synthesis.scenes import Labelled, render_scene
 from models.synthesis.textures import load_pool
 from models.tracked_labels.crops import MIDDLE, SIZE
 from models.tracked_labels.lines import LineReading
-from models.training.corrector.corrector import NAME, TrainConfig, augment, corrector_loss, errors, marked, train
+from models.training.corrector.corrector import FAMILY, NAME, CorrectorConfig, augment, corrector_loss, errors, marked
 from models.training.corrector.crops import CropParams, contrast, crops_of, joined, read, write
 from models.training.corrector.network_corrector import CorrectorNetwork, CorrectorProbabilities
+from models.training.fit import fit
 from models.weights.inference import load
 
 PARAMS = CropParams(scenes=2, per_scene=12, height=192, width=256)
@@ -33,12 +36,12 @@ def test_crops_are_the_same_for_the_same_seed_and_say_where_the_dlo_is():
 
 def test_contrast_is_the_difference_of_colors():
     made = crops()
-    flat = made._replace(images=np.full_like(made.images, 90))
+    flat = replace(made, images=np.full_like(made.images, 90))
     assert contrast(flat).max() == 0
     barred = flat.images.copy()
     for k, (column, width) in enumerate(zip(made.columns, made.widths, strict=True)):
         barred[k, :, max(round(column - width / 2), 0) : round(column + width / 2) + 1] = 190
-    assert np.median(contrast(made._replace(images=barred))) > 80
+    assert np.median(contrast(replace(made, images=barred))) > 80
 
 
 def test_writing_goes_on_where_it_was_cut_off(tmp_path):
@@ -66,16 +69,16 @@ def test_augmented_crops_keep_their_truth():
 def test_training_goes_on_and_learns(tmp_path):
     """A few steps on a few crops lower the loss; a state is taken up."""
     many = joined([crops()] * 4)
-    config = TrainConfig(epochs=2, batch=8, width=0.125, keep=0.5)
+    config = CorrectorConfig(epochs=12, batch=8, width=0.125, keep=0.5)
     torch.set_num_threads(1)
-    network = train(config, many._replace(margins=np.ones(len(many.images))), many, tmp_path / "state.pt")
+    network = fit(FAMILY, config, many, tmp_path / "state.pt")
     fresh = CorrectorNetwork(0.125).eval()
     images = torch.from_numpy(many.images).float()
     truth = torch.from_numpy(many.columns), torch.from_numpy(many.widths)
     with torch.no_grad():
-        losses = [float(corrector_loss(*n(images), *truth, config)) for n in (network, fresh)]
+        losses = [float(corrector_loss(*n(images), *truth, config.heat_px)) for n in (network, fresh)]
     assert losses[0] < losses[1]
-    again = train(config, many, many, tmp_path / "state.pt")
+    again = fit(FAMILY, config, many, tmp_path / "state.pt")
     assert all(torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True))
 
 
@@ -99,7 +102,7 @@ def test_only_crops_that_show_which_dlo_is_meant_are_marked():
     column, width = made.columns[0], made.widths[0]
     image[:, max(round(column - width / 2), 0) : round(column + width / 2) + 1] = 190
     images = np.stack([image, image, np.full_like(image, 90)])
-    three = made._replace(images=images, margins=np.array([4.0, 3.9, 30.0], np.float32))
+    three = replace(made, images=images, margins=np.array([4.0, 3.9, 30.0], np.float32))
     assert marked(three).tolist() == [True, False, False]
 
 

@@ -48,7 +48,8 @@ class CropParams:
         return SceneParams((self.height, self.width), width_share=bounds, empty_share=0.0, clutter=self.clutter)
 
 
-class Crops(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Crops:
     """(n, SIZE, SIZE, 3) crops; (n,) column of the centerline on the middle row; (n,) width in pixels of the crop;
     (n,) by how much, in pixels of the crop, the DLO that is meant is nearer to the crop's middle than any other, or
     than itself where it comes back: below 0 nothing in the crop says which one is meant."""
@@ -57,6 +58,9 @@ class Crops(NamedTuple):
     columns: Float32Array
     widths: Float32Array
     margins: Float32Array
+
+    def __len__(self) -> int:
+        return len(self.columns)
 
     def take(self, rows: IntArray | slice) -> Crops:
         """Those of the given numbers."""
@@ -193,7 +197,7 @@ def write(folder: Path, params: CropParams, pool: TexturePool) -> None:
             parts.append(crops_of(render_scene(rng, params.scene(), pool), rng, params))
         partial = file.with_suffix(".part")
         with partial.open("wb") as out:
-            np.savez(out, **joined(parts)._asdict())
+            np.savez(out, **vars(joined(parts)))
         partial.replace(file)
         print(f"{file.name}: {sum(len(p.images) for p in parts)} crops", flush=True)
 
@@ -204,7 +208,7 @@ def read(folder: Path, at_most: int | None = None) -> Crops:
     if not files:
         raise FileNotFoundError(f"no crops in {folder}")
     packs = [np.load(file) for file in files]
-    return joined([Crops(*(pack[name] for name in Crops._fields)) for pack in packs])
+    return joined([Crops(*(pack[name] for name in Crops.__dataclass_fields__)) for pack in packs])
 
 
 def main() -> None:

@@ -97,9 +97,9 @@ class CorrectorNetwork(nn.Module):
 
 class CorrectorProbabilities(nn.Module):
     """What is exported: columns as probabilities that sum to 1, widths in pixels of the crop. Each crop is looked at
-    twice, the second time turned by half a turn, and the mean of both is told: their mistakes differ."""
+    twice, the second time turned by half a turn, and the mean of both is given: their mistakes differ."""
 
-    def __init__(self, network: CorrectorNetwork) -> None:
+    def __init__(self, network: nn.Module) -> None:
         super().__init__()
         self.network = network
 

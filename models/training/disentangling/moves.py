@@ -1,20 +1,19 @@
-"""Train the network that says how likely a turn is to work, in a simulated world of harnesses; export it.
+"""The network that gives how likely a turn is to work, trained in a simulated world of harnesses.
 
-    python -m models.training.disentangling.moves
+    python -m models.training topology_moves
 
-Strategy: a harness with one to four crossings lies on a table; what a camera sees of it is a topology, from which turns
+Strategy: a harness with one to four crossings is on a table; what a camera sees of it is a topology, from which turns
 are found. Some are done on the harness as it really is, each anew, by arms that err; one that works leads on to the
 next state. A turn works if the piece could be taken, as many crossings are gone as were foreseen, and the place is as
 easy to read as before: nothing newly touches, crosses right beside a branch-point, or crosses out of sight. About 30
-minutes on one core. Prints one JSON line.
+minutes on one core.
 """
 
 from __future__ import annotations
 
-import argparse
+from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from models.disentangling.plan import DisentangleParams, action_of
 from models.disentangling.turn_candidates import Turn, find_turns
@@ -25,10 +24,13 @@ from models.topology.classifiers import JUDGES, Judges
 from models.topology.extraction import TopologyNetwork, extract
 from models.topology.scene import Topology
 from models.training.disentangling.table_world import SEEN, execute, one_crossing, seen_points, truth, unclear
+from models.training.fit import Source
+from models.training.state import kept
 from models.training.topology.evidence import Table
-from models.training.topology.judges import MOVES, JudgeConfig, export_judge, train
+from models.training.topology.judges import JudgeConfig, classifier
 from models.weights.inference import Runtime, default_name, load
 
+MOVES = "topology_moves"
 _FIRST, _HELD_OUT = 0, 10**6
 _MOST_STEPS = 4
 _MOST_TRIED = 14
@@ -36,6 +38,15 @@ _PREPARING = 0.2
 """Weight of a turn that leaves as many crossings."""
 _AS_IT_IS, _NO_DEPTH = 0.15, 0.2
 """How often the topology is the true one, and how often no depth tells what lies on top."""
+
+
+@dataclass(frozen=True)
+class MovesConfig(JudgeConfig):
+    seed: int = 12
+    epochs: int = 20
+    scenes: int = 1200
+    held_out: int = 100
+    hidden: int = 48
 
 
 def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, judges: Judges) -> Table:
@@ -57,7 +68,7 @@ def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, jud
             harness = onward[int(rng.integers(len(onward)))]
             if not harness.crossings:
                 break
-    return np.array(rows, np.float32), np.array(worked, np.int64)
+    return Table(np.array(rows, np.float32), np.array(worked, np.int64))
 
 
 def _seen(harness: Harness, rng: np.random.Generator, network: TopologyNetwork, judges: Judges) -> Topology:
@@ -86,20 +97,19 @@ def _done(harness: Harness, topology: Topology, turn: Turn, rng: np.random.Gener
     return outcome.harness if enough and unclear(outcome.harness) <= unclear(harness) else None
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=12)
-    parser.add_argument("--scenes", type=int, default=1200)
-    args = parser.parse_args()
-    config = JudgeConfig(seed=args.seed, scenes=args.scenes, held_out=100, epochs=20, hidden=48)
-    torch.set_num_threads(1)
+def samples(config: JudgeConfig, source: Source) -> tuple[Table, Table]:
+    """Turns in scenes for training and in held-out ones; they are tried once and kept."""
     runtime = Runtime(threads=1)
     network = load(default_name("topology"), runtime)
     judges = Judges(*(load(default_name(task), runtime) for task in JUDGES))
-    seen = moves_table(config.seed, _FIRST, config.scenes, network, judges)
-    held_out = moves_table(config.seed, _HELD_OUT, config.held_out, network, judges)
-    export_judge(MOVES, train(MOVES, config, seen), config, seen, held_out)
+
+    def table(first: int, count: int) -> Table:
+        file = source.folder / f"turns-{config.seed}-{first}-{count}.pickle"
+        return kept(file, lambda: moves_table(config.seed, first, count, network, judges))
+
+    return table(_FIRST, config.scenes), table(_HELD_OUT, config.held_out)
 
 
-if __name__ == "__main__":
-    main()
+FAMILY = classifier(
+    MOVES, "moves", "evidence of turns about a place that is held", ("fails", "works"), (), MovesConfig, samples
+)

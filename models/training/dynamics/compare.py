@@ -23,7 +23,9 @@ from torch import Tensor, nn
 from models.manipulation.simulator import Ropes
 from models.training.dynamics.data import Samples, generate
 from models.training.dynamics.networks import NETWORKS, frame_of, tensors
-from models.training.dynamics.train import Training, TrainParams, evaluate, node_error, split
+from models.training.dynamics.train import FAMILY, DynamicsConfig, columns, node_error
+from models.training.fit import fit
+from models.training.log import Log
 
 MODES = ("conditioned", "without_varied", "without_fixed")
 GROUPS, ACTIONS = 4, 6
@@ -32,20 +34,10 @@ Columns = tuple[Tensor, ...]
 
 
 def trained(name: str, mode: str, data: Samples, minutes: float, folder: Path) -> nn.Module:
-    """The network, from its checkpoint when it was trained to the end before."""
-    params = TrainParams(name, mode == "conditioned", minutes)
-    training = Training(params)
-    file = folder / f"{name}_{mode}.pt"
-    if file.exists():
-        training.restore(file)
-    if training.seconds < 60 * minutes:
-        columns, held_out = (tensors(part, frame_of(name)) for part in split(data))
-        training.run(columns, 60 * minutes)
-        metrics = evaluate(training.average, held_out)
-        folder.mkdir(parents=True, exist_ok=True)
-        training.save(file, metrics)
-        print(name, mode, training.steps, json.dumps(metrics), flush=True)
-    return training.average
+    """The network, from its state when it was trained to the end before."""
+    config = DynamicsConfig(network=name, conditioned=mode == "conditioned", minutes=minutes)
+    samples, _ = columns(data, name)
+    return fit(FAMILY, config, samples, folder / f"{name}_{mode}.pt", Log(folder / f"{name}_{mode}.jsonl"))
 
 
 def groups_of(name: str, ropes: int, seed: int) -> list[list[Columns]]:

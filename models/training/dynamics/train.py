@@ -1,44 +1,69 @@
-"""Train a dynamics network on simulated samples: ``python -m models.training.dynamics.train FOLDER --data FILE``.
+"""The dynamics network (thesis 5.4), trained on simulated samples.
 
-Resumable; bounded by processor minutes, summed over all runs on the same folder, which the learning rate follows.
+    python -m models.training.dynamics.data build/varied.npz --samples 300000 --actions 6 --seed 1
+    python -m models.training dynamics --data build/varied.npz --minutes 17
+
+Three files of the same weights are exported: the next state alone, with its derivatives by the action, and with those
+by the rope's parameters.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import math
-import time
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from models.geometry.arrays import IntArray
+from models.manipulation.scaling import MOVE_SCALE
+from models.manipulation.simulator import BENDING, DAMPING, LENGTH_M, MASS_KG, SimulationParams
 from models.training.dynamics.data import Samples
+from models.training.dynamics.network_dynamics import DynamicsNetwork
+from models.training.dynamics.network_tangents import DynamicsTangents
 from models.training.dynamics.networks import NETWORKS, build, frame_of, tensors
+from models.training.export import Exported
+from models.training.fit import Family, Source
+from models.training.state import Config
 
+NAME = "dynamics"
+INPUTS = ("state", "edge", "move", "rope")
+NODES = 16
 _HELD_OUT = 0.1
 
 
 @dataclass(frozen=True)
-class TrainParams:
-    """``minutes`` of processor time in all; thesis 5.7.1 trains 100 epochs at batch 128."""
+class DynamicsConfig(Config):
+    """``network`` by its name; ``conditioned`` on the rope's parameters. Thesis 5.7.1: 100 epochs at batch 128."""
 
-    network: str = "dynamics"
-    conditioned: bool = True
     minutes: float = 30.0
     batch: int = 512
     rate: float = 1.5e-3
-    decay: float = 0.999
-    seed: int = 1
+    warm_up: float = 0.02
+    weight_decay: float = 1e-4
+    clip: float = 1.0
+    keep: float = 0.999
+    network: str = "dynamics"
+    conditioned: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.network not in NETWORKS:
+            raise ValueError(f"network is {self.network!r}; there are {', '.join(NETWORKS)}")
 
 
-def learning_rate(share: float, peak: float) -> float:
-    """Warm-up over the first 2 %, then half a cosine down to 0.1 % of ``peak``."""
-    warm = min(share / 0.02, 1.0)
-    return peak * warm * (0.001 + 0.999 * 0.5 * (1 + math.cos(math.pi * min(share, 1.0))))
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """State, one-hot edge, move, rope and next state ``(N, …)`` of every sample."""
+
+    parts: tuple[Tensor, ...]
+
+    def __len__(self) -> int:
+        return len(self.parts[0])
+
+    def taken(self, rows: IntArray) -> tuple[Tensor, ...]:
+        chosen = torch.from_numpy(rows)
+        return tuple(part[chosen] for part in self.parts)
 
 
 def node_error(predicted: Tensor, true: Tensor) -> Tensor:
@@ -46,122 +71,101 @@ def node_error(predicted: Tensor, true: Tensor) -> Tensor:
     return (predicted - true).norm(dim=-1).mean(1)
 
 
-def loss_of(predicted: Tensor, true: Tensor) -> Tensor:
+def centimeters(predicted: Tensor, true: Tensor) -> Tensor:
     """Mean squared error (5.4.3) in units of a centimeter, its square root taken a sample at a time: large motions
     do not outweigh small ones."""
     squared = (1e4 * (predicted - true).square()).sum(-1).mean(1)
     return (squared + 1e-4).sqrt().mean()
 
 
-class Training:
-    """Network, its running average and the optimizer: what a checkpoint holds."""
-
-    def __init__(self, params: TrainParams) -> None:
-        torch.manual_seed(params.seed)
-        self.params = params
-        self.network = build(params.network, params.conditioned)
-        self.average = build(params.network, params.conditioned).requires_grad_(False)
-        self.average.load_state_dict(self.network.state_dict())
-        self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=params.rate, weight_decay=1e-4)
-        self.seconds, self.steps = 0.0, 0
-
-    def run(self, data: tuple[Tensor, ...], until_s: float) -> None:
-        """Steps on random batches until ``seconds`` of processor time have been spent."""
-        rows = torch.Generator().manual_seed(self.params.seed + self.steps)
-        while self.seconds < until_s:
-            started = time.process_time()
-            order = torch.randperm(len(data[0]), generator=rows)[: 64 * self.params.batch]
-            for picked in order.split(self.params.batch):
-                self._step(tuple(column[picked] for column in data))
-            self.seconds += time.process_time() - started
-
-    def _step(self, batch: tuple[Tensor, ...]) -> None:
-        rate = learning_rate(self.seconds / (60 * self.params.minutes), self.params.rate)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
-        *inputs, true = batch
-        loss = loss_of(self.network(*inputs), true)
-        self.optimizer.zero_grad()
-        torch.autograd.backward(loss)
-        nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
-        self.optimizer.step()
-        self.steps += 1
-        decay = min(self.params.decay, self.steps / (10 + self.steps))
-        with torch.no_grad():
-            for kept, new in zip(self.average.parameters(), self.network.parameters(), strict=True):
-                kept.lerp_(new, 1 - decay)
-
-    def save(self, file: Path, metrics: dict[str, float]) -> None:
-        state = {
-            "network": self.network.state_dict(), "average": self.average.state_dict(),
-            "optimizer": self.optimizer.state_dict(), "seconds": self.seconds, "steps": self.steps,
-            "params": asdict(self.params), "metrics": metrics,
-        }  # fmt: skip
-        partial = file.with_suffix(".part")
-        torch.save(state, partial)
-        partial.replace(file)
-
-    def restore(self, file: Path) -> None:
-        """Raises ValueError when the file is of another network."""
-        state = torch.load(file, weights_only=True)
-        same = ("network", "conditioned", "batch", "seed")
-        if any(state["params"][name] != getattr(self.params, name) for name in same):
-            raise ValueError(f"{file} was begun with {state['params']}")
-        self.network.load_state_dict(state["network"])
-        self.average.load_state_dict(state["average"])
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.seconds, self.steps = state["seconds"], state["steps"]
-
-
-@torch.inference_mode()
-def evaluate(network: nn.Module, data: tuple[Tensor, ...]) -> dict[str, float]:
-    """Mean node error, and its ratio to the mean displacement of a node."""
-    parts = []
-    for rows in torch.arange(len(data[0])).split(4096):
-        *inputs, true = (column[rows] for column in data)
-        parts.append((node_error(network(*inputs), true), node_error(inputs[0], true)))
-    error, moved = (torch.cat(column) for column in zip(*parts, strict=True))
-    return {
-        "error_mm": round(1e3 * float(error.mean()), 4),
-        "median_mm": round(1e3 * float(error.median()), 4),
-        "error_share": round(float(error.mean() / moved.mean()), 5),
-    }
-
-
 def split(samples: Samples) -> tuple[Samples, Samples]:
-    """Training and validation. Sequences lie apart by whole chunks, so the last tenth shares none with the rest."""
+    """Training and validation. Sequences are apart by whole chunks, so the last tenth shares none with the rest."""
     kept = round((1 - _HELD_OUT) * len(samples))
     return samples.taken(slice(0, kept)), samples.taken(slice(kept, None))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.dynamics.train", description=__doc__)
-    parser.add_argument("folder", type=Path, help="continues from last.pt when it is there")
-    parser.add_argument("--data", type=Path, required=True, help="of models.training.dynamics.data")
-    parser.add_argument("--network", choices=list(NETWORKS), default="dynamics")
-    parser.add_argument("--without-parameters", action="store_true", help="not conditioned on the rope")
-    parser.add_argument("--minutes", type=float, default=TrainParams.minutes)
-    parser.add_argument("--seed", type=int, default=TrainParams.seed)
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    params = TrainParams(args.network, not args.without_parameters, args.minutes, seed=args.seed)
-    training = Training(params)
-    args.folder.mkdir(parents=True, exist_ok=True)
-    file = args.folder / "last.pt"
-    if file.exists():
-        training.restore(file)
-    parts = split(Samples.load(args.data))
-    data, held_out = (tensors(part, frame_of(args.network)) for part in parts)
-    while training.seconds < 60 * args.minutes:
-        training.run(data, min(training.seconds + 120, 60 * args.minutes))
-        metrics = evaluate(training.average, held_out)
-        training.save(file, metrics)
-        line = json.dumps({"steps": training.steps, "seconds": round(training.seconds), **metrics})
-        print(line, flush=True)
-        with (args.folder / "log.jsonl").open("a") as log:
-            log.write(line + "\n")
+def columns(samples: Samples, network: str) -> tuple[Columns, Columns]:
+    """Training and validation, in the frame that a network sees."""
+    first, last = (Columns(tensors(part, frame_of(network))) for part in split(samples))
+    return first, last
 
 
-if __name__ == "__main__":
-    np.seterr(all="raise")
-    main()
+def samples(config: DynamicsConfig, source: Source) -> tuple[Columns, Columns]:
+    assert source.data is not None
+    return columns(Samples.load(source.data), config.network)
+
+
+def loss_of(
+    network: nn.Module, data: Columns, rows: IntArray, rng: np.random.Generator, config: DynamicsConfig
+) -> Tensor:
+    *inputs, true = data.taken(rows)
+    return centimeters(network(*inputs), true)
+
+
+@torch.inference_mode()
+def measure(network: nn.Module, data: Columns, config: DynamicsConfig) -> dict[str, float]:
+    """Mean node error, and its ratio to the mean displacement of a node;
+    ``gain_share``: by how much it is below that of a network which expects no motion."""
+    parts = []
+    for rows in torch.arange(len(data)).split(4096):
+        *inputs, true = (part[rows] for part in data.parts)
+        parts.append((node_error(network(*inputs), true), node_error(inputs[0], true)))
+    error, moved = (torch.cat(column) for column in zip(*parts, strict=True))
+    share = float(error.mean() / moved.mean())
+    return {
+        "error_mm": round(1e3 * float(error.mean()), 4),
+        "median_mm": round(1e3 * float(error.median()), 4),
+        "error_share": round(share, 5),
+        "gain_share": round(1 - share, 5),
+    }
+
+
+def example(batch: int, seed: int = 0) -> tuple[Tensor, ...]:
+    """Inputs of a network: state in its frame, one-hot edge, scaled move and rope."""
+    rng = torch.Generator().manual_seed(seed)
+    edge = nn.functional.one_hot(torch.randint(0, NODES - 1, (batch,), generator=rng), NODES - 1).float()
+    return (
+        0.1 * torch.randn(batch, NODES, 2, generator=rng), edge,
+        2 * torch.rand(batch, 3, generator=rng) - 1, torch.rand(batch, 3, generator=rng),
+    )  # fmt: skip
+
+
+def exports(network: nn.Module, data: Columns, config: DynamicsConfig) -> list[Exported]:
+    """Raises ValueError for one of the rivals: they were built to be compared, their derivatives are not written."""
+    if not isinstance(network, DynamicsNetwork) or not config.conditioned:
+        raise ValueError("only the conditioned network 'dynamics' can be exported")
+    network.eval().requires_grad_(False)
+    parts: dict[str, tuple[nn.Module, tuple[str, ...]]] = {
+        "dynamics": (network, ("next_state",)),
+        "dynamics_by_move": (DynamicsTangents(network, "move"), ("next_state", "by_move")),
+        "dynamics_by_rope": (DynamicsTangents(network, "rope"), ("next_state", "by_rope")),
+    }
+    dim = torch.export.Dim("batch", min=1, max=4096)
+    return [
+        Exported(
+            name, module, name,
+            "state (B, 16, 2) m in the edge's frame, edge (B, 15) one-hot, move (B, 3) and rope (B, 3) scaled",
+            "trained from scratch by this repository on its own simulations (models/manipulation/simulator.py)",
+            {
+                "nodes": NODES, "move_scale": MOVE_SCALE.tolist(), "mass_kg": list(MASS_KG),
+                "bending": list(BENDING), "damping": list(DAMPING), "length_m": list(LENGTH_M),
+                "duration_s": SimulationParams().duration_s,
+            },
+            [example(7), example(1), example(15, 1), example(120, 2)], [{0: dim}] * len(INPUTS), 1e-4, INPUTS, outputs,
+            version="1",
+        )
+        for name, (module, outputs) in parts.items()
+    ]  # fmt: skip
+
+
+FAMILY = Family(
+    NAME,
+    DynamicsConfig,
+    samples,
+    lambda config, data: build(config.network, config.conditioned),
+    loss_of,
+    measure,
+    exports,
+    least={"gain_share": 0.0},
+    needs=("data",),
+)

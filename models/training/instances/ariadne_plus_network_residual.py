@@ -86,7 +86,7 @@ class CrossNet(nn.Module):
 class AboveProbability(nn.Module):
     """What is exported of CrossNet: the network followed by its sigmoid."""
 
-    def __init__(self, network: CrossNet) -> None:
+    def __init__(self, network: nn.Module) -> None:
         super().__init__()
         self.network = network
 

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 import torch
-from scipy.optimize import minimize
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import crossing_segments
@@ -24,10 +23,12 @@ from models.instances import confidence, section_matching
 from models.instances.published import ariadne_plus, fastdlo, rt_dlo
 from models.instances.scene import Scene
 from models.synthesis.textures import load_pool
+from models.training.instances.logistic import fit_logistic
 from models.training.instances.section_matching_scenes import TrainScene, make_scene
 from models.weights.inference import Runtime, default_name, load
 
 _SEED = 33
+_SHRINKAGE = 1e-3
 _NEAR_PX = 15.0
 Extract = Callable[[BoolArray, ByteArray | None], Scene]
 
@@ -106,19 +107,6 @@ def _owner(ids: ByteArray) -> int:
     return int(np.bincount(seen).argmax()) if len(seen) else 0
 
 
-def fit(features: FloatArray, right: BoolArray) -> FloatArray:
-    """Coefficients of a logistic regression with a little shrinkage."""
-    sign = np.where(right, 1.0, -1.0)
-
-    def loss(weights: FloatArray) -> tuple[float, FloatArray]:
-        margin = sign * (features @ weights)
-        slope = -sign / (1 + np.exp(np.clip(margin, -50, 50)))
-        value = np.logaddexp(0, -margin).mean() + 1e-3 * float(weights @ weights)
-        return float(value), features.T @ slope / len(right) + 2e-3 * weights
-
-    return np.asarray(minimize(loss, np.zeros(features.shape[1]), jac=True, method="L-BFGS-B").x)
-
-
 def calibration_error(probability: FloatArray, right: BoolArray, bins: int = 10) -> float:
     """Expected calibration error over equally wide bins."""
     index = np.minimum((probability * bins).astype(int), bins - 1)
@@ -132,7 +120,7 @@ def calibration_error(probability: FloatArray, right: BoolArray, bins: int = 10)
 def _calibrated(features: list[FloatArray], right: list[BoolArray], names: Sequence[str]) -> dict[str, float]:
     cut = len(features) * 2 // 3
     rows, truth = np.concatenate(features[:cut]), np.concatenate(right[:cut])
-    weights = fit(rows, truth)
+    weights = fit_logistic(rows, truth, np.full(rows.shape[1], _SHRINKAGE))
     held, held_truth = np.concatenate(features[cut:]), np.concatenate(right[cut:])
     chance = 1 / (1 + np.exp(-(held @ weights)))
     table = {name: round(float(w), 4) for name, w in zip(names, weights, strict=True)}

@@ -1,50 +1,40 @@
-"""Train FASTDLO's similarity network with a triplet loss on rendered crossings, and export it.
-
-    python -m models.training.instances.fastdlo_similarity [--textures PACK]
-
-Two minutes on one core. The rendered crossings and the state are kept under ``--state``. Prints one JSON line.
-"""
+"""FASTDLO's similarity network, trained with a triplet loss on rendered crossings: two minutes on one core."""
 
 from __future__ import annotations
 
-import argparse
-import json
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from models.geometry.arrays import Float32Array
+from models.geometry.arrays import Float32Array, IntArray
 from models.instances.published.fastdlo.similarity import FEATURES, features, probabilities
-from models.synthesis.crossings import RenderedCrossing, crop, crossings_kept
-from models.training.export import Card, export
+from models.synthesis.crossings import RenderedCrossing, crop
+from models.training.export import Exported
+from models.training.fit import Family
+from models.training.instances.crossing_samples import CrossingConfig, Crossings, crossing_samples
 from models.training.instances.fastdlo_network_similarity import EMBEDDING, SimilarityNetwork
-from models.training.state import restore, save
 
 NAME = "fastdlo_similarity"
 _WIDTH_NOISE, _ANGLE_NOISE = 0.2, np.deg2rad(12.0)
 
 
 @dataclass(frozen=True)
-class TrainConfig:
-    """``crossings`` are rendered once; where on them the endpoints lie is drawn anew for each of ``epochs``."""
+class SimilarityConfig(CrossingConfig):
+    """Where on the crossings the endpoints are is drawn anew every epoch; ``batch`` crossings give some 4 triplets
+    each; ``margin`` of the triplet loss."""
 
-    seed: int = 11
-    crossings: int = 7000
-    held_out: int = 1000
     epochs: int = 25
-    batch: int = 512
-    learning_rate: float = 2e-3
+    batch: int = 128
     margin: float = 1.0
 
 
 def endpoints_of(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Array:
     """``(2 k, 6)`` features at both sides of the crossing of the k strands; rows 2 i and 2 i + 1 are strand i's.
 
-    Endpoints lie up to three widths away; width and direction get the errors that a mask leaves.
+    Endpoints are up to three widths away; width and direction get the errors that a mask leaves.
     """
     colors, widths, outward = [], [], []
     for strand in scene.strands:
@@ -68,34 +58,20 @@ def triplets(scenes: list[RenderedCrossing], rng: np.random.Generator) -> tuple[
             anchors.append(rows[k])
             positives.append(rows[k ^ 1])
             negatives.append(rows[rng.choice(others)])
-    return tuple(torch.from_numpy(np.stack(part)) for part in (anchors, positives, negatives))  # type: ignore
+    anchor, positive, negative = (torch.from_numpy(np.stack(part)) for part in (anchors, positives, negatives))
+    return anchor, positive, negative
 
 
-def train(scenes: list[RenderedCrossing], config: TrainConfig, state: Path) -> SimilarityNetwork:
-    """The trained network, in evaluation mode."""
-    torch.manual_seed(config.seed)
-    network = SimilarityNetwork()
-    optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.epochs)
-    parts = {"network": network, "optimizer": optimizer, "schedule": schedule}
-    loss_of = nn.TripletMarginWithDistanceLoss(
-        distance_function=lambda a, b: ((a - b) ** 2).sum(1), margin=config.margin
-    )
-    for epoch in range(restore(state, asdict(config), parts), config.epochs):
-        rng = np.random.default_rng([config.seed, epoch])
-        anchors, positives, negatives = triplets(scenes, rng)
-        for rows in torch.from_numpy(rng.permutation(len(anchors))).split(config.batch):
-            loss = loss_of(network(anchors[rows]), network(positives[rows]), network(negatives[rows]))
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-        schedule.step()
-        save(state, asdict(config), parts, epoch + 1)
-        print(f"epoch {epoch + 1}/{config.epochs} loss {float(loss.detach()):.4f}", flush=True)
-    return network.eval()
+def loss_of(
+    network: nn.Module, scenes: Crossings, rows: IntArray, rng: np.random.Generator, config: SimilarityConfig
+) -> Tensor:
+    """Triplet loss over squared distances of the embeddings."""
+    anchor, positive, negative = (network(part) for part in triplets([scenes[k] for k in rows], rng))
+    near, far = ((anchor - positive) ** 2).sum(1), ((anchor - negative) ** 2).sum(1)
+    return torch.relu(near - far + config.margin).mean()
 
 
-def evaluate(network: SimilarityNetwork, scenes: list[RenderedCrossing]) -> dict[str, float]:
+def measure(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> dict[str, float]:
     """Share of endpoints whose most probable partner is the other side of their strand; mean probabilities."""
     rng = np.random.default_rng(0)
     right: list[bool] = []
@@ -114,31 +90,24 @@ def evaluate(network: SimilarityNetwork, scenes: list[RenderedCrossing]) -> dict
     return {name: round(float(np.mean(values)), 4) for name, values in named.items()}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--state", type=Path, default=Path("build/train"))
-    parser.add_argument("--textures", type=Path, help="a pack of background pictures; without it they are noise")
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    config = TrainConfig()
-    scenes = crossings_kept(args.state, config.crossings, config.seed, args.textures)
-    network = train(scenes[config.held_out :], config, args.state / f"{NAME}.pt")
-    metrics = evaluate(network, scenes[: config.held_out])
-    card = Card(
-        version="1.0",
-        task="similarity",
-        default=True,
-        input=f"(n, {FEATURES}) float32: RGB 0 to 1, log relative width, cos and sin of twice the direction",
-        license="Apache-2.0",
-        origin="trained from scratch on crossings that this repository renders",
-        preprocess={"embedding": EMBEDDING},
-        training={"command": "python -m models.training.instances.fastdlo_similarity", **asdict(config)},
-        metrics=metrics,
-    )
-    examples = [torch.rand(n, FEATURES) for n in (4, 0, 1, 7)]
-    export(network, NAME, card, examples, {0: torch.export.Dim("n")}, tolerance=1e-4)
-    print(json.dumps(metrics))
+def exports(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> list[Exported]:
+    return [
+        Exported(
+            NAME, network, "similarity",
+            f"(n, {FEATURES}) float32: RGB 0 to 1, log relative width, cos and sin of twice the direction",
+            "trained from scratch on crossings that this repository renders", {"embedding": EMBEDDING},
+            [(torch.rand(n, FEATURES),) for n in (4, 0, 1, 7)], [{0: torch.export.Dim("n")}], 1e-4,
+        )
+    ]  # fmt: skip
 
 
-if __name__ == "__main__":
-    main()
+FAMILY = Family(
+    NAME,
+    SimilarityConfig,
+    crossing_samples,
+    lambda config, scenes: SimilarityNetwork(),
+    loss_of,
+    measure,
+    exports,
+    least={"partner_right": 0.4},  # one of three other ends is right by chance
+)

@@ -35,7 +35,7 @@ class OrientationNetwork(nn.Module):
 class OrientationProbabilities(nn.Module):
     """What is exported: the network followed by the sigmoid that its loss implies."""
 
-    def __init__(self, network: OrientationNetwork) -> None:
+    def __init__(self, network: nn.Module) -> None:
         super().__init__()
         self.network = network
 

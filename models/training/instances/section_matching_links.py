@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 import torch
-from scipy.optimize import minimize
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.sampling import distance_map
@@ -24,6 +23,7 @@ from models.strands.cleaning import clean
 from models.strands.pixel_graph import pixel_graph, skeleton_of
 from models.strands.sections import Sections, sections_of
 from models.synthesis.textures import load_pool
+from models.training.instances.logistic import fit_logistic
 from models.training.instances.section_matching_scenes import CurveIndex, TrainScene, make_scene
 
 _SHRINKAGE = 2e-4
@@ -72,19 +72,11 @@ def truths(sections: Sections, links: Links, curves: CurveIndex) -> tuple[BoolAr
 
 def fit(features: FloatArray, right: BoolArray) -> FloatArray:
     """Costs' weights ``(9,)``: minus the logistic regression's, all but the constant and width bounded below by 0."""
-
-    def loss(weights: FloatArray) -> tuple[float, FloatArray]:
-        cost = features @ weights
-        sign = np.where(right, 1.0, -1.0)
-        value = np.logaddexp(0, sign * cost).mean() + _SHRINKAGE * float(weights[1:] @ weights[1:])
-        slope = sign / (1 + np.exp(-np.clip(sign * cost, -50, 50)))
-        gradient = features.T @ slope / len(right) + 2 * _SHRINKAGE * np.append(0.0, weights[1:])
-        return float(value), gradient
-
-    bounds: list[tuple[float | None, float | None]] = [(None, None)] + [(0.0, None)] * (features.shape[1] - 1)
+    bounds: list[tuple[float | None, float | None]] = [(None, None)] + [(None, 0.0)] * (features.shape[1] - 1)
     if not features[:, 1].any():  # sections' own ends: thickness speaks for sharing
-        bounds[3] = (None, 0.0)
-    return np.asarray(minimize(loss, np.zeros(features.shape[1]), jac=True, bounds=bounds, method="L-BFGS-B").x)
+        bounds[3] = (0.0, None)
+    shrinkage = np.append(0.0, np.full(features.shape[1] - 1, _SHRINKAGE))
+    return -fit_logistic(features, right, shrinkage, bounds)
 
 
 def collect(count: int, textures: Path | None) -> tuple[FloatArray, IntArray, BoolArray]:

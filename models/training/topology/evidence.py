@@ -25,9 +25,18 @@ from models.topology.stubs import Candidate, candidates
 from models.training.topology.graphs import draw_scene
 from models.training.topology.train import SIZES
 
-Table = tuple[Float32Array, IntArray]
-"""Evidence ``(n, features)`` and truth ``(n,)``: 0 or 1, or a :class:`sites.Reading`."""
 _SAME_WAY = np.cos(np.deg2rad(40))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Evidence: ``rows`` ``(n, features)`` and ``truths`` ``(n,)``: 0 or 1, or a :class:`sites.Reading`."""
+
+    rows: Float32Array
+    truths: IntArray
+
+    def __len__(self) -> int:
+        return len(self.truths)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +98,7 @@ def crossing_table(seen: list[Scene], judges: Judges) -> Table:
 
 
 def _table(rows: Sequence[tuple[FloatArray, int]]) -> Table:
-    return np.array([r for r, _ in rows], np.float32), np.array([t for _, t in rows], np.int64)
+    return Table(np.array([r for r, _ in rows], np.float32), np.array([t for _, t in rows], np.int64))
 
 
 def true_reading(site: Site, web: Web, harness: Harness) -> Reading:

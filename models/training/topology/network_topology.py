@@ -104,7 +104,7 @@ class TopologyNetwork(nn.Module):
 class TopologyProbabilities(nn.Module):
     """What is exported: the network followed by the sigmoid that its losses imply."""
 
-    def __init__(self, network: TopologyNetwork) -> None:
+    def __init__(self, network: nn.Module) -> None:
         super().__init__()
         self.network = network
 
