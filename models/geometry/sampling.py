@@ -11,18 +11,6 @@ _LEAST_DISTANCE = np.float32(0.5)
 """Between the distance of the background, 0, and that of the outermost foreground, about 1."""
 
 
-def distance_map(mask: BoolArray | ByteArray) -> Float32Array:
-    """Distance of every foreground pixel of ``(H, W)`` to the nearest background pixel's center.
-
-    The picture's edge is no background: a strand that leaves the picture keeps its width up to the edge.
-    A mask without background has no distances and gives zeros.
-    """
-    binary = mask.view(np.uint8)
-    if not binary.size or cv2.countNonZero(binary) == binary.size:
-        return np.zeros(mask.shape, dtype=np.float32)
-    return np.asarray(cv2.distanceTransform(binary, cv2.DIST_L2, cv2.DIST_MASK_5), dtype=np.float32)
-
-
 def local_maxima(distances: Float32Array) -> IntArray:
     """``(m, 2)`` points ``(x, y)`` of the foreground that no 8-neighbor exceeds, in row order."""
     if not distances.size:

@@ -2,58 +2,72 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from models.geometry.arrays import BoolArray, ByteArray
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.strands.foreground import Foreground
 
 _SPECK_PX = 12.0
 _SPECK_WIDTHS = 0.5
 """Smaller patches than this times the squared typical width (and that many pixels) are specks."""
-_WIDEST = 1 / 8
-"""Foreground wider than this share of the picture's longer side is no DLO."""
+_MOST_SLIT_WIDTHS = 15.0
+"""Larger holes, in squares of the typical width, are no slits."""
+_WIDEST, _LEAST_LENGTH_WIDTHS = 1 / 8, 3.0
+"""Foreground wider than this share of the picture's longer side is no DLO, unless it is so many times longer."""
 
 
-@dataclass(frozen=True, eq=False)
-class CleanMask:
-    """``mask``: ``(H, W)``; ``width_px``: the typical width of what is in it, 0 without any."""
+def clean(mask: BoolArray, hole_widths: float, slit_widths: float = 0.0) -> Foreground:
+    """Specks removed, holes filled, slabs removed; the mask that came in is left as it is.
 
-    mask: BoolArray
-    width_px: float
-
-
-def clean(mask: BoolArray, hole_widths: float) -> CleanMask:
-    """Specks removed, holes of an area up to ``hole_widths`` squared typical widths filled, slabs removed.
-
-    The typical width is twice the area over the length of all outlines: no single place decides it.
+    ``hole_widths``: holes of an area up to this squared, in typical widths, are filled. ``slit_widths``: so are
+    those no wider than this, in typical widths: the slits between DLOs of one bundle, each of which would make a ring
+    of the skeleton. The typical width is twice the area over the length of all outlines: no single place decides it.
     """
     binary = mask.astype(np.uint8)
     _remove_slabs(binary)
     outlines, tree = cv2.findContours(binary, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     if tree is None:
-        return CleanMask(binary.view(bool), 0.0)
+        return Foreground.of(binary.view(bool))
     is_hole = tree.reshape(-1, 4)[:, 3] >= 0
-    areas = np.array([cv2.contourArea(outline) for outline in outlines])
     lengths = np.array([cv2.arcLength(outline, True) for outline in outlines])
+    areas = _pixels(np.array([cv2.contourArea(outline) for outline in outlines]), lengths, is_hole)
     big = areas > _SPECK_PX
     width = 2 * cv2.countNonZero(binary) / max(float(lengths[big].sum()), 1.0) if big.any() else 1.0
-    holes = np.flatnonzero(is_hole & (areas <= hole_widths * width**2)).tolist()
+    narrow = (2 * areas < slit_widths * width * lengths) & (areas < _MOST_SLIT_WIDTHS * width**2)
+    holes = np.flatnonzero(is_hole & ((areas <= hole_widths * width**2) | narrow)).tolist()
     specks = np.flatnonzero(~is_hole & (areas < max(_SPECK_PX, _SPECK_WIDTHS * width**2))).tolist()
     cv2.drawContours(binary, [outlines[k] for k in holes], -1, 1, cv2.FILLED)
     cv2.drawContours(binary, [outlines[k] for k in specks], -1, 0, cv2.FILLED)
-    return CleanMask(binary.view(bool), width)
+    return Foreground.of(binary.view(bool), width)
+
+
+def _pixels(areas: FloatArray, lengths: FloatArray, is_hole: BoolArray) -> FloatArray:
+    """How many pixels outlines enclose, by Pick's theorem: an outline runs through the middles of foreground pixels, so
+    that a line of one pixel encloses no area; the outline of a hole runs outside it."""
+    out: FloatArray = areas + np.where(is_hole, -0.5, 0.5) * lengths + 1
+    return out
 
 
 def _remove_slabs(binary: ByteArray) -> None:
-    """Clear what is wider than any DLO, in place. Looked for at a quarter of the size: it is large."""
+    """Clear what is wider than any DLO and not long, in place. Looked for at a quarter of the size: it is large."""
     limit = round(_WIDEST * max(binary.shape, default=0) / 4)
     if limit < 3 or min(binary.shape) < 4 * limit:
         return
     small = cv2.resize(binary, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (limit, limit))
-    core = cv2.erode(small, kernel, borderType=cv2.BORDER_REPLICATE)
-    if cv2.countNonZero(core):
-        slab = cv2.dilate(core, np.ones((round(1.5 * limit), round(1.5 * limit)), np.uint8))
-        binary[cv2.resize(slab, binary.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0] = 0
+    core = cv2.erode(small, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    if not cv2.countNonZero(core):
+        return
+    slab = cv2.dilate(core, np.ones((round(1.5 * limit), round(1.5 * limit)), np.uint8))
+    outlines, _ = cv2.findContours(slab, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    cv2.drawContours(slab, [o for o in outlines if _is_long(o)], -1, 0, cv2.FILLED)
+    binary[cv2.resize(slab, binary.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0] = 0
+
+
+def _is_long(outline: NDArray[np.int32]) -> bool:
+    """Whether a slab is a few times longer than wide, as the rectangle of the same area and outline is."""
+    half = cv2.arcLength(outline, True) / 2
+    across = (half - np.sqrt(max(half**2 - 4 * cv2.contourArea(outline), 0.0))) / 2
+    return bool(half - across >= _LEAST_LENGTH_WIDTHS * across)

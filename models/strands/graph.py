@@ -1,68 +1,103 @@
-"""Cleaning the network of strands: what only the outline's unevenness makes is taken out (before thesis 6.4.2)."""
+"""The graph of the strands in a mask: joints, free ends and the medial lines between them, and how it is cleaned: what
+only the outline's unevenness makes is taken out (before thesis 6.4.2)."""
 
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
 
-import cv2
 import numpy as np
 
-from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
-from models.topology.skeleton import Strand, Web
+from models.geometry.arrays import Float32Array, FloatArray
+from models.geometry.polylines import arc_lengths
+from models.geometry.sampling import read_nearest
+from models.strands.pixel_graph import PixelGraph, smoothed
 
-_SMALLEST_AREA = 24
-_SMALLEST_HOLE = 30
-_SLIT = 0.4
-"""A hole whose inscribed circle is smaller than this share of the typical half width is a slit within a bundle."""
-_MOST_SLIT_AREA = 60.0
-"""Larger holes, in squares of the typical half width, are not looked at."""
+_SMOOTHING_PX = 3
+"""Neighbors to both sides that take the pixel steps out of a medial line."""
 _SPUR = 0.5
 """A free end that reaches less than this share of the joint's radius beyond its disc is no branch."""
 _CONTRACTED = 0.8
 """Joints nearer than this share of their radius are one place."""
 
 
-def tidied(mask: BoolArray) -> BoolArray:
-    """The mask without specks of a few pixels, and with the holes filled that no strand could pass: pinholes, and the
-    slits between cables of one bundle. Each would make a ring of the skeleton."""
-    binary = np.array(mask, dtype=np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < _SMALLEST_AREA
-    small[0] = False
-    if count > 1 and small.any():
-        binary[small[labels]] = 0
-    _fill_slits(binary)
-    return binary.view(np.bool_)
+@dataclass(frozen=True, eq=False)
+class Strand:
+    """A medial line between two knots (``a`` at its first, ``b`` at its last point; equal for a ring).
+
+    ``xy``: ``(n, 2)`` about a pixel apart; ``radii``: ``(n,)`` distance to the background.
+    """
+
+    a: int
+    b: int
+    xy: FloatArray
+    radii: FloatArray
+
+    @cached_property
+    def length(self) -> float:
+        return float(arc_lengths(self.xy)[-1])
+
+    def reversed(self) -> Strand:
+        return Strand(self.b, self.a, self.xy[::-1], self.radii[::-1])
+
+    def followed_by(self, other: Strand) -> Strand:
+        """One strand of two, of which the second starts where the first ends."""
+        xy, radii = np.concatenate((self.xy, other.xy[1:])), np.concatenate((self.radii, other.radii[1:]))
+        return Strand(self.a, other.b, xy, radii)
+
+    def seen_from(self, knot: int) -> Strand:
+        """The strand with ``knot`` at its first point."""
+        return self if self.a == knot else self.reversed()
 
 
-def _fill_slits(binary: ByteArray) -> None:
-    """Fill, in place, holes of a few pixels and those narrower than a share of the typical strand."""
-    background = 1 - binary
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(background, connectivity=4)
-    if count <= 2:
-        return
-    inner = cv2.distanceTransform(binary, cv2.DIST_L2, cv2.DIST_MASK_3)
-    half_width = 2 * float(np.median(inner[binary > 0])) if binary.any() else 0.0
-    spaces = cv2.distanceTransform(background, cv2.DIST_L2, cv2.DIST_MASK_3)
-    for k in range(1, count):
-        left, top, width, height, area = stats[k]
-        if area >= _MOST_SLIT_AREA * half_width**2 and area >= _SMALLEST_HOLE:
-            continue
-        window = np.s_[top : top + height, left : left + width]
-        hole = labels[window] == k
-        if area < _SMALLEST_HOLE or float(spaces[window][hole].max()) < _SLIT * half_width:
-            binary[window][hole] = 1
+@dataclass(frozen=True, eq=False)
+class Web:
+    """``knots_xy``: ``(K, 2)`` joints and free ends; the strands between them."""
+
+    knots_xy: FloatArray
+    strands: tuple[Strand, ...]
 
 
-def cleaned(web: Web, distances: Float32Array) -> Web:
+def web_of(graph: PixelGraph, distances: Float32Array) -> Web:
+    """The strands of a pixel graph, as it shows them: nothing is left out yet.
+
+    Strategy: the joints at its ends are put before and after each chain's pixels; all lines are then smoothed and
+    their radii read at once.
+    """
+    count = len(graph.closed)
+    ends = graph.ends.copy()
+    first, last = graph.bounds[:-1], graph.bounds[1:] - 1
+    ends[graph.closed] = -1
+    loose = ends < 0
+    loose[graph.closed, 1] = False
+    ends[loose] = len(graph.junction_xy) + np.arange(np.count_nonzero(loose))
+    ends[graph.closed, 1] = ends[graph.closed, 0]
+    tips = graph.xy[np.stack((first, last), axis=1)[loose]].reshape(-1, 2)
+    knots = np.concatenate((graph.junction_xy, tips)).astype(np.float64)
+    bounds = graph.bounds + 2 * np.arange(count + 1)
+    line = np.empty((int(bounds[-1]), 2))
+    line[np.arange(len(graph.xy)) + 2 * np.repeat(np.arange(count), np.diff(graph.bounds)) + 1] = graph.xy
+    line[bounds[:-1]], line[bounds[1:] - 1] = knots[ends[:, 0]], knots[ends[:, 1]]
+    radii, xy = read_nearest(distances, line), smoothed(line, bounds, _SMOOTHING_PX)
+    strands = (
+        Strand(a, b, xy[start:stop], radii[start:stop])
+        for (a, b), start, stop in zip(ends.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
+    )
+    return Web(knots, tuple(s for s in strands if s.a != s.b or not _is_curl(s)))
+
+
+def cleaned(web: Web) -> Web:
     """The web without spurs and specks; joints that belong together are one, knots on a strand are dissolved."""
     web = contract(dissolve(web))
     for _ in range(3):
-        kept = tuple(s for s in web.strands if not _is_spur(s, web))
+        count = degrees(web)
+        kept = tuple(s for s in web.strands if not _is_spur(s, count))
         if len(kept) == len(web.strands):
             break
         web = contract(dissolve(Web(web.knots_xy, kept)))
-    return compact(Web(web.knots_xy, tuple(s for s in web.strands if not _is_speck(s, web))))
+    count = degrees(web)
+    return compact(Web(web.knots_xy, tuple(s for s in web.strands if not _is_speck(s, count))))
 
 
 def degrees(web: Web) -> dict[int, int]:
@@ -80,8 +115,7 @@ def protrusion(strand: Strand, joint: int) -> float:
     return seen.length + float(seen.radii[-1]) - float(seen.radii[0])
 
 
-def _is_spur(strand: Strand, web: Web) -> bool:
-    count = degrees(web)
+def _is_spur(strand: Strand, count: dict[int, int]) -> bool:
     for joint, tip in ((strand.a, strand.b), (strand.b, strand.a)):
         if count[tip] == 1 and count[joint] > 2:
             seen = strand.seen_from(joint)
@@ -89,9 +123,8 @@ def _is_spur(strand: Strand, web: Web) -> bool:
     return False
 
 
-def _is_speck(strand: Strand, web: Web) -> bool:
+def _is_speck(strand: Strand, count: dict[int, int]) -> bool:
     """Alone, and hardly longer than wide."""
-    count = degrees(web)
     if strand.a == strand.b or count[strand.a] != 1 or count[strand.b] != 1:
         return False
     thickness = 2 * float(strand.radii.max())
@@ -139,8 +172,13 @@ def contract(web: Web) -> Web:
     sums = np.stack([np.bincount(roots, web.knots_xy[:, axis], len(roots)) for axis in (0, 1)], axis=1)
     middle: FloatArray = sums / np.maximum(sizes, 1.0)[:, None]
     moved = (_moved(s, int(roots[s.a]), int(roots[s.b]), middle) for s in web.strands)
-    kept = tuple(s for s in moved if s.a != s.b or s.length > 2 * s.radii.max() + 6)
+    kept = tuple(s for s in moved if s.a != s.b or not _is_curl(s))
     return Web(middle, kept)
+
+
+def _is_curl(strand: Strand) -> bool:
+    """A ring that no strand of its width could lie in."""
+    return strand.length <= 2 * float(strand.radii.max()) + 6
 
 
 def _moved(strand: Strand, a: int, b: int, knots: FloatArray) -> Strand:

@@ -5,7 +5,7 @@ Symbols: P skeleton pixels, C chains, J junctions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,8 +13,9 @@ from skimage.morphology import skeletonize
 
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from models.geometry.components import components
+from models.strands.foreground import Foreground
 
-_BORDER_PX = 12
+_WIDE_PX = 8.0
 FREE = -1
 
 
@@ -34,14 +35,27 @@ class PixelGraph:
     junction_xy: FloatArray
 
 
+def trace(foreground: Foreground, halve: bool = True) -> PixelGraph:
+    """The graph of the foreground's skeleton, in the picture.
+
+    Where strands are wide enough it is found at half the size, in a quarter of the time, if ``halve`` allows it. A
+    halved mask's skeleton is up to two pixels beside the middle: its points go uphill in the distances.
+    """
+    margin = foreground.margin
+    if not halve or foreground.width_px < _WIDE_PX:
+        return pixel_graph(skeleton_of(foreground.beyond)[margin:-margin, margin:-margin])
+    half = margin // 2
+    graph = doubled(pixel_graph(skeleton_of(halved(foreground.beyond))[half:-half, half:-half]))
+    return replace(graph, xy=uphill(graph.xy, foreground.distances, 2))
+
+
 def skeleton_of(mask: BoolArray) -> BoolArray:
-    """``(H, W)`` one pixel wide. What touches the picture's edge is thinned as if it went on beyond it."""
-    if not mask.size:
-        return np.zeros(mask.shape, dtype=bool)
-    size = _BORDER_PX
-    beyond = cv2.copyMakeBorder(mask.view(np.uint8), size, size, size, size, cv2.BORDER_REPLICATE)
-    thin: BoolArray = skeletonize(beyond.view(bool))
-    return np.ascontiguousarray(thin[size:-size, size:-size])
+    """``(H, W)`` one pixel wide."""
+    out = np.zeros(mask.shape, dtype=bool)
+    left, top, width, height = cv2.boundingRect(np.ascontiguousarray(mask).view(np.uint8))
+    window = np.s_[top : top + height, left : left + width]
+    out[window] = skeletonize(np.pad(mask[window], 1))[1:-1, 1:-1] if width else out[window]
+    return out
 
 
 def pixel_graph(skeleton: BoolArray) -> PixelGraph:

@@ -13,9 +13,10 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
-from models.geometry.sampling import distance_map, read_nearest
-from models.strands.graph import cleaned, tidied
-from models.topology.skeleton import Strand, Web, find_web
+from models.geometry.sampling import read_nearest
+from models.strands.cleaning import clean
+from models.strands.graph import Strand, Web, cleaned, web_of
+from models.strands.pixel_graph import trace
 
 NEIGHBORS = 8
 """K_nn of thesis 6.4.3."""
@@ -23,6 +24,8 @@ _SPACING_WIDTHS = 1.1
 _LEAST_SPACING_PX = 8.0
 _MAX_NODES = 2_000
 _MAX_STRANDS = 800
+_HOLE_WIDTHS, _SLIT_WIDTHS = 0.2, 0.25
+"""Holes that no strand could pass, see :func:`clean`."""
 
 
 class TooComplexError(ValueError):
@@ -54,15 +57,14 @@ def initialize(mask: BoolArray) -> Graph:
     Nodes lie on the medial lines, evenly: their density is the same for every mask by construction, while thinning
     the maxima of the distance transform (6.4.2) leaves it to chance.
     """
-    foreground = tidied(mask)
-    distances = distance_map(foreground)
-    raw = find_web(foreground, distances)
+    foreground = clean(mask, _HOLE_WIDTHS, _SLIT_WIDTHS)
+    raw = web_of(trace(foreground), foreground.distances)
     if len(raw.strands) > 5 * _MAX_STRANDS:
         raise TooComplexError(f"{len(raw.strands)} strands")
-    web = cleaned(raw, distances)
+    web = cleaned(raw)
     if len(web.strands) > _MAX_STRANDS:
         raise TooComplexError(f"{len(web.strands)} strands")
-    return sample(web, distances)
+    return sample(web, foreground.distances)
 
 
 def sample(web: Web, distances: Float32Array) -> Graph:

@@ -9,12 +9,11 @@ import numpy as np
 
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import intersections, segments
-from models.strands.graph import compact, contract, dissolve
+from models.strands.graph import Strand, Web, compact, contract, dissolve
 from models.topology.bridges import proposals
 from models.topology.classifiers import Judges, judged
 from models.topology.graph import Graph, without
 from models.topology.scene import Predictions
-from models.topology.skeleton import Strand, Web
 from models.topology.stubs import candidates
 
 _LEAST = 0.5

@@ -11,13 +11,14 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, resample
 from models.geometry.sampling import read_nearest
+from models.strands.pixel_graph import smoothed
 from models.topology.graph import Graph
 from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Predictions, Section
 from models.topology.sites import ends_at
-from models.topology.skeleton import smoothed
 from models.topology.solver import End, Solution
 
 _POINT_SPACING_PX = 4.0
+_SMOOTHING_PX = 3
 _SEPARATE_VISITS = 12
 """A walk that comes near a node again so many points later passes it a second time."""
 
@@ -99,7 +100,8 @@ def sections_of(walks: list[Walk], solution: Solution, graph: Graph) -> list[Sec
         branches = (index.get(walk.knots[0], -1), index.get(walk.knots[1], -1))
         branches = (-1, -1) if walk.closed else branches
         width = max(1.0, 2 * float(np.median(walk.radii)) - 1)
-        line = smoothed(smoothed(walk.xy))
+        whole = np.array([0, len(walk.xy)])
+        line = smoothed(smoothed(walk.xy, whole, _SMOOTHING_PX), whole, _SMOOTHING_PX)
         line = _with_tips(line, branches, walk, graph)
         count = max(2, round(float(arc_lengths(line)[-1]) / _POINT_SPACING_PX) + 1)
         xy = resample(line, count)

@@ -16,8 +16,8 @@ import numpy as np
 
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths, point_at
+from models.strands.graph import Strand, Web
 from models.topology.scene import Predictions
-from models.topology.skeleton import Strand, Web
 
 EVIDENCE = 22
 """Numbers that describe a site, see :func:`evidence`."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.strands.graph import Web
 from models.topology.classifiers import Judges, judged
 from models.topology.graph import Graph
 from models.topology.repair import repaired
 from models.topology.scene import Predictions
 from models.topology.sites import Reading, Site, bend, crossing_sites, ends_at, evidence, measure_arm
-from models.topology.skeleton import Web
 
 End = tuple[int, int]
 """A strand and which of its ends: 0 or 1."""

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import FloatArray
-from models.strands.graph import degrees, protrusion
+from models.strands.graph import Strand, degrees, protrusion
 from models.topology.classifiers import Links, chain_links, links_of
 from models.topology.graph import Graph
 from models.topology.scene import Predictions
 from models.topology.sites import Arm, bend, ends_at, measure_arm
-from models.topology.skeleton import Strand
 
 STUB_EVIDENCE = 21
 """Numbers that describe a strand, see :func:`_evidence`."""

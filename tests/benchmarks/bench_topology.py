@@ -24,9 +24,10 @@ from time import thread_time
 import cv2
 import numpy as np
 
-from models.geometry.sampling import distance_map
 from models.instances.published.rt_dlo.graph import sample_vertices, select_edges
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
+from models.strands.foreground import distance_map
+from models.strands.graph import Web
 from models.synthesis.harness import FREE, Harness, HarnessParams, make_harness
 from models.synthesis.harness_masks import MaskParams, draw_mask
 from models.topology.classifiers import JUDGES, Judges
@@ -35,7 +36,6 @@ from models.topology.graph import Graph, initialize
 from models.topology.harness_drawing import Drawn, match_drawing
 from models.topology.overlay import overlay
 from models.topology.scene import Topology
-from models.topology.skeleton import Web
 from models.training.topology.graphs import true_graph
 from models.training.topology.train import SIZES
 from models.weights.inference import Network, Runtime, default_name, load, manifest

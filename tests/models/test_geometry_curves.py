@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from models.geometry.polylines import arc_lengths, crossing_segments, resample
-from models.geometry.sampling import distance_map, farthest_points, local_maxima, read_nearest, thin_to_grid
+from models.geometry.sampling import farthest_points, local_maxima, read_nearest, thin_to_grid
 from models.geometry.splines import fit_spline
+from models.strands.foreground import distance_map
 
 
 def test_resample_keeps_ends_and_spaces_points_evenly():

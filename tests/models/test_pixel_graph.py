@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.strands.pixel_graph import FREE, doubled, halved, pixel_graph, skeleton_of, smoothed
+from models.strands.foreground import Foreground
+from models.strands.pixel_graph import FREE, doubled, halved, pixel_graph, skeleton_of, smoothed, trace
 
 
 def drawn(*rows: str) -> np.ndarray:
@@ -63,7 +64,7 @@ def test_nothing_gives_nothing(shape):
 def test_a_strand_that_leaves_the_picture_has_no_fork_at_the_border():
     mask = np.zeros((60, 100), bool)
     mask[25:36] = True
-    graph = pixel_graph(skeleton_of(mask))
+    graph = trace(Foreground.of(mask))
     assert len(graph.closed) == 1
     assert sorted(graph.xy[[0, -1], 0].tolist()) == [0, 99]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.geometry.sampling import distance_map
 from models.instances.published.rt_dlo.orientation import (
     CLASSES,
     PATCH_SIZE,
@@ -13,6 +12,7 @@ from models.instances.published.rt_dlo.orientation import (
     principal_angles,
     read_patches,
 )
+from models.strands.foreground import distance_map
 from tests.models.drawn_masks import drawn
 
 

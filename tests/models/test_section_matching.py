@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
-from models.geometry.sampling import distance_map
 from models.instances.section_matching import SectionMatchingParams, extract
 from models.instances.section_matching.extraction import _stops
 from models.instances.section_matching.links import FEATURES, GAP, candidate_links
 from models.instances.section_matching.matching import match
 from models.strands.cleaning import clean
-from models.strands.pixel_graph import pixel_graph, skeleton_of
+from models.strands.foreground import Foreground, distance_map
+from models.strands.pixel_graph import trace
 from models.strands.sections import sections_of
 from tests.models.drawn_masks import circle, colored, drawn, loop
 
@@ -51,7 +51,7 @@ def test_a_stub_may_stop_at_a_crossing_for_less():
     """Two bars from border to border, and a stub of six radii on one of them."""
     bars = np.array([[0.0, 60.0], [319.0, 60.0]]), np.array([[60.0, 0.0], [60.0, 239.0]])
     mask = drawn(*bars, np.array([[200.0, 60.0], [200.0, 100.0]]))
-    sections = sections_of(pixel_graph(skeleton_of(mask)), distance_map(mask), None)
+    sections = sections_of(trace(Foreground.of(mask)), distance_map(mask), None)
     stops, at_crossing = _stops(sections, 3.0), sections.node >= 0
     stub = (sections.node[np.arange(len(stops)) ^ 1] < 0) & ~sections.at_border[np.arange(len(stops)) ^ 1]
     assert np.count_nonzero(stub & at_crossing) == 1
@@ -65,7 +65,7 @@ def test_a_cable_that_bends_in_a_gap_is_seen_there():
     line = np.stack((x, 120 + 14 * bump), axis=1)
     mask = drawn(line)
     mask[:, 118:202] = False
-    sections = sections_of(pixel_graph(skeleton_of(mask)), distance_map(mask), colored((line, RED)))
+    sections = sections_of(trace(Foreground.of(mask)), distance_map(mask), colored((line, RED)))
     links = candidate_links(sections, mask, colored((line, RED)), 20.0)
     (row,) = links.features[links.kind == GAP]
     assert row[FEATURES.index("seen_gap")] > 2 * row[FEATURES.index("gap")]

@@ -7,19 +7,17 @@ from time import perf_counter
 
 import numpy as np
 
-from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
-from models.geometry.sampling import distance_map
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
 from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
 from models.instances.section_matching.matching import match
-from models.strands.cleaning import CleanMask, clean
-from models.strands.pixel_graph import FREE, PixelGraph, doubled, halved, pixel_graph, skeleton_of, uphill
+from models.strands.cleaning import clean
+from models.strands.pixel_graph import FREE, trace
 from models.strands.sections import Sections, sections_of
 from models.strands.walks import Joint, strands_of
 
-_WIDE_PX = 8.0
 _BORDER_STOP = -2.0
 """Log odds against a DLO that ends at the border: it leaves the picture."""
 
@@ -54,9 +52,9 @@ def extract(mask: BoolArray, image: ByteArray | None = None, params: SectionMatc
 def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingParams) -> Scene:
     times = [perf_counter()]
     cleaned = clean(mask, params.hole_widths)
-    distances = distance_map(cleaned.mask)
+    distances = cleaned.distances
     times.append(perf_counter())
-    graph = _graph(cleaned, distances)
+    graph = trace(cleaned)
     times.append(perf_counter())
     sections = sections_of(graph, distances, image)
     links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
@@ -70,17 +68,6 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
     names = ("cleaning", "skeleton", "matching")
     timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
     return replace(scene, timings_ms={**timings, **scene.timings_ms})
-
-
-def _graph(cleaned: CleanMask, distances: Float32Array) -> PixelGraph:
-    """The pixel graph; where DLOs are wide enough it is found at half the size, in a quarter of the time.
-
-    A halved mask's skeleton lies up to two pixels beside the middle: its points go uphill in the distances.
-    """
-    if cleaned.width_px < _WIDE_PX:
-        return pixel_graph(skeleton_of(cleaned.mask))
-    graph = doubled(pixel_graph(skeleton_of(halved(cleaned.mask))))
-    return replace(graph, xy=uphill(graph.xy, distances, 2))
 
 
 def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[int, int], Joint]:

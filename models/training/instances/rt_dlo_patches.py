@@ -8,8 +8,9 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
-from models.geometry.sampling import distance_map, farthest_points, local_maxima
+from models.geometry.sampling import farthest_points, local_maxima
 from models.instances.published.rt_dlo.orientation import PATCH_SIZE, read_patches
+from models.strands.foreground import distance_map
 
 _SIDE = 224
 _SAMPLING_RATIO = 0.3

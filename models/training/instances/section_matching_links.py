@@ -16,11 +16,10 @@ import tomli_w
 import torch
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
-from models.geometry.sampling import distance_map
 from models.instances.section_matching.extraction import SectionMatchingParams
 from models.instances.section_matching.links import ABSORBED, FEATURES, KINDS, WEIGHTS_FILE, Links, candidate_links
 from models.strands.cleaning import clean
-from models.strands.pixel_graph import pixel_graph, skeleton_of
+from models.strands.pixel_graph import trace
 from models.strands.sections import Sections, sections_of
 from models.synthesis.textures import load_pool
 from models.training.instances.logistic import fit_logistic
@@ -36,7 +35,7 @@ def measured(scene: TrainScene) -> tuple[Sections, Links]:
     """The sections of a scene and their candidate links, as the method sees them."""
     params = SectionMatchingParams()
     cleaned = clean(scene.mask, params.hole_widths)
-    sections = sections_of(pixel_graph(skeleton_of(cleaned.mask)), distance_map(cleaned.mask), scene.image)
+    sections = sections_of(trace(cleaned, halve=False), cleaned.distances, scene.image)
     return sections, candidate_links(sections, cleaned.mask, scene.image, params.gap_widths)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, point_at
-from models.geometry.sampling import distance_map
+from models.strands.foreground import distance_map
+from models.strands.graph import Web
 from models.synthesis.harness import FREE, Harness, HarnessParams, TrueSection
 from models.synthesis.harness_curves import STEP_PX
 from models.synthesis.harness_masks import MaskParams
@@ -20,7 +21,6 @@ from models.topology.graph import Graph
 from models.topology.repair import pruned, repaired
 from models.topology.scene import Predictions
 from models.topology.sites import Reading, Site, crossing_sites, evidence
-from models.topology.skeleton import Web
 from models.topology.stubs import Candidate, candidates
 from models.training.topology.graphs import draw_scene
 from models.training.topology.train import SIZES

@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.polylines import arc_lengths, point_at
-from models.geometry.sampling import distance_map, read_nearest
+from models.geometry.sampling import read_nearest
 from models.instances.assembly import Order, assemble
 from models.instances.crossings import Meeting, Strand, order_meetings, ordered
 from models.instances.published.ariadne_plus.patches import (
@@ -28,6 +28,7 @@ from models.instances.published.ariadne_plus.superpixels import Regions, region_
 from models.instances.resolution import at_working_size
 from models.instances.scene import Crossing, Scene
 from models.strands.chain import Chain
+from models.strands.foreground import distance_map
 
 _MAX_PIXELS = 700_000
 _SPACING_PX = 4.0

@@ -8,12 +8,12 @@ from time import perf_counter
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
 from models.instances.published.fastdlo.similarity import SimilarityNetwork, features, probabilities
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
-from models.strands.pixel_graph import pixel_graph, skeleton_of
+from models.strands.foreground import Foreground
+from models.strands.pixel_graph import trace
 from models.strands.sections import Sections, pairs_at_junctions, sections_of
 from models.strands.walks import strands_of
 
@@ -54,8 +54,9 @@ def _extract(
     mask: BoolArray, image: ByteArray | None, params: FastDloParams, similarity: SimilarityNetwork | None
 ) -> Scene:
     started = perf_counter()
-    distances = distance_map(mask)
-    sections = sections_of(pixel_graph(skeleton_of(mask)), distances, image, _SHARED_RADII)
+    foreground = Foreground.of(mask)
+    distances = foreground.distances
+    sections = sections_of(trace(foreground), distances, image, _SHARED_RADII)
     after_skeleton = perf_counter()
     pairs, probability = process_intersections(sections, similarity)
     after_network = perf_counter()

@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray
-from models.geometry.sampling import distance_map
 from models.instances.assembly import assemble
 from models.instances.published.rt_dlo.graph import sample_vertices, select_edges
 from models.instances.published.rt_dlo.intersections import graph_of, resolve_intersections
@@ -17,6 +16,7 @@ from models.instances.published.rt_dlo.paths import extract_paths, join_paths, s
 from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
 from models.strands.chain import Chain
+from models.strands.foreground import distance_map
 
 
 @dataclass(frozen=True)
