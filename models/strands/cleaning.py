@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +68,7 @@ def _remove_slabs(binary: ByteArray) -> None:
     binary[cv2.resize(slab, binary.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0] = 0
 
 
-def _is_long(outline: NDArray[np.int32]) -> bool:
+def _is_long(outline: NDArray[Any]) -> bool:
     """Whether a slab is a few times longer than wide, as the rectangle of the same area and outline is."""
     half = cv2.arcLength(outline, True) / 2
     across = (half - np.sqrt(max(half**2 - 4 * cv2.contourArea(outline), 0.0))) / 2

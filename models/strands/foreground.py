@@ -68,7 +68,7 @@ def framed(mask: BoolArray | ByteArray, margin: int) -> ByteArray:
     if not mask.size:
         return np.zeros([size + 2 * margin for size in mask.shape], dtype=np.uint8)
     binary = np.ascontiguousarray(mask).view(np.uint8)
-    out = np.asarray(cv2.copyMakeBorder(binary, margin, margin, margin, margin, cv2.BORDER_REPLICATE))
+    out = np.asarray(cv2.copyMakeBorder(binary, margin, margin, margin, margin, cv2.BORDER_REPLICATE), np.uint8)
     for turned in (out, out[::-1], out.T, out.T[::-1]):
         _wall(turned, margin)
     return out
