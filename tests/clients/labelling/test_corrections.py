@@ -89,7 +89,7 @@ def test_tools_that_forget_folders_are_understood_where_the_name_is_unique(store
     report = take_corrections(store, came_back(drawn.label("upload/näh bild.png"), drawn.label("a.png")))
     assert [c.name for c in report.changes] == [drawn.NAME]
     assert list(report.problems) == ["a.png"], "left/a.png or right/a.png?"
-    assert "no picture of this name" in report.problems["a.png"]
+    assert report.problems["a.png"] == "ambiguous: left/a.png or right/a.png"
 
 
 def test_missing_pictures_and_other_sizes_are_named_and_cost_no_other(store: LabelStore) -> None:

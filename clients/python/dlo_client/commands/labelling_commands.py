@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from pydantic import TypeAdapter
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from dlo_client.client import Client
 from dlo_client.commands.app import app, readable
@@ -29,8 +27,9 @@ from dlo_client.labelling import (
     find_pictures,
     label_pictures,
 )
-from dlo_client.labelling.sources import picture_names
+from dlo_client.labelling.sources import SourcePicture, picture_names
 from dlo_client.labelling.tracked import file_tracked
+from dlo_client.labelling_progress import shown_progress
 from dlo_client.outcomes import result_of
 
 if TYPE_CHECKING:
@@ -62,6 +61,13 @@ class Tool(StrEnum):
     JSON = "json"
 
 
+class Frames(StrEnum):
+    """Which picture a frame of a video is: ``frame_000012``, or the 13th of all by name."""
+
+    BY_NAME = "by-name"
+    IN_ORDER = "in-order"
+
+
 Formats = Annotated[list[Format], typer.Option("--format", help="Write labels for this tool too; may be repeated.")]
 
 
@@ -82,7 +88,7 @@ def label(
     options = LabelOptions(request, at_once=at_once, retry_failed=retry_failed)
     with _readable():
         pictures = find_pictures(source, skip=out)
-        with _shown_progress() as progress:
+        with shown_progress() as progress:
             try:
                 report = label_pictures(
                     pictures, out, options, url=connection.url, api_key=connection.key, progress=progress,
@@ -97,10 +103,16 @@ def label(
 
 
 @app.command(name="label-export")
-def label_export(folder: Folder, formats: Formats) -> None:
+def label_export(
+    folder: Folder,
+    formats: Formats,
+    pictures: Annotated[
+        str | None, typer.Option(help="Where the pictures are by now; `yolo` copies them. Default: where they were.")
+    ] = None,
+) -> None:
     """Write the labels of a folder for other tools; corrections go before the service's own."""
     with _readable():
-        _write(folder, formats)
+        _write(folder, formats, pictures)
 
 
 @app.command(name="label-import")
@@ -108,14 +120,23 @@ def label_import(
     folder: Folder,
     file: Annotated[Path, typer.Argument(help="What the tool exported.")],
     tool: Annotated[Tool, typer.Option(help="Which tool.")],
+    classes: Annotated[list[str], typer.Option("--label", help="What a cable is called there; may be repeated.")] = [  # noqa: B006
+        "dlo"
+    ],
+    line_width: Annotated[float, typer.Option(min=1, max=1000, help="Pixels, of lines that name no width.")] = 6.0,
+    frames: Annotated[Frames, typer.Option(help="How frames of a video are found.")] = Frames.BY_NAME,
 ) -> None:
-    """Take corrections back from a labelling tool and say what they changed."""
+    """Take corrections back from a labelling tool and say what they changed, and what was left out."""
     with _readable():
         from dlo_client.labelling.corrections import take_corrections
-        from dlo_client.labelling.formats import READERS
+        from dlo_client.labelling.formats import READERS, Wanted
 
         with LabelStore(folder) as store:
-            report = take_corrections(store, READERS[tool.value](file))
+            in_order = frames is Frames.IN_ORDER
+            sizes = {label.name: (label.width, label.height) for label in store.labels()} if tool is Tool.CVAT else {}
+            wanted = Wanted(frozenset(classes), line_width, sizes, in_order)
+            report = take_corrections(store, READERS[tool.value](file, wanted))
+            report.save(folder)
         _print(report.lines())
     if report.problems:
         raise typer.Exit(1)
@@ -181,15 +202,37 @@ def _text(file: Path) -> bytes:
         raise ValueError(f"{file}: {error.strerror}") from error
 
 
-def _write(folder: Path, formats: Iterable[Format]) -> None:
+def _write(folder: Path, formats: Iterable[Format], source: str | None = None) -> None:
+    """All formats; what could not be written of one is said at the end, with exit code 1."""
     wanted = list(formats)
     if not wanted:
         return
     from dlo_client.labelling.formats import WRITERS
 
+    problems: dict[str, str] = {}
     with LabelStore(folder) as store:
         for name in wanted:
-            _print([f"wrote {WRITERS[name.value](_best_labels(store), folder)}"])
+            labels = _best_labels(store)
+            if name is Format.YOLO:
+                file = WRITERS[name.value](labels, folder, _pictures(store, source, problems), problems)
+            else:
+                file = WRITERS[name.value](labels, folder)
+            _print([f"wrote {file}"])
+    _print([f"  {name}: {why}" for name, why in problems.items()])
+    if problems:
+        raise typer.Exit(1)
+
+
+def _pictures(store: LabelStore, source: str | None, problems: dict[str, str]) -> dict[str, SourcePicture] | None:
+    """By name; None where they cannot be found, which is a problem."""
+    where = source or store.source()
+    try:
+        if where is None:
+            raise SourceError("it is not known where they are")
+        return {picture.name: picture for picture in find_pictures(where, skip=store.folder)}
+    except SourceError as error:
+        problems["pictures"] = f"{error}; the labels are written without them, --pictures names their place"
+        return None
 
 
 def _best_labels(store: LabelStore) -> Labels:
@@ -204,31 +247,6 @@ def _best_labels(store: LabelStore) -> Labels:
                 yield read_label(corrected) if corrected.exists() else store.label(name)
 
     return labels
-
-
-@contextmanager
-def _shown_progress() -> Iterator[_Shown]:
-    console = Console(stderr=True)
-    columns = [
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"), TimeRemainingColumn(elapsed_when_finished=True),
-    ]  # fmt: skip
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        yield _Shown(bar)
-
-
-class _Shown:
-    """A bar with rate and time left; what was done before the run does not count for the rate."""
-
-    def __init__(self, bar: Progress) -> None:
-        self._bar = bar
-        self._task = bar.add_task("labelling", total=None, rate="")
-
-    def __call__(self, done: int, failed: int, total: int) -> None:
-        speed = self._bar.tasks[0].speed
-        rate = f"{speed:.1f}/s" if speed else ""
-        text = f"labelling, {failed} failed" if failed else "labelling"
-        self._bar.update(self._task, completed=done, total=total, description=text, rate=rate)
 
 
 def _print(lines: Iterable[str]) -> None:

@@ -30,7 +30,7 @@ from dlo_client.errors import (
 )
 from dlo_client.labelling.labels import label_of
 from dlo_client.labelling.report import Report, make_report
-from dlo_client.labelling.sources import PictureUnreadable, SourcePicture, read_still
+from dlo_client.labelling.sources import Found, PictureUnreadable, SourcePicture, read_still
 from dlo_client.labelling.store import Entry, LabelStore, StoreError
 from dlo_client.outcomes import result_of, succeeded
 from dlo_client.retry import RetryPolicy
@@ -92,6 +92,8 @@ def label_pictures(
     options = options or LabelOptions()
     with LabelStore(out, write=True) as store:
         store.remember(options.settings())
+        if isinstance(pictures, Found):
+            store.remember_source(pictures.source)
         run = _Run(store, options, pictures, progress or _nobody)
         stopped = asyncio.run(run.all(lambda: AsyncClient(url, api_key, retry=options.retry, transport=transport)))
         report = run.report(stopped)
@@ -148,7 +150,9 @@ class _Run:
         entries = self._store.entries()
         changed = [p.name for p in self._pictures if p.name in self._now and entries[p.name].stamp != (p.stamp() or "")]
         names = [picture.name for picture in self._pictures]
-        return make_report(entries, names, self._now, changed, time.monotonic() - self._started, stopped)
+        seconds = time.monotonic() - self._started
+        skipped = self._pictures.skipped if isinstance(self._pictures, Found) else {}
+        return make_report(entries, names, self._now, changed, seconds, stopped, skipped)
 
     async def _take(self, client: AsyncClient) -> None:
         for picture in self._waiting:

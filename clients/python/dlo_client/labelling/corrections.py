@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from dlo_client.labelling.formats.exchange import Imported, Mask, decode
+from dlo_client.labelling.formats.exchange import Imported
+from dlo_client.labelling.formats.pixels import Mask, decode
 from dlo_client.labelling.labels import PictureLabel
+from dlo_client.labelling.matching import Pictures
+from dlo_client.labelling.report import SHOWN, section
 from dlo_client.labelling.store import LabelStore, StoreError, write_whole
 
 _SAME_IOU = 0.5
 """Two instances with less in common are different DLOs."""
 _UNCHANGED_IOU = 0.999
 CORRECTED = "corrected"
+FILE = "import_report.json"
 
 
 @dataclass(frozen=True)
@@ -40,43 +45,60 @@ class Change:
 
 @dataclass
 class CorrectionReport:
-    """``changes`` of the pictures whose correction was taken; ``problems``: name → why it was not."""
+    """``changes`` of the pictures whose correction was taken; ``problems``: name → why it was not; ``not_annotated``:
+    name → why there was none; ``notes``: what was left out or changed on the way → picture → how often."""
 
     changes: list[Change] = field(default_factory=list)
     problems: dict[str, str] = field(default_factory=dict)
+    not_annotated: dict[str, str] = field(default_factory=dict)
+    notes: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def lines(self) -> list[str]:
-        """For a person, the most changed first."""
+        """For a person, the most changed first; of each kind at most 20."""
         touched = [c for c in self.changes if not c.untouched]
-        out = [f"{len(self.changes)} pictures came back, {len(touched)} of them changed, {len(self.problems)} refused"]
+        out = [
+            f"{len(self.changes)} pictures came back, {len(touched)} of them changed, {len(self.problems)} refused, "
+            f"{len(self.not_annotated)} not annotated"
+        ]
         if self.changes:
             mean = np.mean([c.instance_iou for c in self.changes])
             out.append(f"instances before and after have a mean IoU of {100 * mean:.1f} %")
         out += [
             f"  {c.name}: IoU {100 * c.instance_iou:.1f} %, {c.moved} moved, {c.added} added, {c.removed} removed, "
             f"{c.reordered} crossings reordered"
-            for c in sorted(touched, key=lambda c: c.instance_iou)[:20]
+            for c in sorted(touched, key=lambda c: c.instance_iou)[:SHOWN]
         ]
-        return out + [f"  {name}: {why}" for name, why in self.problems.items()]
+        out += section("refused", [f"{name}: {why}" for name, why in self.problems.items()], FILE)
+        out += section("not annotated", [f"{name}: {why}" for name, why in self.not_annotated.items()], FILE)
+        for what, pictures in self.notes.items():
+            of = ", ".join(list(pictures)[:SHOWN]) + (f" and more ({FILE})" if len(pictures) > SHOWN else "")
+            out.append(f"{what}: {sum(pictures.values())} in {len(pictures)} pictures: {of}")
+        return out
+
+    def save(self, folder: Path) -> None:
+        """All of it, as ``import_report.json``. Raises OSError."""
+        content = json.dumps(asdict(self), indent=1, ensure_ascii=False)
+        write_whole(folder / FILE, content.encode("utf-8", "surrogatepass"))
 
 
 def take_corrections(store: LabelStore, imported: Imported) -> CorrectionReport:
-    """File every imported label under ``corrected/`` beside the service's own, which stays as it is.
+    """File every imported label that somebody confirmed under ``corrected/`` beside the service's own.
 
-    A label of a picture that the folder does not know, or of another size, is refused and named.
+    A label is refused and named when its picture is not known, not told apart from another one, of another size, or
+    meant by a second label too. Raises StoreError when the folder takes nothing more.
     """
-    report = CorrectionReport(problems=dict(imported.problems))
-    known = store.entries()
-    by_base = _unique_basenames(known)
-    for label in imported.labels:
-        name = label.name if label.name in known else by_base.get(Path(label.name).name, label.name)
+    report = CorrectionReport([], dict(imported.problems), dict(imported.not_annotated), imported.notes)
+    for name, labels in _by_picture(store, imported.labels, report).items():
+        if len(labels) > 1:
+            both = ", ".join(label.name for label in labels[:3])
+            report.problems |= {label.name: f"{len(labels)} labels are of {name} ({both})" for label in labels}
+            continue
+        (label,) = labels
         try:
-            before = store.label(name) if name in known else None
-            if before is None:
-                raise StoreError("no picture of this name was labelled here")
+            before = store.label(name)
             if (before.width, before.height) != (label.width, label.height):
                 raise StoreError(f"is {label.width}×{label.height}, the picture {before.width}×{before.height}")
-            after = label.model_copy(update={"name": name, "sha256": before.sha256, "origin": "corrected"})
+            after = label.model_copy(update={"name": name, "sha256": before.sha256, "origin": CORRECTED})
             write_whole(corrected_file(store.folder, name), after.model_dump_json().encode())
             report.changes.append(compare(before, after))
         except StoreError as error:
@@ -84,6 +106,23 @@ def take_corrections(store: LabelStore, imported: Imported) -> CorrectionReport:
         except OSError as error:
             report.problems[label.name] = f"cannot be filed: {error.strerror}"
     return report
+
+
+def _by_picture(
+    store: LabelStore, labels: Iterable[PictureLabel], report: CorrectionReport
+) -> dict[str, list[PictureLabel]]:
+    """The confirmed labels by the picture that they are of."""
+    pictures = Pictures(store.entries())
+    found: dict[str, list[PictureLabel]] = {}
+    for label in labels:
+        if label.origin != CORRECTED:
+            report.not_annotated[label.name] = f"nobody confirmed it: its origin is {label.origin}"
+            continue
+        try:
+            found.setdefault(pictures.find(label), []).append(label)
+        except StoreError as error:
+            report.problems[label.name] = str(error)
+    return found
 
 
 def corrected_file(folder: Path, name: str) -> Path:
@@ -107,18 +146,6 @@ def compare(before: PictureLabel, after: PictureLabel) -> Change:
         removed=len(old) - len(pairs),
         reordered=_reordered(before, after, {before.instances[i].id: after.instances[j].id for i, j, _ in pairs}),
     )
-
-
-def _unique_basenames(names: Iterable[str]) -> dict[str, str]:
-    """Tools often keep nothing of a path but its last part."""
-    found: dict[str, str] = {}
-    twice = set()
-    for name in names:
-        base = Path(name).name
-        if base in found:
-            twice.add(base)
-        found[base] = name
-    return {base: name for base, name in found.items() if base not in twice}
 
 
 def _matched(old: list[Mask], new: list[Mask]) -> list[tuple[int, int, float]]:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from dlo_client.labelling.store import Entry, write_whole
 
 FILE = "report.json"
-_SHOWN = 20
+SHOWN = 20
 
 
 @dataclass(frozen=True)
 class Report:
     """``failed``: name → why. ``duplicates``: name → the picture with the same bytes. ``changed``: labelled, but the
     file is another one by now. ``gone``: labelled before, no longer in the source. ``uncertain``: all labelled
-    pictures, least certain first, with the reason. ``stopped``: why the run ended before its end, or None."""
+    pictures, least certain first, with the reason. ``stopped``: why the run ended before its end, or None. ``skipped``:
+    suffixes that are no picture's → how many files have them."""
 
     pictures: int
     labelled: int
@@ -29,6 +30,7 @@ class Report:
     gone: list[str]
     uncertain: list[tuple[str, float, str]]
     stopped: str | None = None
+    skipped: dict[str, int] = field(default_factory=dict)
 
     @property
     def missing(self) -> int:
@@ -48,17 +50,19 @@ class Report:
                f"{len(self.failed)} failed, {self.missing} left"]  # fmt: skip
         if self.stopped:
             out.append(f"stopped: {self.stopped}; the same command goes on from here")
-        out += _section("failed", [f"{name}: {why}" for name, why in self.failed.items()])
-        out += _section("same bytes", [f"{name} = {other}" for name, other in self.duplicates.items()])
-        out += _section("changed since they were labelled; run again", self.changed)
-        out += _section("labelled, but no longer in the source", self.gone)
+        out += section("failed", [f"{name}: {why}" for name, why in self.failed.items()])
+        out += section("same bytes", [f"{name} = {other}" for name, other in self.duplicates.items()])
+        listed = [f"{count} {suffix}" for suffix, count in sorted(self.skipped.items(), key=lambda item: -item[1])]
+        out += [f"skipped, no pictures: {', '.join(listed)}"] if listed else []
+        out += section("changed since they were labelled; run again", self.changed)
+        out += section("labelled, but no longer in the source", self.gone)
         doubtful = [f"{name}: {why}" for name, certainty, why in self.uncertain if certainty < 1]
-        return out + _section("look at these first", doubtful)
+        return out + section("look at these first", doubtful)
 
 
 def make_report(
     entries: dict[str, Entry], names: Collection[str], now: Collection[str], changed: list[str],
-    seconds: float, stopped: str | None,
+    seconds: float, stopped: str | None, skipped: dict[str, int] | None = None,
 ) -> Report:  # fmt: skip
     """``names``: the source's pictures; ``now``: those labelled in this run."""
     known = {name: entries[name] for name in names if name in entries}
@@ -77,11 +81,13 @@ def make_report(
             ((e.name, e.certainty, e.detail) for e in labelled if e.state == "done"), key=lambda item: item[1]
         ),
         stopped=stopped,
+        skipped=skipped or {},
     )
 
 
-def _section(title: str, items: list[str]) -> list[str]:
+def section(title: str, items: list[str], file: str = FILE) -> list[str]:
+    """The first of them, under a title; ``file`` has them all."""
     if not items:
         return []
-    more = [f"  … and {len(items) - _SHOWN} more (report.json)"] if len(items) > _SHOWN else []
-    return [f"{title}:", *(f"  {item}" for item in items[:_SHOWN]), *more]
+    more = [f"  … and {len(items) - SHOWN} more ({file})"] if len(items) > SHOWN else []
+    return [f"{title}:", *(f"  {item}" for item in items[:SHOWN]), *more]

@@ -7,12 +7,13 @@ import hashlib
 import os
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".bmp", ".tif", ".tiff", ".webp"})
 _UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError)
 _LONGEST_PART = 200
 """Bytes of a file name; file systems allow 255, and ours get something appended."""
@@ -36,29 +37,56 @@ class SourcePicture:
     stamp: Callable[[], str | None]
 
 
-def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> list[SourcePicture]:
-    """All pictures of ``source`` in a fixed order; what lies under the folder ``skip`` is left out.
+class Found(list[SourcePicture]):
+    """The pictures of a source. ``source``: where it is, from anywhere; ``skipped``: suffixes of its other files → how
+    many there are."""
+
+    def __init__(self, pictures: Iterable[SourcePicture], source: str, skipped: Mapping[str, int]) -> None:
+        super().__init__(pictures)
+        self.source, self.skipped = source, dict(skipped)
+
+
+def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> Found:
+    """All pictures of ``source`` in a fixed order; what lies under the folder ``skip``, hidden files and what a Mac
+    adds to archives are left out.
 
     Raises SourceError.
     """
     text, path = os.fspath(source), Path(source)
+    skipped: Counter[str] = Counter()
+    taken = partial(_is_picture, skipped)
     if path.is_dir():
-        found = _named((file, file.relative_to(path)) for file in _walk(path, skip))
+        found = _named((file, file.relative_to(path)) for file in _walk(path, skip) if taken(file.relative_to(path)))
     elif path.is_file() and zipfile.is_zipfile(path):
-        found = _members(path)
+        found = _members(path, taken)
     elif path.is_file() and path.suffix.lower() in SUFFIXES:
         found = _named([(path, Path(path.name))])
     elif path.is_file():
         found = _named(_listed(path))
     elif glob.has_magic(text):
+        root = _root_of(text)
         files = sorted(Path(match) for match in glob.glob(text, recursive=True))  # noqa: PTH207
-        files = [file for file in files if file.suffix.lower() in SUFFIXES and file.is_file()]
-        found = _named((file, _below(file, _root_of(text))) for file in files)
+        found = _named((f, _below(f, root)) for f in files if f.is_file() and taken(_below(f, root)))
     else:
         raise SourceError(f"{text}: there is no such folder, archive, list or picture")
     if not found:
-        raise SourceError(f"{text}: no pictures there ({', '.join(sorted(SUFFIXES))})")
-    return found
+        others = f"; there are {_counted(skipped)}" if skipped else ""
+        raise SourceError(f"{text}: no pictures there ({', '.join(sorted(SUFFIXES))}){others}")
+    return Found(found, os.path.abspath(text), skipped)  # noqa: PTH100
+
+
+def _is_picture(skipped: Counter[str], file: PurePath) -> bool:
+    """By its suffix; others are counted, hidden ones and resource forks (``__MACOSX/._a.jpg``) not even that."""
+    if any(part.startswith(".") or part == "__MACOSX" for part in file.parts if part not in (".", "..")):
+        return False
+    if file.suffix.lower() in SUFFIXES:
+        return True
+    skipped[file.suffix.lower() or "without a suffix"] += 1
+    return False
+
+
+def _counted(skipped: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {suffix}" for suffix, count in skipped.items())
 
 
 def picture_names(files: Iterable[Path]) -> list[str]:
@@ -86,9 +114,7 @@ def _walk(folder: Path, skip: Path | None) -> Iterator[Path]:
     for at, folders, files in os.walk(folder):
         here = Path(at)
         folders[:] = sorted(f for f in folders if not f.startswith(".") and (here / f).resolve() != skipped)
-        for name in sorted(files):
-            if Path(name).suffix.lower() in SUFFIXES and not name.startswith("."):
-                yield here / name
+        yield from (here / name for name in sorted(files))
 
 
 def _listed(file: Path) -> Iterator[tuple[Path, Path]]:
@@ -118,11 +144,11 @@ def _stamper(file: Path) -> Callable[[], str | None]:
     return stamp
 
 
-def _members(path: Path) -> list[SourcePicture]:
+def _members(path: Path, taken: Callable[[PurePath], bool]) -> list[SourcePicture]:
     """The archive stays open: finding its table of contents anew for every picture would take longer than reading."""
     names = _Names()
     archive = zipfile.ZipFile(path)
-    infos = [i for i in archive.infolist() if PurePosixPath(i.filename).suffix.lower() in SUFFIXES and not i.is_dir()]
+    infos = [i for i in archive.infolist() if not i.is_dir() and taken(PurePosixPath(i.filename))]
     return [
         SourcePicture(names.take(i.filename), partial(archive.read, i), _constant(f"{i.file_size}:{i.CRC}"))
         for i in infos

@@ -114,6 +114,16 @@ class LabelStore:
                 raise StoreError(f"{self.folder}: its labels were made with {row[0]}, not {told}: take another folder")
             self._ledger.execute("INSERT OR REPLACE INTO settings VALUES ('request', ?)", (told,))
 
+    def remember_source(self, source: str) -> None:
+        """Where the pictures are, for exports that need them."""
+        with self._written():
+            self._ledger.execute("INSERT OR REPLACE INTO settings VALUES ('source', ?)", (source,))
+
+    def source(self) -> str | None:
+        """Where the pictures were when they were labelled last."""
+        row = self._ledger.execute("SELECT value FROM settings WHERE key = 'source'").fetchone()
+        return str(row[0]) if row else None
+
     def label_file(self, name: str) -> Path:
         return self.folder / LABELS / f"{name}.json"
 

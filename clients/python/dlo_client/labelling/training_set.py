@@ -7,6 +7,7 @@ Needs ``dlo-client[label]``.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from collections.abc import Iterable
@@ -17,6 +18,7 @@ from PIL import Image, ImageOps
 from dlo_client.labelling.corrections import corrected_file
 from dlo_client.labelling.formats.exchange import FormatError
 from dlo_client.labelling.formats.indexed_png import ids_of
+from dlo_client.labelling.formats.names import stem_and_suffix, told_apart
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.sources import PictureUnreadable, SourcePicture, read_still
 from dlo_client.labelling.store import LabelStore, StoreError, read_label, write_whole
@@ -36,17 +38,18 @@ def export_training_set(
     problems: dict[str, str] = {}
     folder.mkdir(parents=True, exist_ok=True)
     written = _indexed(folder)
+    sources = set(written.values())
+    files = told_apart(store.entries(), _flat, _flat_and_digest)
     with (folder / INDEX).open("a", encoding="utf-8") as index:
         for name, entry in store.entries().items():
             corrected = corrected_file(store.folder, name)
-            if entry.state == "failed" or (corrected_only and not corrected.exists()) or _flat(name) in written:
+            if entry.state == "failed" or (corrected_only and not corrected.exists()) or name in sources:
                 continue
+            flat = files[name] if files[name] not in written else _flat_and_digest(name)
             try:
                 label = read_label(corrected) if corrected.exists() else store.label(name)
-                _write(folder, label, by_name.get(name))
-                record = {
-                    "name": _flat(name), "source": name, "origin": label.origin, "instances": len(label.instances)
-                }  # fmt: skip
+                _write(folder, flat, label, by_name.get(name))
+                record = {"name": flat, "source": name, "origin": label.origin, "instances": len(label.instances)}
                 index.write(json.dumps(record) + "\n")
                 index.flush()
             except (PictureUnreadable, FormatError, StoreError) as error:
@@ -56,7 +59,7 @@ def export_training_set(
     return problems
 
 
-def _write(folder: Path, label: PictureLabel, picture: SourcePicture | None) -> None:
+def _write(folder: Path, flat: str, label: PictureLabel, picture: SourcePicture | None) -> None:
     if picture is None:
         raise PictureUnreadable("the picture is no longer in the source")
     try:
@@ -68,20 +71,26 @@ def _write(folder: Path, label: PictureLabel, picture: SourcePicture | None) -> 
     for suffix, pixels in (("_ids.png", Image.fromarray(ids_of(label), "L")), (".png", image)):
         buffer = io.BytesIO()
         pixels.save(buffer, "PNG")
-        write_whole(folder / f"{_flat(label.name)}{suffix}", buffer.getvalue())
+        write_whole(folder / f"{flat}{suffix}", buffer.getvalue())
 
 
 def _flat(name: str) -> str:
     """One folder holds them all: folders become part of the name."""
-    return str(Path(name).with_suffix("")).replace("/", "__") + f"_{Path(name).suffix.lstrip('.').lower()}"
+    return stem_and_suffix(name).replace("/", "__")
 
 
-def _indexed(folder: Path) -> set[str]:
-    """Names written so far; a last line that was cut off does not count and is ended."""
+def _flat_and_digest(name: str) -> str:
+    """Where another picture's name becomes the same: ``a/b.jpg`` and ``a__b.jpg``."""
+    return f"{_flat(name)}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def _indexed(folder: Path) -> dict[str, str]:
+    """Name → source of what is written so far; a last line that was cut off does not count and is ended."""
     if not (folder / INDEX).exists():
-        return set()
+        return {}
     content = (folder / INDEX).read_bytes()
     whole = content[: content.rfind(b"\n") + 1]
     if len(whole) < len(content):
         write_whole(folder / INDEX, whole)
-    return {json.loads(line)["name"] for line in whole.splitlines()}
+    records = [json.loads(line) for line in whole.splitlines()]
+    return {record["name"]: record.get("source", "") for record in records}

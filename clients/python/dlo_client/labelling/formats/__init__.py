@@ -1,7 +1,9 @@
 """Labels in the formats of other tools, and back. Needs the extra ``dlo-client[label]``.
 
-Every format is a module with ``write(labels, out)``; those that people correct labels in have ``read(path)`` too.
-``labels`` is a function that goes through all labels anew each time it is called: there may be a hundred thousand.
+Every format is a module with ``write(labels, out)``; those that people correct labels in have
+``read(path, wanted)`` too. What other tools drew becomes instances in ``formats.gate`` alone.
+``labels`` is a function that goes through all labels anew each time it is called: there may be a
+hundred thousand.
 """
 
 from __future__ import annotations
@@ -11,8 +13,9 @@ from pathlib import Path
 
 from dlo_client.labelling.formats import coco, cvat, indexed_png, label_studio, own_json, yolo
 from dlo_client.labelling.formats.exchange import FormatError, Imported, Labels
+from dlo_client.labelling.formats.gate import Wanted
 
-WRITERS: Mapping[str, Callable[[Labels, Path], Path]] = {
+WRITERS: Mapping[str, Callable[..., Path]] = {
     "coco": coco.write,
     "coco-polygons": coco.write_polygons,
     "yolo": yolo.write,
@@ -21,11 +24,11 @@ WRITERS: Mapping[str, Callable[[Labels, Path], Path]] = {
     "png": indexed_png.write,
     "json": own_json.write,
 }
-READERS: Mapping[str, Callable[[Path], Imported]] = {
+READERS: Mapping[str, Callable[..., Imported]] = {
     "coco": coco.read,
     "cvat": cvat.read,
     "label-studio": label_studio.read,
     "json": own_json.read,
 }
 
-__all__ = ["READERS", "WRITERS", "FormatError", "Imported", "Labels"]
+__all__ = ["READERS", "WRITERS", "FormatError", "Imported", "Labels", "Wanted"]

@@ -1,7 +1,7 @@
 """COCO instance segmentation. Run lengths lose nothing; polygons are for tools that know nothing else.
 
 Extra fields: of an annotation ``centerline_xy``, ``width_px``, ``closed``, ``score`` and ``instance``; of a picture
-``crossings`` (ids as ``instance`` in the annotations).
+``sha256`` and ``crossings`` (ids as ``instance`` in the annotations). The corrector page adds ``confirmed``.
 """
 
 from __future__ import annotations
@@ -11,26 +11,23 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from pydantic import ValidationError
-
-from dlo_client.contracts import Crossing, MaskRLE
+from dlo_client.labelling.formats.drawn import pairs, yes
 from dlo_client.labelling.formats.exchange import (
     CLASS,
     FormatError,
     Imported,
     Labels,
-    box,
-    decode,
-    encode,
-    fill,
-    mean_width,
-    outlines,
+    Refused,
     read_json,
     write_list,
     written_whole,
 )
-from dlo_client.labelling.labels import LabelledInstance, PictureLabel
+from dlo_client.labelling.formats.gate import Canvas, Drawn, Wanted, settle
+from dlo_client.labelling.formats.pixels import box, decode, outlines
+from dlo_client.labelling.formats.run_lengths import mask_of_runs
+from dlo_client.labelling.labels import PictureLabel
+
+_Record = dict[str, Any]
 
 
 def write(labels: Labels, out: Path) -> Path:
@@ -43,28 +40,30 @@ def write_polygons(labels: Labels, out: Path) -> Path:
     return _write(labels, out / "coco-polygons.json", polygons=True)
 
 
-def read(path: Path) -> Imported:
-    """Annotations of one picture that cannot be read cost that picture, not the others. Raises FormatError."""
+def read(path: Path, wanted: Wanted = Wanted()) -> Imported:  # noqa: B008
+    """Annotations of one picture that cannot be read cost that picture, not the others. Ids may be numbers or their
+    text. Raises FormatError."""
     data = read_json(path)
-    try:
-        pictures = {p["id"]: p for p in data["images"]}
-        grouped: dict[Any, list[dict[str, Any]]] = {key: [] for key in pictures}
-        strays = [a for a in data["annotations"] if a["image_id"] not in pictures]
-    except (KeyError, TypeError) as error:
-        raise FormatError(f"{path}: no COCO file: {error!r} is missing") from error
+    if not isinstance(data, dict) or not all(isinstance(data.get(key), list) for key in ("images", "annotations")):
+        raise FormatError(f"{path}: no COCO file: it has no lists `images` and `annotations`")
     imported = Imported()
-    for annotation in data["annotations"]:
-        grouped.get(annotation["image_id"], strays).append(annotation)
+    pictures = _pictures(path, data["images"], imported)
+    grouped, strays = _grouped(data["annotations"], pictures)
     if strays:
-        ids = sorted({str(a["image_id"]) for a in strays})
-        imported.problems[f"image_id {', '.join(ids[:5])}"] = "annotations of a picture that the file does not list"
+        imported.refuse(
+            f"image_id {', '.join(sorted(strays)[:5])}", "annotations of a picture that the file does not list"
+        )
+    classes = _classes(data.get("categories"))
     for key, picture in pictures.items():
         name = str(picture.get("file_name", key))
-        try:
-            imported.labels.append(_label(name, picture, grouped[key]))
-        except (KeyError, TypeError, ValueError, ValidationError) as error:
-            imported.problems[name] = f"cannot be read: {error}"
-    return imported
+        if picture.get("confirmed") is False:
+            imported.not_annotated[name] = "nobody confirmed it"
+            continue
+        with imported.one_picture(name):
+            if strays and not grouped[key]:
+                raise Refused("has no annotation, and the file has some of pictures that it does not list")
+            imported.labels.append(_label(name, picture, grouped[key], classes, wanted, imported))
+    return settle(imported, wanted)
 
 
 def _write(labels: Labels, file: Path, *, polygons: bool) -> Path:
@@ -81,17 +80,18 @@ def _write(labels: Labels, file: Path, *, polygons: bool) -> Path:
     return file
 
 
-def _picture(number: int, label: PictureLabel) -> dict[str, Any]:
+def _picture(number: int, label: PictureLabel) -> _Record:
     return {
         "id": number,
         "file_name": label.name,
         "width": label.width,
         "height": label.height,
+        "sha256": label.sha256,
         "crossings": [c.model_dump(mode="json") for c in label.crossings],
     }
 
 
-def _annotations(labels: Labels, polygons: bool) -> Iterator[dict[str, Any]]:
+def _annotations(labels: Labels, polygons: bool) -> Iterator[_Record]:
     number = 0
     for image_id, label in enumerate(labels(), start=1):
         for item in label.instances:
@@ -107,68 +107,87 @@ def _annotations(labels: Labels, polygons: bool) -> Iterator[dict[str, Any]]:
             }  # fmt: skip
 
 
-def _label(name: str, picture: dict[str, Any], annotations: list[dict[str, Any]]) -> PictureLabel:
-    height, width = int(picture["height"]), int(picture["width"])
-    return PictureLabel(
-        name=name,
-        width=width,
-        height=height,
-        origin="corrected",
-        instances=[_instance(k, a, height, width) for k, a in enumerate(annotations, start=1)],
-        crossings=[Crossing.model_validate(c) for c in picture.get("crossings", [])],
+def _key(value: object) -> str:
+    """Ids are compared as text: 1, "1" and 1.0 are the same."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    text = str(value).strip()
+    return text.lstrip("0") or "0" if text.isdecimal() else text
+
+
+def _pictures(path: Path, images: list[Any], imported: Imported) -> dict[str, _Record]:
+    pictures: dict[str, _Record] = {}
+    for place, image in enumerate(images, start=1):
+        if not isinstance(image, dict) or image.get("id") is None:
+            imported.refuse(f"image {place} of the file", "has no id")
+        elif _key(image["id"]) in pictures:
+            raise FormatError(f"{path}: two pictures have the id {_key(image['id'])[:40]}")
+        else:
+            pictures[_key(image["id"])] = image
+    return pictures
+
+
+def _grouped(annotations: list[Any], pictures: dict[str, _Record]) -> tuple[dict[str, list[_Record]], set[str]]:
+    """Annotations by picture, and the ids of pictures that are not there."""
+    grouped: dict[str, list[_Record]] = {key: [] for key in pictures}
+    strays = set()
+    for annotation in annotations:
+        key = _key(annotation.get("image_id")) if isinstance(annotation, dict) else "none"
+        if key in grouped:
+            grouped[key].append(annotation)
+        else:
+            strays.add(key[:40])
+    return grouped, strays
+
+
+def _classes(categories: object) -> dict[str, str]:
+    listed = categories if isinstance(categories, list) else []
+    return {_key(c["id"]): str(c["name"]) for c in listed if isinstance(c, dict) and "id" in c and "name" in c}
+
+
+def _label(
+    name: str, picture: _Record, annotations: list[_Record], classes: dict[str, str], wanted: Wanted, imported: Imported
+) -> PictureLabel:
+    canvas = Canvas(name, (picture.get("width"), picture.get("height")), wanted, imported)
+    for annotation in annotations:
+        category = _key(annotation.get("category_id"))
+        called = classes.get(category, f"category_id {category}")
+        if not wanted.takes(called):
+            canvas.other_class(called)
+        elif yes(annotation.get("iscrowd")):
+            canvas.leave_out("iscrowd region")
+        else:
+            canvas.add(_drawn(annotation, canvas))
+    crossings = picture.get("crossings") or []
+    for crossing in crossings if isinstance(crossings, list) else [crossings]:
+        canvas.cross(crossing)
+    return canvas.label(picture.get("sha256"))
+
+
+def _drawn(annotation: _Record, canvas: Canvas) -> Drawn:
+    drawn = Drawn(
+        place=f"annotation {_key(annotation.get('id'))[:40]}",
+        number=annotation.get("instance"),
+        width_px=annotation.get("width_px"),
+        closed=annotation.get("closed"),
     )
+    line = annotation.get("centerline_xy")
+    if line:
+        drawn.lines.append(pairs(line, drawn.place))
+    segmentation = annotation.get("segmentation")
+    if isinstance(segmentation, dict):
+        drawn.masks.append(_mask(segmentation, canvas))
+    elif isinstance(segmentation, list) and segmentation:
+        rings = segmentation if isinstance(segmentation[0], list) else [segmentation]
+        drawn.rings += [pairs(ring, drawn.place) for ring in rings]
+    elif not line:
+        raise Refused(f"{drawn.place} has neither a segmentation nor a centerline")
+    return drawn
 
 
-def _instance(number: int, annotation: dict[str, Any], height: int, width: int) -> LabelledInstance:
-    rle = _mask(annotation["segmentation"], height, width)
-    return LabelledInstance(
-        id=int(annotation.get("instance") or number),
-        centerline_xy=annotation.get("centerline_xy") or [],
-        width_px=annotation.get("width_px") or mean_width(decode(rle)),
-        closed=bool(annotation.get("closed", False)),
-        mask_rle=rle,
-    )
-
-
-def _mask(segmentation: Any, height: int, width: int) -> MaskRLE:
-    """Compressed or plain run lengths, or polygons."""
-    if isinstance(segmentation, list):
-        return encode(fill([np.asarray(ring, float).reshape(-1, 2) for ring in segmentation], height, width))
-    counts, size = segmentation["counts"], segmentation["size"]
-    if list(size) != [height, width]:
-        raise ValueError(f"a mask of {size[1]}×{size[0]} for a picture of {width}×{height}")
-    if isinstance(counts, list):
-        runs = np.asarray(counts, np.int64)
-        if runs.sum() != height * width or runs.min(initial=0) < 0:
-            raise ValueError("the run lengths do not fill the picture")
-        return encode(np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(width, height).T)
-    rle = MaskRLE(size=(height, width), counts=counts)
-    _check(rle)
-    return rle
-
-
-def _check(rle: MaskRLE) -> None:
-    """The library trusts its input: a string whose runs do not fill the picture would be read past its end."""
-    if sum(_runs(rle.counts)) != rle.size[0] * rle.size[1]:
-        raise ValueError("the run lengths do not fill the picture")
-
-
-def _runs(counts: str) -> list[int]:
-    """The runs of COCO's compressed string: 5 bits a character, bit 6 for more, from the fourth run on differences."""
-    runs: list[int] = []
-    value = shift = 0
-    for character in counts.encode():
-        code = character - 48
-        if not 0 <= code < 64 or shift > 30:
-            raise ValueError("no run-length string")
-        value |= (code & 0x1F) << shift
-        shift += 5
-        if not code & 0x20:
-            value -= (code & 0x10) << (shift - 4)
-            runs.append(value + (runs[-2] if len(runs) > 2 else 0))
-            value = shift = 0
-            if runs[-1] < 0:
-                raise ValueError("a negative run length")
-    if shift:
-        raise ValueError("the run-length string is cut short")
-    return runs
+def _mask(segmentation: _Record, canvas: Canvas) -> Any:
+    """Compressed or plain run lengths."""
+    if list(segmentation.get("size") or []) != [canvas.height, canvas.width]:
+        size = segmentation.get("size")
+        raise Refused(f"a mask of the size {str(size)[:40]} for a picture of {canvas.width}×{canvas.height}")
+    return mask_of_runs(segmentation.get("counts"), canvas.height, canvas.width)

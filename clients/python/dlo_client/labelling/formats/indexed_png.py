@@ -10,16 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dlo_client.labelling.formats.exchange import FormatError, Labels, decode
+from dlo_client.labelling.formats.exchange import FormatError, Labels
+from dlo_client.labelling.formats.names import stem, stem_and_suffix, told_apart
+from dlo_client.labelling.formats.pixels import decode
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.store import write_whole
 
 
 def write(labels: Labels, out: Path) -> Path:
-    """``masks/NAME.png``."""
+    """``masks/NAME.png``; where two pictures differ by their suffix alone, ``masks/NAME_SUFFIX.png``."""
     folder = out / "masks"
+    files = told_apart((label.name for label in labels()), stem, stem_and_suffix)
     for label in labels():
-        write_whole(folder / Path(label.name).with_suffix(".png"), encode_png(ids_of(label)))
+        write_whole(folder / f"{files[label.name]}.png", encode_png(ids_of(label)))
     return folder
 
 

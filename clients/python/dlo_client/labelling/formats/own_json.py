@@ -1,4 +1,4 @@
-"""Our own format: a JSON line a picture, with all that the service said."""
+"""Our own format: a JSON line a picture, with all that the service answered."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from dlo_client.labelling.formats.exchange import FormatError, Imported, Labels, written_whole
+from dlo_client.labelling.formats.gate import Wanted, checked
 from dlo_client.labelling.labels import PictureLabel
 
 
@@ -18,10 +19,10 @@ def write(labels: Labels, out: Path) -> Path:
     return file
 
 
-def read(path: Path) -> Imported:
+def read(path: Path, wanted: Wanted = Wanted()) -> Imported:  # noqa: B008
     """A line that is no label costs that picture alone. Raises FormatError when the file cannot be read."""
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise FormatError(f"{path}: {error}") from error
     imported = Imported()
@@ -29,7 +30,10 @@ def read(path: Path) -> Imported:
         if not line.strip():
             continue
         try:
-            imported.labels.append(PictureLabel.model_validate_json(line))
+            label = PictureLabel.model_validate_json(line)
         except ValidationError as error:
-            imported.problems[f"line {number}"] = f"no label: {error.errors()[0]['msg']}"
+            imported.refuse(f"line {number}", f"no label: {error.errors()[0]['msg']}")
+            continue
+        with imported.one_picture(label.name):
+            imported.labels.append(checked(label, imported))
     return imported

@@ -7,11 +7,11 @@ values), 2 bits that pick the size, that many bits of length - 1, and the value 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.typing import NDArray
 
-from dlo_client.labelling.formats.exchange import Mask
+from dlo_client.labelling.formats.exchange import Refused
+from dlo_client.labelling.formats.pixels import Mask
 
 _SIZES = (3, 4, 8, 16)
 _WORD = 8
@@ -30,25 +30,31 @@ def encode_brush(mask: Mask) -> list[int]:
     return [int(bits[k : k + 8], 2) for k in range(0, len(bits), 8)]
 
 
-def decode_brush(data: Sequence[int], height: int, width: int) -> Mask:
-    """(H, W): where alpha is above a half. Raises ValueError when the stream is cut short or of another size."""
-    stream = _Bits(data)
+def decode_brush(data: object, height: int, width: int) -> Mask:
+    """(H, W): where alpha is above a half. Raises Refused when the stream is cut short or of another size."""
+    stream = _Bits(_bytes(data, height * width))
     total = stream.take(32)
     word = stream.take(5) + 1
     sizes = [stream.take(4) + 1 for _ in range(4)]
     if total != _CHANNELS * height * width:
-        raise ValueError(f"a brush of {total // _CHANNELS} pixels for a picture of {width}×{height}")
+        raise Refused(f"a brush of {total // _CHANNELS} pixels for a picture of {width}×{height}")
     out = np.zeros(total, np.uint8)
     at = 0
     while at < total:
         repeated = stream.take(1)
         end = min(at + 1 + stream.take(sizes[stream.take(2)]), total)
-        if repeated:
-            out[at:end] = stream.take(word)
-        else:
-            out[at:end] = [stream.take(word) for _ in range(end - at)]
+        out[at:end] = stream.take(word) & 255 if repeated else stream.words(end - at, word)
         at = end
     return np.asarray(out.reshape(height, width, _CHANNELS)[:, :, 3] > 127)
+
+
+def _bytes(data: object, pixels: int) -> NDArray[np.uint8]:
+    """Single values take the most room: three bits of length and eight of value each."""
+    if not isinstance(data, list) or len(data) > 8 * pixels + 64:
+        raise Refused("a brush is no list of bytes, or longer than the picture")
+    if not all(isinstance(v, int) and 0 <= v < 256 for v in data):
+        raise Refused("a brush has values that are no bytes")
+    return np.asarray(data, np.uint8)
 
 
 def _runs(length: int, value: int) -> list[str]:
@@ -63,13 +69,22 @@ def _runs(length: int, value: int) -> list[str]:
 
 
 class _Bits:
-    def __init__(self, data: Sequence[int]) -> None:
-        self._data = np.unpackbits(np.asarray(data, np.uint8)).astype(np.int64)
+    def __init__(self, data: NDArray[np.uint8]) -> None:
+        self._data = np.unpackbits(data)
         self._at = 0
 
     def take(self, count: int) -> int:
+        """The next bits as a number."""
+        return int(self._next(count) @ (1 << np.arange(count - 1, -1, -1)))
+
+    def words(self, count: int, size: int) -> NDArray[np.uint8]:
+        """As many numbers of ``size`` bits; of a longer one the last eight bits."""
+        bits = self._next(count * size).reshape(count, size)
+        return np.asarray(bits @ (1 << np.arange(size - 1, -1, -1)) & 255, np.uint8)
+
+    def _next(self, count: int) -> NDArray[np.uint8]:
         piece = self._data[self._at : self._at + count]
         if len(piece) < count:
-            raise ValueError("the brush's run lengths are cut short")
+            raise Refused("the brush's run lengths are cut short")
         self._at += count
-        return int(piece @ (1 << np.arange(count - 1, -1, -1)))
+        return piece
