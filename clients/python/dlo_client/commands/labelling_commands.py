@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from dlo_client.client import Client
 from dlo_client.commands.app import app, readable
+from dlo_client.commands.labelling_progress import shown_progress
 from dlo_client.commands.printing import print_error
 from dlo_client.connection import CONNECTION, Connection
 from dlo_client.contracts import CameraView, InstancesRequest, LabelTrackedRequest, Pose, Stroke
@@ -29,7 +30,6 @@ from dlo_client.labelling import (
 )
 from dlo_client.labelling.sources import SourcePicture, picture_names
 from dlo_client.labelling.tracked import file_tracked
-from dlo_client.labelling_progress import shown_progress
 from dlo_client.outcomes import result_of
 
 if TYPE_CHECKING:
