@@ -12,14 +12,13 @@ from contextlib import asynccontextmanager, suppress
 import redis
 from anyio import to_thread
 from fastapi import FastAPI
-from fastapi_offline import FastAPIOffline
 from prometheus_client import CollectorRegistry
 
 from services import documents, problems, validation
 from services.access import Backend
 from services.metrics import QueueCollector, RequestDurations
 from services.middleware import Requests
-from services.routes import health, images, jobs, metrics, viewer
+from services.routes import docs, health, images, jobs, metrics, viewer
 from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
@@ -39,11 +38,13 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     """The application; without ``settings``, with those of the environment."""
     settings = settings or ServiceSettings()
     backend = _assemble(settings)
-    app = FastAPIOffline(
+    app = FastAPI(
         title="DLO perception service",
         version="1",
         description=DESCRIPTION,
         lifespan=_lifespan,
+        docs_url=None,  # documentation pages of our own, without a network: routes.docs
+        redoc_url=None,
     )
     app.state.backend = backend
     app.add_middleware(Requests, durations=RequestDurations(backend.registry))
@@ -51,6 +52,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     for module in (images, jobs, health, metrics):
         app.include_router(module.router)
     viewer.mount(app)
+    docs.mount(app)
     documents.describe(app)
     return app
 

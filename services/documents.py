@@ -11,6 +11,7 @@ from dlo_client.contracts import AnyJob
 from fastapi import FastAPI
 from pydantic import BaseModel
 
+from services.examples import documented
 from services.problems import MEDIA_TYPE
 from workers.record import REQUEST
 
@@ -21,13 +22,13 @@ _PICTURE = {"type": "string", "format": "binary"}
 SUBMISSION: dict[str, Any] = {
     "required": True,
     "content": {
-        "application/json": {"schema": {"$ref": f"{_SCHEMAS}AnyRequest"}},
+        "application/json": {"schema": {"$ref": f"{_SCHEMAS}AnyRequest"}, "examples": documented()},
         "multipart/form-data": {
             "schema": {
                 "type": "object",
                 "required": ["request"],
                 "properties": {
-                    "request": {"$ref": f"{_SCHEMAS}AnyRequest"},
+                    "request": {"$ref": f"{_SCHEMAS}AnyRequest", "example": {"kind": "instances"}},
                     "image": {
                         "type": "array",
                         "items": _PICTURE,
@@ -53,7 +54,7 @@ PICTURE: dict[str, Any] = {
             "schema": {
                 "type": "object",
                 "required": ["file"],
-                "properties": {"file": _PICTURE},
+                "properties": {"file": _PICTURE | {"description": "the picture"}},
                 "additionalProperties": False,
             }
         },

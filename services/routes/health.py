@@ -6,7 +6,7 @@ from typing import Literal
 
 from dlo_client.contracts import NetworkInfo
 from fastapi import APIRouter
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from services import documents
 from services.access import Authorized, BackendDep
@@ -19,7 +19,7 @@ router = APIRouter(tags=["health"])
 class Health(BaseModel):
     """A probe's answer; one that is not `ok` is a problem."""
 
-    status: Literal["ok"] = "ok"
+    status: Literal["ok"] = Field(default="ok", description="always `ok`; a probe that fails answers with a problem")
 
 
 @router.get("/healthz")

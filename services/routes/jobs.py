@@ -89,10 +89,10 @@ async def submit_job(
 @router.get("", responses=documents.problems())
 def list_jobs(
     backend: BackendDep,
-    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+    limit: Annotated[int, Query(ge=1, le=200, description="jobs a page")] = 50,
     cursor: Cursor = None,
-    state: JobState | None = None,
-    kind: JobKind | None = None,
+    state: Annotated[JobState | None, Query(description="only jobs in this state")] = None,
+    kind: Annotated[JobKind | None, Query(description="only jobs of this kind")] = None,
 ) -> JobPage:
     """Jobs newest first, without their results. Only a page without `next_cursor` is the last."""
     return backend.queue.recent(limit=limit, cursor=cursor, state=state, kind=kind)
@@ -130,7 +130,10 @@ async def follow_job(
     },
 )
 async def read_file(
-    record: Existing, name: str, backend: BackendDep, if_none_match: Annotated[str | None, Header()] = None
+    record: Existing,
+    name: Annotated[str, Path(description="as in the job's `files`")],
+    backend: BackendDep,
+    if_none_match: Annotated[str | None, Header(description="ETag of the copy that the caller has")] = None,
 ) -> Response:
     """A file of the job's result, as named in its `files`."""
     file = next((file for file in record.job.files if file.name == name), None)

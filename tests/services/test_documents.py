@@ -1,5 +1,6 @@
 """The OpenAPI document says what the service does, and the service does what the document says."""
 
+import re
 from typing import get_args
 
 import pytest
@@ -45,6 +46,44 @@ def test_every_reference_leads_somewhere(document):
         assert reference.removeprefix("#/components/schemas/") in schemas
     assert "Job" in schemas
     assert all(len(name) < 40 for name in schemas)
+
+
+def test_every_field_and_parameter_is_described(document):
+    """Three of five fields were bare names."""
+    bare = [
+        f"{name}.{field}"
+        for name, schema in document["components"]["schemas"].items()
+        for field, shape in schema.get("properties", {}).items()
+        if not shape.get("description")
+    ]
+    bare += [
+        f"{method} {path} {parameter['name']}"
+        for path, methods in document["paths"].items()
+        for method, operation in methods.items()
+        for parameter in operation.get("parameters", [])
+        if not parameter.get("description")
+    ]
+    assert bare == []
+
+
+@pytest.mark.parametrize("kind", get_args(JobKind))
+def test_the_example_of_a_kind_is_taken_as_it_stands(client, document, kind):
+    """The documentation page offered a body without a ``kind``, which was refused."""
+    examples = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]["application/json"]["examples"]
+    answer = client.post("/v1/jobs", json=examples[kind]["value"])
+    assert answer.status_code == 202, answer.text
+    assert answer.json()["kind"] == kind
+
+
+@pytest.mark.parametrize("page", ["/docs", "/redoc"])
+def test_documentation_pages_name_no_other_server(client, page):
+    text = client.get(page).text
+    assert "http://" not in text
+    assert "https://" not in text
+    scripts = re.findall(r'(?:src|href)="([^"]+)"', text)
+    assert len(scripts) >= 2
+    for script in scripts:
+        assert client.get(script).status_code == 200, script
 
 
 def test_whatever_is_sent_the_document_holds(address):

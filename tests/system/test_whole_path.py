@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dlo_client import AsyncClient, Client, InstancesRequest, JobFailed, NoopRequest, SegmentRequest, result_of
+from dlo_client.contracts import InstancesResult, LabelTrackedResult, PlanShapeResult, ReconstructResult
 from PIL import Image
 
+from services.examples import EXAMPLES
 from tests.processes import running_service
+from workers.record import REQUEST
 
 pytestmark = pytest.mark.system
 SAMPLES = Path(__file__).parent.parent / "samples"
@@ -109,6 +112,19 @@ def test_a_picture_that_cannot_be_decoded_fails_its_job_and_no_other(client):
         client.run(SegmentRequest(), tiff.getvalue()[:-6000])
     assert caught.value.problem.errors[0].field == "image"
     assert client.run(NoopRequest()).result.held_s == 0
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_the_documented_example_of_a_kind_succeeds(client, kind):
+    job = client.run(REQUEST.validate_python({"kind": kind, **EXAMPLES[kind]}))
+    assert job.result.kind == kind
+    match job.result:
+        case InstancesResult() | LabelTrackedResult():
+            assert str(job.result).count("centerline_xy") >= 1
+        case ReconstructResult():
+            assert 0.1 < job.result.curve.length_m < 0.6
+        case PlanShapeResult():
+            assert job.result.action is not None
 
 
 def test_models_and_readiness_are_those_of_the_workers(client):

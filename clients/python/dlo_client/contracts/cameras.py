@@ -51,13 +51,15 @@ _COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidista
 class PinholeIntrinsics(Contract):
     """OpenCV's parameters in pixels; ``distortion`` is k1 k2 p1 p2 [k3 [k4 k5 k6]] in OpenCV's order."""
 
-    width: Pixels
-    height: Pixels
-    fx: Focal
-    fy: Focal
-    cx: Center
-    cy: Center
-    distortion: Coefficients = Field(default_factory=list, max_length=8)
+    width: Pixels = Field(description="of the upright picture, pixels")
+    height: Pixels = Field(description="of the upright picture, pixels")
+    fx: Focal = Field(description="focal length along x, pixels")
+    fy: Focal = Field(description="focal length along y, pixels")
+    cx: Center = Field(description="principal point, pixels from the center of the first column")
+    cy: Center = Field(description="principal point, pixels from the center of the first row")
+    distortion: Coefficients = Field(
+        default_factory=list, max_length=8, description="k1 k2 p1 p2 [k3 [k4 k5 k6]]; none: no distortion"
+    )
 
     @model_validator(mode="after")
     def _known_count(self) -> PinholeIntrinsics:
@@ -72,11 +74,21 @@ class CameraInfo(Contract):
 
     model_config = ConfigDict(extra="ignore", populate_by_name=True)
 
-    width: Pixels
-    height: Pixels
-    K: Annotated[list[float], Numbers] = Field(min_length=9, max_length=9, validation_alias=AliasChoices("K", "k"))
-    D: Coefficients = Field(default_factory=list, max_length=8, validation_alias=AliasChoices("D", "d"))
-    distortion_model: DistortionName = "plumb_bob"
+    width: Pixels = Field(description="of the upright picture, pixels")
+    height: Pixels = Field(description="of the upright picture, pixels")
+    K: Annotated[list[float], Numbers] = Field(
+        min_length=9,
+        max_length=9,
+        validation_alias=AliasChoices("K", "k"),
+        description="fx 0 cx, 0 fy cy, 0 0 1, row by row, pixels",
+    )
+    D: Coefficients = Field(
+        default_factory=list,
+        max_length=8,
+        validation_alias=AliasChoices("D", "d"),
+        description="as many coefficients as `distortion_model` has",
+    )
+    distortion_model: DistortionName = Field(default="plumb_bob", description="ROS's name of the lens model")
 
     @model_validator(mode="after")
     def _usable(self) -> CameraInfo:
@@ -95,8 +107,8 @@ AnyIntrinsics = PinholeIntrinsics | CameraInfo
 class CameraPose(Contract):
     """A camera that could take a picture."""
 
-    intrinsics: AnyIntrinsics
-    T_world_camera: Pose
+    intrinsics: AnyIntrinsics = Field(description="PinholeIntrinsics, or a ROS CameraInfo as it is published")
+    T_world_camera: Pose = Field(description="4 × 4, row by row: camera (z forward, y down, meters) to world")
 
 
 class CameraView(CameraPose):

@@ -24,7 +24,7 @@ class ImageRef(Contract):
 class ImagePart(Contract):
     """The n-th ``image`` part of the multipart request that carries this field, counted from 0."""
 
-    part: int = Field(ge=0, lt=64)
+    part: int = Field(ge=0, lt=64, description="number of the `image` part, from 0")
 
 
 ImageSource = ImageRef | ImagePart
@@ -35,6 +35,6 @@ class ImageInfo(Reply):
 
     id: BlobId
     sha256: BlobId
-    width: int = Field(gt=0)
-    height: int = Field(gt=0)
-    bytes: int = Field(gt=0)
+    width: int = Field(gt=0, description="of the upright picture, pixels")
+    height: int = Field(gt=0, description="of the upright picture, pixels")
+    bytes: int = Field(gt=0, description="size of the encoded picture")

@@ -31,8 +31,8 @@ class JobState(StrEnum):
 class FieldProblem(Reply):
     """One field of a request and what is wrong with it; ``field`` as in ``params.neighbors``."""
 
-    field: str
-    message: str
+    field: str = Field(description="path of the field, as `params.neighbors`")
+    message: str = Field(description="what is wrong with it")
 
 
 class Problem(Reply):
@@ -42,42 +42,42 @@ class Problem(Reply):
     ``incident`` is also in the log).
     """
 
-    type: str = "about:blank"
-    title: str
-    status: int = Field(ge=400, le=599)
-    detail: str
-    code: str
-    errors: list[FieldProblem] = Field(default_factory=list)
-    incident: str | None = None
+    type: str = Field(default="about:blank", description="`about:blank`: `code` tells problems apart")
+    title: str = Field(description="the status in words")
+    status: int = Field(ge=400, le=599, description="as the HTTP status")
+    detail: str = Field(description="what went wrong, for people")
+    code: str = Field(description="what went wrong, for programs; it stays the same")
+    errors: list[FieldProblem] = Field(default_factory=list, description="fields at fault")
+    incident: str | None = Field(default=None, description="also in the service's log, for a fault of ours")
 
 
 class FileRef(Reply):
     """A file of a result, at ``/v1/jobs/{id}/files/{name}``."""
 
-    name: str
-    media_type: str
-    bytes: int
+    name: str = Field(description="as in `/v1/jobs/{id}/files/{name}`")
+    media_type: str = Field(description="such as `image/png`")
+    bytes: int = Field(description="its size")
     sha256: BlobId
 
 
 class Job(Reply, Generic[ResultT]):
     """A job and, once it has ended, its ``result`` or its ``problem``."""
 
-    id: str
-    kind: JobKind
-    state: JobState
-    progress: Probability
-    priority: Priority
-    label: str | None = None
+    id: str = Field(description="32 hexadecimal digits")
+    kind: JobKind = Field(description="of its request")
+    state: JobState = Field(description="`queued`, `running`, or how it ended: `succeeded`, `failed`, `cancelled`")
+    progress: Probability = Field(description="share of the work that is done")
+    priority: Priority = Field(description="of its request: `interactive` goes first")
+    label: str | None = Field(default=None, description="as in the request")
     attempts: int = Field(default=0, description="times a worker has taken it up")
-    created_at: datetime
-    started_at: datetime | None = None
-    ended_at: datetime | None = None
+    created_at: datetime = Field(description="accepted by the service")
+    started_at: datetime | None = Field(default=None, description="taken up by a worker, the last time")
+    ended_at: datetime | None = Field(default=None, description="succeeded, failed or cancelled")
     expires_at: datetime | None = Field(default=None, description="then it answers 410")
-    timings_ms: dict[str, float] = Field(default_factory=dict)
-    result: ResultT | None = None
-    problem: Problem | None = None
-    files: list[FileRef] = Field(default_factory=list)
+    timings_ms: dict[str, float] = Field(default_factory=dict, description="milliseconds by step; `a.b` is part of `a`")
+    result: ResultT | None = Field(default=None, description="of a job that succeeded, by its `kind`")
+    problem: Problem | None = Field(default=None, description="of a job that failed")
+    files: list[FileRef] = Field(default_factory=list, description="pictures and tables of the result")
 
 
 AnyJob = Job[AnyResult]
@@ -86,29 +86,29 @@ AnyJob = Job[AnyResult]
 class JobPage(Reply):
     """A page of jobs, newest first; ``next_cursor`` is None on the last."""
 
-    jobs: list[AnyJob]
-    next_cursor: str | None = None
+    jobs: list[AnyJob] = Field(description="newest first, without their results")
+    next_cursor: str | None = Field(default=None, description="`cursor` of the next page; null on the last")
 
 
 class JobEvent(Reply):
     """One server-sent event of a job."""
 
-    id: str
-    state: JobState
-    progress: Probability
+    id: str = Field(description="for `Last-Event-ID`, to resume after it")
+    state: JobState = Field(description="of the job, from this event on")
+    progress: Probability = Field(description="share of the work that is done")
 
 
 class NetworkInfo(Reply):
     """A network of the manifest, as ``GET /v1/models`` shows it."""
 
-    name: str
-    version: str
-    task: str
-    default: bool
-    sha256: str
-    bytes: int
-    parameters: int
+    name: str = Field(description="what a request's `model` names")
+    version: str = Field(description="of the network")
+    task: str = Field(description="what it is for: `foreground`, `links`, …")
+    default: bool = Field(description="taken for its task when a request names none")
+    sha256: str = Field(description="of its file")
+    bytes: int = Field(description="size of its file")
+    parameters: int = Field(description="how many numbers were trained")
     input: str = Field(description="layout, size and normalization in words")
-    origin: str
-    license: str
-    metrics: dict[str, float] = Field(default_factory=dict)
+    origin: str = Field(description="how it was made")
+    license: str = Field(description="of its weights")
+    metrics: dict[str, float] = Field(default_factory=dict, description="measured by the one who trained it, by name")

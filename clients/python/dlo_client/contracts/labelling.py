@@ -22,7 +22,7 @@ class Stroke(Contract):
         min_length=2, max_length=5000, description="x, y, z of the pen's tip, in the tracker's frame"
     )
     thickness_m: float = Field(gt=0, le=1, description="diameter of the DLO")
-    name: str | None = Field(default=None, max_length=100)
+    name: str | None = Field(default=None, max_length=100, description="what the labels call it")
 
     @model_validator(mode="after")
     def _a_line(self) -> Stroke:
@@ -34,12 +34,12 @@ class Stroke(Contract):
 class TrackedInstance(Reply):
     """One DLO in one picture. ``id`` is the number of its stroke from 1, the same in every picture."""
 
-    id: int = Field(ge=1)
-    name: str | None = None
+    id: int = Field(ge=1, description="number of its stroke, from 1")
+    name: str | None = Field(default=None, description="of its stroke")
     score: Probability = Field(description="mean trust of its corrections; not calibrated")
-    centerline_xy: list[Point]
+    centerline_xy: list[Point] = Field(description="ordered, end to end, pixels")
     width_px: float = Field(gt=0, description="mean over the visible part")
-    endpoints: list[Endpoint]
+    endpoints: list[Endpoint] = Field(description="at the first and at the last point")
     mask_rle: MaskRLE = Field(description="visible pixels: at a crossing the nearer DLO owns them")
     offset_px: list[float] = Field(description="how far each centerline point was moved across the DLO")
     trust: list[Probability] = Field(description="of each correction; low where something covers the DLO")
@@ -48,29 +48,29 @@ class TrackedInstance(Reply):
 class TrackedLabels(Reply):
     """The labels of one picture; a DLO that lies outside of it is missing in ``instances``."""
 
-    name: str
-    width: int
-    height: int
-    instances: list[TrackedInstance]
-    crossings: list[Crossing]
+    name: str = Field(description="of the view")
+    width: int = Field(description="of the upright picture, pixels")
+    height: int = Field(description="of the upright picture, pixels")
+    instances: list[TrackedInstance] = Field(description="DLOs in this picture; one outside of it is missing")
+    crossings: list[Crossing] = Field(description="where DLOs cross in this picture")
     moved_px: float = Field(description="median distance of all corrections: what calibration and hand were off by")
-    intrinsics: AnyIntrinsics
-    T_world_camera: Pose
+    intrinsics: AnyIntrinsics = Field(description="as in the request")
+    T_world_camera: Pose = Field(description="as in the request")
 
 
 class LabelTrackedResult(Reply):
-    kind: Literal["label_tracked"] = "label_tracked"
-    views: list[TrackedLabels]
-    warnings: list[str]
-    models: list[ModelUsed]
+    kind: Literal["label_tracked"] = Field(default="label_tracked", description="kind of the job")
+    views: list[TrackedLabels] = Field(description="labels of each picture, in the order of the request")
+    warnings: list[str] = Field(description="what limits the labels")
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class LabelTrackedRequest(JobRequest[LabelTrackedResult]):
     """Pictures from known poses and the strokes of a tracked pen, to instance labels of every picture."""
 
-    kind: Literal["label_tracked"] = "label_tracked"
-    views: list[CameraView] = Field(min_length=1, max_length=64)
-    strokes: list[Stroke] = Field(min_length=1, max_length=100)
+    kind: Literal["label_tracked"] = Field(default="label_tracked", description="of the job")
+    views: list[CameraView] = Field(min_length=1, max_length=64, description="pictures and the cameras that took them")
+    strokes: list[Stroke] = Field(min_length=1, max_length=100, description="one a DLO")
     T_world_tracker: Pose | None = Field(default=None, description="the tracker's frame; default: it is the world's")
     correct: bool = Field(default=True, description="off: the strokes as they were drawn, smoothed")
     agree: bool = Field(default=True, description="corrections agree along the DLO and across views; off: thesis 2.5.3")
@@ -79,4 +79,6 @@ class LabelTrackedRequest(JobRequest[LabelTrackedResult]):
         default=True, description="ends are put where the pictures show them; off: where the strokes have them"
     )
     spacing_px: float = Field(default=8.0, ge=2, le=50, description="between corrected points, in the nearest view")
-    files: list[LabelFile] = Field(default=["labels", "overlay"], max_length=2)
+    files: list[LabelFile] = Field(
+        default=["labels", "overlay"], max_length=2, description="to make beside the result, one of each a picture"
+    )

@@ -36,32 +36,32 @@ Shape = Annotated[list[Point2], Field(min_length=2, max_length=2000), AfterValid
 class DloObject(Contract):
     """What is known of the DLO: its mass, and its length if it is not to be taken from its state."""
 
-    mass_kg: float = Field(gt=0, le=10)
-    length_m: float | None = Field(default=None, gt=0, le=100)
+    mass_kg: float = Field(gt=0, le=10, description="of the whole DLO")
+    length_m: float | None = Field(default=None, gt=0, le=100, description="default: that of its state")
 
 
 class MoveAction(Contract):
     """Grip the middle of an edge, move it by dx, dy, turn it about its middle by dtheta, let go."""
 
-    edge: int = Field(ge=0, lt=2000)
-    dx_m: Meters
-    dy_m: Meters
-    dtheta_rad: float = Field(ge=-3.15, le=3.15)
+    edge: int = Field(ge=0, lt=2000, description="joins points `edge` and `edge` + 1 of the DLO")
+    dx_m: Meters = Field(description="of the edge's middle")
+    dy_m: Meters = Field(description="of the edge's middle")
+    dtheta_rad: float = Field(ge=-3.15, le=3.15, description="turn of the edge about its middle, from x to y")
 
 
 class Experience(Contract):
     """An action and what it did; ``edge`` counts along ``before``."""
 
-    before: Shape
-    action: MoveAction
-    after: Shape
+    before: Shape = Field(description="the DLO before the action, end to end, meters")
+    action: MoveAction = Field(description="what was done")
+    after: Shape = Field(description="the DLO after the action, the same end first, meters")
 
 
 class RopeParameters(Contract):
     """Bending k_b (N m/rad a joint) and damping k_d (N s/m a node) of the model of 16 nodes (eq. 5.1 to 5.3)."""
 
-    k_b: float = Field(gt=0, le=100)
-    k_d: float = Field(gt=0, le=1000)
+    k_b: float = Field(gt=0, le=100, description="bending, N m/rad a joint")
+    k_d: float = Field(gt=0, le=1000, description="damping, N s/m a node")
 
 
 class PlanLimits(Contract):
@@ -77,7 +77,9 @@ class PlanLimits(Contract):
     )
     max_displacement_m: float | None = Field(default=None, gt=0, description="along x and along y; at most 0.1")
     max_rotation_rad: float | None = Field(default=None, ge=0, description="at most 0.785")
-    no_grasp_edges: list[Annotated[int, Field(ge=0, lt=2000)]] = Field(default_factory=list, max_length=2000)
+    no_grasp_edges: list[Annotated[int, Field(ge=0, lt=2000)]] = Field(
+        default_factory=list, max_length=2000, description="edges of the state that may not be gripped, from 0"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> PlanLimits:
@@ -93,30 +95,32 @@ class PlanLimits(Contract):
 class GripPose(Reply):
     """Where the gripper goes: the middle of the edge, and the direction of the edge."""
 
-    xy_m: tuple[float, float]
-    angle_rad: float
+    xy_m: tuple[float, float] = Field(description="between the fingers, meters on the table")
+    angle_rad: float = Field(description="of the edge that is gripped; the fingers close across it")
 
 
 class PlannedAction(Reply):
     """An action that the service proposes."""
 
     edge: int = Field(description="counted along `state_m`")
-    dx_m: float
-    dy_m: float
-    dtheta_rad: float
-    pick: GripPose
-    place: GripPose
+    dx_m: float = Field(description="of the gripped edge's middle")
+    dy_m: float = Field(description="of the gripped edge's middle")
+    dtheta_rad: float = Field(description="turn of the edge about its middle, from x to y")
+    pick: GripPose = Field(description="where to grip")
+    place: GripPose = Field(description="where to let go")
     error_after_m: float = Field(description="mean distance of corresponding points to the target, as predicted")
     error_at_end_m: float = Field(description="the same after the whole horizon")
     converged: bool = Field(description="the optimizer came to rest")
-    checks: list[PlanCheck]
+    checks: list[PlanCheck] = Field(description="every limit and whether it is kept")
 
 
 class PlanCheck(Reply):
     """A limit that was checked; a proposed action has passed them all."""
 
-    name: Literal["displacement", "rotation", "workspace", "reach", "keep_out", "grasp"]
-    passed: bool
+    name: Literal["displacement", "rotation", "workspace", "reach", "keep_out", "grasp"] = Field(
+        description="of the limit"
+    )
+    passed: bool = Field(description="whether the action keeps it")
 
 
 PlanCode = Literal["ok", "done", "no_gain", "no_action", "target_outside"]
@@ -126,8 +130,8 @@ class PlanStatus(Reply):
     """``ok``: there is an action. ``done``: the state is the target already. ``no_gain``: no action brings the DLO
     nearer. ``no_action``: every action breaks a limit. ``target_outside``: the target itself breaks one."""
 
-    code: PlanCode
-    message: str
+    code: PlanCode = Field(description="for programs")
+    message: str = Field(description="the code in words")
 
 
 class PlanWarning(Reply):
@@ -136,35 +140,37 @@ class PlanWarning(Reply):
     code: Literal[
         "mass_untrained", "length_untrained", "lengths_differ", "self_crossing", "history_contradicts",
         "parameters_untrained", "limits_reduced", "other_dlo",
-    ]  # fmt: skip
-    field: str
-    message: str
+    ] = Field(description="for programs")  # fmt: skip
+    field: str = Field(description="of the request, that it is about")
+    message: str = Field(description="the code in words")
 
 
 class UsedParameters(Reply):
     """``k_b`` and ``k_d`` that were planned with, and where they come from; ``sigma`` are the standard deviations of
     their natural logarithms. Slow motions show the ratio k_b / k_d far better than either."""
 
-    k_b: float
-    k_d: float
-    sigma: tuple[float, float] | None = None
-    source: Literal["request", "history", "mid_range"]
+    k_b: float = Field(description="bending")
+    k_d: float = Field(description="damping")
+    sigma: tuple[float, float] | None = Field(
+        default=None, description="standard deviations of the natural logarithms of k_b and k_d"
+    )
+    source: Literal["request", "history", "mid_range"] = Field(description="where the parameters come from")
 
 
 class PlanShapeResult(Reply):
-    kind: Literal["plan_shape"] = "plan_shape"
-    status: PlanStatus
-    action: PlannedAction | None
+    kind: Literal["plan_shape"] = Field(default="plan_shape", description="kind of the job")
+    status: PlanStatus = Field(description="what was planned, or why nothing was")
+    action: PlannedAction | None = Field(description="the best action; null when none helps")
     alternatives: list[PlannedAction] = Field(description="other edges, best first")
     state_m: list[tuple[float, float]] = Field(description="as given, or as seen in the picture, in the target's order")
     predicted_m: list[tuple[float, float]] | None = Field(description="the DLO after `action`")
-    error_before_m: float
-    error_after_m: float | None
+    error_before_m: float = Field(description="mean distance of the state to the target")
+    error_after_m: float | None = Field(description="the same after the planned actions")
     converged: bool = Field(description="the state is within the tolerance of the target")
-    parameters: UsedParameters
+    parameters: UsedParameters = Field(description="what the DLO was taken to be made of")
     valid_for_s: float = Field(description="counted from the job's `ended_at`; then look again")
-    warnings: list[PlanWarning]
-    models: list[ModelUsed]
+    warnings: list[PlanWarning] = Field(description="what limits the plan")
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class PlanShapeRequest(JobRequest[PlanShapeResult]):
@@ -174,23 +180,29 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
     then the service finds the DLO, and the target decides which of its ends is which.
     """
 
-    kind: Literal["plan_shape"] = "plan_shape"
-    state_m: Shape | None = None
+    kind: Literal["plan_shape"] = Field(default="plan_shape", description="of the job")
+    state_m: Shape | None = Field(
+        default=None, description="the DLO as it is now, end to end, meters on the table; or an `image`"
+    )
     image: ImageSource | None = Field(default=None, description="instead of state_m; or an `image` part")
     homography: Annotated[tuple[Row3, Row3, Row3] | None, Numbers] = Field(
         default=None, description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters"
     )
     model: ModelName | None = Field(default=None, description="foreground network for the picture")
-    target_m: Shape
-    object: DloObject
+    target_m: Shape = Field(description="the DLO as it should be, the same end first")
+    object: DloObject = Field(description="what is known of the DLO")
     parameters: RopeParameters | None = Field(default=None, description="default: estimated from the history")
-    history: list[Experience] = Field(default_factory=list, max_length=100)
+    history: list[Experience] = Field(
+        default_factory=list,
+        max_length=100,
+        description="actions so far and what they did: the DLO is learnt from them",
+    )
     horizon: int = Field(default=1, ge=1, le=4, description="actions looked ahead")
-    limits: PlanLimits = Field(default_factory=PlanLimits)
+    limits: PlanLimits = Field(default_factory=PlanLimits, description="what the robot and the table allow")
     tolerance_m: float = Field(default=0.01, gt=0, le=1, description="mean distance at which the target is reached")
     scale_target: bool = Field(default=False, description="give the target the state's length, about its middle")
-    alternatives: int = Field(default=3, ge=0, le=14)
-    valid_for_s: float = Field(default=10.0, gt=0, le=3600)
+    alternatives: int = Field(default=3, ge=0, le=14, description="how many further actions to list")
+    valid_for_s: float = Field(default=10.0, gt=0, le=3600, description="how long the DLO stays as it was seen")
 
     @property
     def needs_picture(self) -> bool:
@@ -208,24 +220,24 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
 
 
 class EstimateParametersResult(Reply):
-    kind: Literal["estimate_parameters"] = "estimate_parameters"
-    k_b: float
-    k_d: float
+    kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="kind of the job")
+    k_b: float = Field(description="bending, as `plan_shape` takes it")
+    k_d: float = Field(description="damping, as `plan_shape` takes it")
     sigma: tuple[float, float] = Field(description="standard deviations of the natural logarithms of k_b and k_d")
     ratio_sigma: float = Field(description="the same of k_b / k_d, which is what slow motions show")
     loss_m: float = Field(description="mean distance of a point that is left with these parameters")
     loss_mid_range_m: float = Field(description="the same with the middle of the trained range")
     sample_errors_m: list[float] = Field(description="one for each item of the history")
-    warnings: list[PlanWarning]
-    models: list[ModelUsed]
+    warnings: list[PlanWarning] = Field(description="what limits the estimate")
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class EstimateParametersRequest(JobRequest[EstimateParametersResult]):
     """Actions and what they did to the parameters that explain it best (eq. 5.10)."""
 
-    kind: Literal["estimate_parameters"] = "estimate_parameters"
-    history: list[Experience] = Field(min_length=1, max_length=100)
-    object: DloObject
+    kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="of the job")
+    history: list[Experience] = Field(min_length=1, max_length=100, description="actions and what they did")
+    object: DloObject = Field(description="what is known of the DLO")
 
 
 PlannedAction.model_rebuild()

@@ -16,7 +16,7 @@ DEFAULT_METHOD: InstanceMethod = "section_matching"
 class SectionMatchingParams(Contract):
     """Parameters of the default method: sections of the skeleton, matched jointly."""
 
-    method: Literal["section_matching"] = "section_matching"
+    method: Literal["section_matching"] = Field(default="section_matching", description="whose parameters these are")
     hole_widths: float = Field(
         default=0.7, ge=0, le=4, description="holes up to this area are filled, in squared typical widths"
     )
@@ -29,7 +29,7 @@ class SectionMatchingParams(Contract):
 class RtDloParams(Contract):
     """Parameters of RT-DLO (thesis section 3.5, Table 3.5)."""
 
-    method: Literal["rt_dlo"] = "rt_dlo"
+    method: Literal["rt_dlo"] = Field(default="rt_dlo", description="whose parameters these are")
     sampling_ratio: float = Field(default=0.15, gt=0, le=1, description="alpha: share of maxima kept as vertices")
     neighbors: int = Field(default=8, ge=2, le=64, description="K_nn")
     min_similarity: float = Field(default=0.1, ge=0, lt=1, description="mu: weakest edge accepted")
@@ -38,14 +38,14 @@ class RtDloParams(Contract):
 class FastDloParams(Contract):
     """Parameters of FASTDLO (thesis section 3.4)."""
 
-    method: Literal["fastdlo"] = "fastdlo"
+    method: Literal["fastdlo"] = Field(default="fastdlo", description="whose parameters these are")
     min_probability: float = Field(default=1e-4, ge=0, lt=1, description="t_c: weakest connection made")
 
 
 class AriadnePlusParams(Contract):
     """Parameters of Ariadne+ (thesis section 3.3)."""
 
-    method: Literal["ariadne_plus"] = "ariadne_plus"
+    method: Literal["ariadne_plus"] = Field(default="ariadne_plus", description="whose parameters these are")
     superpixels: int = Field(default=50, ge=2, le=400, description="how many the foreground is cut into")
 
 

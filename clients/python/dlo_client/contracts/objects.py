@@ -16,23 +16,25 @@ if TYPE_CHECKING:
 class Spline(Reply):
     """B-spline of the centerline: ``len(knots) == len(control_xy) + degree + 1``, parameter 0 to 1."""
 
-    degree: int = Field(ge=1, le=5)
-    knots: list[float]
-    control_xy: list[Point]
+    degree: int = Field(ge=1, le=5, description="of its polynomials")
+    knots: list[float] = Field(description="0 to 1, not decreasing")
+    control_xy: list[Point] = Field(description="control points, pixels")
 
 
 class Endpoint(Reply):
     """Where a DLO ends: ``free`` in view, ``border`` at the picture's edge, ``hidden`` under another DLO."""
 
-    xy: Point
-    kind: Literal["free", "border", "hidden"]
+    xy: Point = Field(description="its place, pixels")
+    kind: Literal["free", "border", "hidden"] = Field(
+        description="`free` in view, `border` at the picture's edge, `hidden` under another DLO"
+    )
 
 
 class MaskRLE(Reply):
     """COCO compressed run-length mask; ``size`` is ``(height, width)``, runs go down the columns."""
 
-    size: tuple[int, int]
-    counts: str
+    size: tuple[int, int] = Field(description="height and width of the picture, pixels")
+    counts: str = Field(description="run lengths, down the columns, as pycocotools writes and reads them")
 
     def array(self) -> NDArray[np.bool_]:
         """(height, width), True where the mask is. Needs NumPy; raises ValueError for runs that are no mask."""
@@ -51,9 +53,9 @@ class SceneStatus(Reply):
     """Whether the whole answer can be relied on. ``unsure``: some instance or crossing is less likely right than
     ``limit``; ``none_found``: no DLO was seen. ``reasons`` are those of all unsure instances, most frequent first."""
 
-    code: Literal["ok", "unsure", "none_found"]
-    limit: Probability
-    reasons: list[Reason]
+    code: Literal["ok", "unsure", "none_found"] = Field(description="`ok`, `unsure` or `none_found`")
+    limit: Probability = Field(description="score below which an instance or crossing is unsure")
+    reasons: list[Reason] = Field(description="of all that is unsure, most frequent first")
 
 
 class Instance(Reply):
@@ -65,28 +67,28 @@ class Instance(Reply):
     )
     reasons: list[Reason] = Field(default=[], description="what makes it unsure; may be empty")
     centerline_xy: list[Point] = Field(description="ordered, at equal arc length, end to end")
-    width_px: float = Field(gt=0)
-    length_px: float = Field(ge=0)
+    width_px: float = Field(gt=0, description="mean over the visible part")
+    length_px: float = Field(ge=0, description="arc length of the centerline")
     closed: bool = Field(description="the centerline is a ring; it then has no endpoints")
-    spline: Spline
-    endpoints: list[Endpoint]
+    spline: Spline = Field(description="the centerline as a B-spline")
+    endpoints: list[Endpoint] = Field(description="at the first and at the last point; none of a ring")
     mask_rle: MaskRLE = Field(description="visible pixels: at a crossing the upper DLO owns them")
 
 
 class StrandPosition(Reply):
     """A place on an instance: ``u`` from 0 at the first to 1 at the last centerline point, by arc length."""
 
-    instance: int = Field(ge=1)
-    u: Probability
+    instance: int = Field(ge=1, description="its id")
+    u: Probability = Field(description="0 at its first to 1 at its last centerline point, by arc length")
 
 
 class Crossing(Reply):
     """Where one strand passes over another; both may belong to the same instance (a self-crossing)."""
 
-    id: int = Field(ge=1)
-    xy: Point
-    over: StrandPosition
-    under: StrandPosition
+    id: int = Field(ge=1, description="from 1, in the order of the list")
+    xy: Point = Field(description="where the centerlines meet, pixels")
+    over: StrandPosition = Field(description="the strand on top")
+    under: StrandPosition = Field(description="the strand below")
     score: Probability = Field(
         description="probability that the order is right; 0.5 when it is not known (no picture, no difference seen)"
     )

@@ -28,9 +28,11 @@ _SAME_PLACE_M = 1e-4
 class Spline3(Reply):
     """Clamped B-spline of the centerline, parameter 0 to 1: ``len(knots) == len(control_m) + degree + 1``."""
 
-    degree: int = Field(ge=1, le=5)
-    knots: list[Annotated[float, Field(ge=-0.01, le=1.01)]] = Field(max_length=600)
-    control_m: list[Point3] = Field(min_length=2, max_length=500)
+    degree: int = Field(ge=1, le=5, description="of its polynomials")
+    knots: list[Annotated[float, Field(ge=-0.01, le=1.01)]] = Field(
+        max_length=600, description="0 to 1, not decreasing"
+    )
+    control_m: list[Point3] = Field(min_length=2, max_length=500, description="control points in the world, meters")
 
     @model_validator(mode="after")
     def _consistent(self) -> Spline3:
@@ -52,10 +54,10 @@ class Curve3D(Reply):
     sigma_m: list[Annotated[float, Field(ge=0)]] = Field(
         max_length=5000, description="one a point: standard deviation in its worst direction"
     )
-    spline: Spline3
+    spline: Spline3 = Field(description="the same curve as a B-spline")
     radius_m: float | None = Field(default=None, ge=0, description="median along the DLO; None if not known")
-    radius_sigma_m: float | None = Field(default=None, ge=0)
-    length_m: float = Field(ge=0)
+    radius_sigma_m: float | None = Field(default=None, ge=0, description="standard deviation of `radius_m`")
+    length_m: float = Field(ge=0, description="arc length")
 
     @model_validator(mode="after")
     def _one_each(self) -> Curve3D:
@@ -70,8 +72,8 @@ class Target(Contract):
     """Which DLO: the one nearest to a pixel of a view, or an instance of the view by its id."""
 
     view: int = Field(ge=0, lt=64, description="index into `views`")
-    xy: Point | None = None
-    instance: int | None = Field(default=None, ge=1)
+    xy: Point | None = Field(default=None, description="a pixel on the DLO")
+    instance: int | None = Field(default=None, ge=1, description="id of the DLO in that view")
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Target:
@@ -83,23 +85,23 @@ class Target(Contract):
 class ViewOutcome(Reply):
     """What became of a view. ``used``: it took part. ``dropped``: nothing was found in it, or nothing that fits."""
 
-    name: str
-    status: Literal["used", "dropped"]
+    name: str = Field(description="of the view")
+    status: Literal["used", "dropped"] = Field(description="whether it took part")
     reason: str | None = Field(default=None, description="why it was dropped")
-    instances_found: int = Field(ge=0)
+    instances_found: int = Field(ge=0, description="DLOs seen in this picture")
     instance: int | None = Field(default=None, description="id, in this view, of the DLO that `curve` describes")
     reprojection_px: float | None = Field(default=None, description="mean distance of `curve` to its centerline here")
     share: Probability = Field(description="of the curve's samples in this picture that lie on the centerline")
-    intrinsics: AnyIntrinsics
-    T_world_camera: Pose
+    intrinsics: AnyIntrinsics = Field(description="as in the request")
+    T_world_camera: Pose = Field(description="as in the request")
 
 
 class OtherCurve(Reply):
     """A further DLO of the scene; ``instances``: its id in each view, None where it takes no part."""
 
-    curve: Curve3D
-    reprojection_px: float
-    instances: list[int | None]
+    curve: Curve3D = Field(description="of one more DLO")
+    reprojection_px: float = Field(description="mean distance of the curve to its centerlines")
+    instances: list[int | None] = Field(description="its id in each view; null where it was not found")
 
 
 class NextView(Reply):
@@ -110,24 +112,24 @@ class NextView(Reply):
     delta_z_m: float = Field(description="added to the distance from the DLO")
     T_world_camera: list[Pose] = Field(description="one for each picture, in the order of the slide")
     sigma_m: float = Field(ge=0, description="mean over the points, now")
-    expected_sigma_m: float = Field(ge=0)
-    gain: float
+    expected_sigma_m: float = Field(ge=0, description="mean over the points, with the new pictures")
+    gain: float = Field(description="share by which sigma is expected to fall")
     visible: Probability = Field(description="share of the points that all new pictures will show")
 
 
 class ReconstructResult(Reply):
-    kind: Literal["reconstruct"] = "reconstruct"
-    method: ReconstructMethod
+    kind: Literal["reconstruct"] = Field(default="reconstruct", description="kind of the job")
+    method: ReconstructMethod = Field(description="that made the curves")
     curve: Curve3D = Field(description="the target; without one, the longest DLO")
     others: list[OtherCurve] = Field(description="every other DLO, if no target was named")
-    views: list[ViewOutcome]
+    views: list[ViewOutcome] = Field(description="what became of each picture, in the order of the request")
     reprojection_px: float = Field(description="mean over the views that took part")
     noise_px: float = Field(description="standard deviation of the centerlines, as the residuals show it")
     overlap: Probability | None = Field(default=None, description="share of the curve that `previous` covers")
     ends: tuple[CurveEnd, CurveEnd] = Field(description="of `curve`, at its first and its last point")
     next_view: NextView | None = Field(description="None if no pose within the limits sees the DLO")
-    warnings: list[str]
-    models: list[ModelUsed]
+    warnings: list[str] = Field(description="what limits the curve")
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class ReconstructRequest(JobRequest[ReconstructResult]):
@@ -136,15 +138,19 @@ class ReconstructRequest(JobRequest[ReconstructResult]):
     ``spline_bundle`` takes any poses; ``dlo3ds`` is the published method, for a camera that slides along its x axis.
     """
 
-    kind: Literal["reconstruct"] = "reconstruct"
-    views: list[CameraView] = Field(min_length=2, max_length=16)
+    kind: Literal["reconstruct"] = Field(default="reconstruct", description="of the job")
+    views: list[CameraView] = Field(min_length=2, max_length=16, description="pictures and the cameras that took them")
     target: Target | None = Field(default=None, description="default: with `previous` its continuation, else all DLOs")
     previous: Curve3D | None = Field(default=None, description="the section before, to continue a scan")
-    method: ReconstructMethod = "spline_bundle"
+    method: ReconstructMethod = Field(
+        default="spline_bundle", description="`spline_bundle` takes any poses, `dlo3ds` a slide along x"
+    )
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
     threshold: Probability | None = Field(default=None, description="default: the network's own")
     points: int = Field(default=60, ge=4, le=1000, description="of a curve")
-    files: list[ReconstructFile] = Field(default=["curve", "overlay"], max_length=2)
+    files: list[ReconstructFile] = Field(
+        default=["curve", "overlay"], max_length=2, description="to make beside the result"
+    )
 
     @model_validator(mode="after")
     def _usable_views(self) -> ReconstructRequest:
@@ -157,22 +163,22 @@ class ReconstructRequest(JobRequest[ReconstructResult]):
 
 
 class NextViewResult(Reply):
-    kind: Literal["next_view"] = "next_view"
-    next_view: NextView
+    kind: Literal["next_view"] = Field(default="next_view", description="kind of the job")
+    next_view: NextView = Field(description="the poses and what they are expected to bring")
 
 
 class NextViewRequest(JobRequest[NextViewResult]):
     """From where to look at a DLO that is roughly known: the best baseline and distance (thesis eq. 4.2 to 4.4)."""
 
-    kind: Literal["next_view"] = "next_view"
-    curve: Curve3D
+    kind: Literal["next_view"] = Field(default="next_view", description="of the job")
+    curve: Curve3D = Field(description="the DLO as far as it is known")
     cameras: list[CameraPose] = Field(
         min_length=1, max_length=16, description="those that `curve` was seen with; the last is where the camera stands"
     )
     pictures: int = Field(default=3, ge=2, le=16, description="how many will be taken")
     optimise: Optimise = Field(default="bz", description="baseline, distance, both, or neither")
     baseline_m: float = Field(default=0.05, gt=0, le=10, description="where it is not optimised, first to last pose")
-    baseline_at_most_m: float = Field(default=1.0, gt=0, le=10)
+    baseline_at_most_m: float = Field(default=1.0, gt=0, le=10, description="longest baseline that the cell allows")
     nearest_m: float = Field(default=0.1, gt=0, le=100, description="z_min: the camera comes no nearer to the DLO")
     delta_z_m: tuple[float, float] = Field(default=(-0.5, 0.5), description="least and largest change of distance")
     margin_px: float = Field(default=20, ge=0, le=10_000, description="sigma: kept free at the picture's border")
@@ -187,8 +193,8 @@ class NextViewRequest(JobRequest[NextViewResult]):
 
 
 class MergeCurvesResult(Reply):
-    kind: Literal["merge_curves"] = "merge_curves"
-    curve: Curve3D
+    kind: Literal["merge_curves"] = Field(default="merge_curves", description="kind of the job")
+    curve: Curve3D = Field(description="all sections as one curve")
     disagreement_m: float = Field(ge=0, description="mean distance of the sections from the merged curve")
     outliers: int = Field(ge=0, description="points that the filter passed over")
 
@@ -196,7 +202,9 @@ class MergeCurvesResult(Reply):
 class MergeCurvesRequest(JobRequest[MergeCurvesResult]):
     """Sections of one DLO, in the order of the scan, to one filtered curve (LOWESS, thesis section 4.5.5)."""
 
-    kind: Literal["merge_curves"] = "merge_curves"
-    curves: list[Curve3D] = Field(min_length=1, max_length=64)
+    kind: Literal["merge_curves"] = Field(default="merge_curves", description="of the job")
+    curves: list[Curve3D] = Field(
+        min_length=1, max_length=64, description="sections of one DLO, in the order of the scan"
+    )
     window_m: float = Field(default=0.03, gt=0, le=10, description="length of DLO that a local line is fitted to")
     spacing_m: float = Field(default=0.005, gt=0, le=1, description="between the points of the result")

@@ -33,30 +33,30 @@ from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult,
 
 
 class NoopResult(Reply):
-    kind: Literal["noop"] = "noop"
-    held_s: float
+    kind: Literal["noop"] = Field(default="noop", description="kind of the job")
+    held_s: float = Field(description="seconds that the worker was held")
 
 
 class NoopRequest(JobRequest[NoopResult]):
     """Holds a worker for ``hold_s`` and does nothing: to measure the path and rehearse time-outs."""
 
-    kind: Literal["noop"] = "noop"
-    hold_s: float = Field(default=0.0, ge=0, le=60)
+    kind: Literal["noop"] = Field(default="noop", description="of the job")
+    hold_s: float = Field(default=0.0, ge=0, le=60, description="seconds to hold the worker")
 
 
 class SegmentResult(Reply):
-    kind: Literal["segment"] = "segment"
-    width: int
-    height: int
+    kind: Literal["segment"] = Field(default="segment", description="kind of the job")
+    width: int = Field(description="of the upright picture, pixels")
+    height: int = Field(description="of the upright picture, pixels")
     coverage: Probability = Field(description="share of pixels at or above the threshold")
-    threshold: Probability
-    models: list[ModelUsed]
+    threshold: Probability = Field(description="from which a pixel counts as foreground")
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class SegmentRequest(JobRequest[SegmentResult]):
     """Picture to foreground probability."""
 
-    kind: Literal["segment"] = "segment"
+    kind: Literal["segment"] = Field(default="segment", description="of the job")
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     model: ModelName | None = Field(default=None, description="name in /v1/models; default the best one")
     threshold: Probability | None = Field(default=None, description="default: the network's own")
@@ -66,15 +66,15 @@ InstanceFile = Literal["instances", "overlay", "mask"]
 
 
 class InstancesResult(Reply):
-    kind: Literal["instances"] = "instances"
-    width: int
-    height: int
-    method: InstanceMethod
-    threshold: Probability
-    instances: list[Instance]
-    crossings: list[Crossing]
-    status: SceneStatus
-    models: list[ModelUsed]
+    kind: Literal["instances"] = Field(default="instances", description="kind of the job")
+    width: int = Field(description="of the upright picture, pixels")
+    height: int = Field(description="of the upright picture, pixels")
+    method: InstanceMethod = Field(description="that told the instances apart")
+    threshold: Probability = Field(description="from which a pixel was foreground")
+    instances: list[Instance] = Field(description="every DLO, ids from 1 in order")
+    crossings: list[Crossing] = Field(description="where DLOs cross each other or themselves")
+    status: SceneStatus = Field(description="whether the answer can be relied on")
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class InstancesRequest(JobRequest[InstancesResult]):
@@ -84,17 +84,19 @@ class InstancesRequest(JobRequest[InstancesResult]):
     looks at the foreground; an ``image`` beside it, of the same size, decides the order at crossings.
     """
 
-    kind: Literal["instances"] = "instances"
+    kind: Literal["instances"] = Field(default="instances", description="of the job")
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     mask: ImageSource | None = Field(default=None, description="or a `mask` part")
-    method: InstanceMethod = DEFAULT_METHOD
+    method: InstanceMethod = Field(default=DEFAULT_METHOD, description="how instances are told apart")
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
     params: MethodParams | None = Field(default=None, description="those of `method`")
     points_per_instance: int | None = Field(
         default=None, ge=2, le=2000, description="default: one point about every 5 px"
     )
-    files: list[InstanceFile] = Field(default=["instances", "overlay"], max_length=3)
+    files: list[InstanceFile] = Field(
+        default=["instances", "overlay"], max_length=3, description="to make beside the result"
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -15,7 +15,7 @@ ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
 class JobRequest(Contract, Generic[ResultT]):
     """What every request may carry; ``ResultT`` is what its job comes back with."""
 
-    priority: Priority = "interactive"
+    priority: Priority = Field(default="interactive", description="`interactive` jobs go before `batch` ones")
     timeout_s: float = Field(default=60.0, gt=0, le=3600, description="from acceptance to the end of the job")
     label: str | None = Field(default=None, max_length=200, description="echoed in the job")
     webhook_url: str | None = Field(
@@ -34,6 +34,6 @@ class JobRequest(Contract, Generic[ResultT]):
 class ModelUsed(Reply):
     """Which network took part, and the first 12 digits of its file's SHA-256."""
 
-    name: str
-    version: str
-    sha256: str
+    name: str = Field(description="as in `/v1/models`")
+    version: str = Field(description="of the network")
+    sha256: str = Field(description="first 12 digits of its file's SHA-256")

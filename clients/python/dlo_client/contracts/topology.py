@@ -23,25 +23,29 @@ _COORDINATE = Annotated[float, Field(ge=-1e6, le=1e6)]
 class SeenPoint(Contract):
     """A point in space as it appears in the picture: where, and how far from the camera."""
 
-    xy: tuple[_COORDINATE, _COORDINATE]
-    depth_m: float = Field(gt=0, le=1000)
+    xy: tuple[_COORDINATE, _COORDINATE] = Field(description="in the picture, pixels")
+    depth_m: float = Field(gt=0, le=1000, description="distance to the camera along its axis")
 
 
 class DrawnBranch(Contract):
     """One branch of a drawing: between the points ``a`` and ``b``, which other branches share by name."""
 
-    name: Name
-    a: Name
-    b: Name
+    name: Name = Field(description="what the answer calls the sections that are it")
+    a: Name = Field(description="name of the point at one end")
+    b: Name = Field(description="name of the point at the other end")
     length: float = Field(gt=0, le=1e9, description="in the drawing's unit")
 
 
 class HarnessDrawing(Contract):
     """The harness as it was designed: a tree of branches. ``connectors`` names points that carry one."""
 
-    unit: LengthUnit = "mm"
-    branches: list[DrawnBranch] = Field(min_length=1, max_length=64)
-    connectors: list[Name] = Field(default_factory=list, max_length=65)
+    unit: LengthUnit = Field(default="mm", description="of all lengths of the drawing")
+    branches: list[DrawnBranch] = Field(
+        min_length=1, max_length=64, description="a tree: they join at points of the same name"
+    )
+    connectors: list[Name] = Field(
+        default_factory=list, max_length=65, description="names of the points that carry one"
+    )
     px_per_unit: float | None = Field(default=None, gt=0, le=1e6, description="default: estimated from the match")
 
     @model_validator(mode="after")
@@ -71,25 +75,25 @@ class HarnessDrawing(Contract):
 class TopologyEdge(Reply):
     """Nodes ``a`` and ``b`` (indices into ``nodes_xy``, from 0) follow one another on a section."""
 
-    a: int = Field(ge=0)
-    b: int = Field(ge=0)
+    a: int = Field(ge=0, description="index of a node, from 0")
+    b: int = Field(ge=0, description="index of the node that follows")
     score: Probability = Field(description="probability of the link")
 
 
 class SectionPlace(Reply):
     """A place on a section: ``u`` from 0 at its first to 1 at its last point, by arc length."""
 
-    section: int = Field(ge=1)
-    u: Probability
+    section: int = Field(ge=1, description="its id")
+    u: Probability = Field(description="0 at its first to 1 at its last point, by arc length")
 
 
 class Section(Reply):
     """What lies between two branch-points or ends; it passes straight on over and under crossings."""
 
-    id: int = Field(ge=1)
+    id: int = Field(ge=1, description="from 1, in the order of the list")
     points_xy: list[Point] = Field(description="ordered, at equal arc length")
-    width_px: float = Field(gt=0)
-    length_px: float = Field(ge=0)
+    width_px: float = Field(gt=0, description="typical width along it")
+    length_px: float = Field(ge=0, description="arc length")
     end_widths_px: tuple[float, float] = Field(description="widest near either end: a connector shows there")
     ends: tuple[EndKind, EndKind] = Field(description="at the first and at the last point")
     branch_points: tuple[int | None, int | None] = Field(description="ids of the branch-points at its ends")
@@ -101,9 +105,9 @@ class Section(Reply):
 class BranchPoint(Reply):
     """Where sections part. A section that comes back to it is listed twice."""
 
-    id: int = Field(ge=1)
-    xy: Point
-    sections: list[int]
+    id: int = Field(ge=1, description="from 1, in the order of the list")
+    xy: Point = Field(description="its place, pixels")
+    sections: list[int] = Field(description="ids of the sections that part here; one that comes back is listed twice")
     score: Probability = Field(description="probability that this is a branch-point")
     name: str | None = Field(default=None, description="of the drawn point that it is")
 
@@ -111,10 +115,10 @@ class BranchPoint(Reply):
 class SectionCrossing(Reply):
     """One section passes over another, or over itself."""
 
-    id: int = Field(ge=1)
-    xy: Point
-    over: SectionPlace
-    under: SectionPlace
+    id: int = Field(ge=1, description="from 1, in the order of the list")
+    xy: Point = Field(description="where the sections meet, pixels")
+    over: SectionPlace = Field(description="the place on the section on top")
+    under: SectionPlace = Field(description="the place on the section below")
     score: Probability = Field(description="probability that this is a crossing and no branch-point")
     order_score: Probability = Field(description="confidence in which is over; 0.5 when it is not known")
 
@@ -122,22 +126,22 @@ class SectionCrossing(Reply):
 class BranchMatch(Reply):
     """A drawn branch and the sections that are it; ``cost`` 0 for a length as drawn, about 1 at a factor of e."""
 
-    name: str
-    sections: list[int]
-    length_px: float
-    expected_px: float
-    cost: float
+    name: str = Field(description="of the drawn branch")
+    sections: list[int] = Field(description="ids of the sections that are it, end to end")
+    length_px: float = Field(description="their length together")
+    expected_px: float = Field(description="its drawn length times `px_per_unit`")
+    cost: float = Field(description="0 for a length as drawn, about 1 at a factor of e")
 
 
 class DrawingMatch(Reply):
     """The picture against the drawing. The scale is ``px_per_unit`` of the request, or estimated: the ratio of seen
     to drawn length that makes most of the matched branches fit (``scale_from`` says which)."""
 
-    branches: list[BranchMatch]
+    branches: list[BranchMatch] = Field(description="drawn branches that were found")
     missing: list[str] = Field(description="drawn branches that were not found")
     extra: list[int] = Field(description="sections that are no drawn branch")
-    px_per_unit: float | None
-    scale_from: Literal["request", "estimate"]
+    px_per_unit: float | None = Field(description="scale of the picture to the drawing")
+    scale_from: Literal["request", "estimate"] = Field(description="where that scale comes from")
     ambiguous: bool = Field(description="another assignment fits nearly as well, e.g. branches of equal length")
     cost: float = Field(description="mean cost of the matched branches; missing and extra ones count 1 each")
 
@@ -146,22 +150,22 @@ class TopologyResult(Reply):
     """The graph of what is seen. ``status``: ``branched``; ``plain`` without a branch-point; ``closed`` only rings;
     ``empty``; ``too_complex`` for a mask that is no picture of DLOs."""
 
-    kind: Literal["topology"] = "topology"
-    width: int = Field(gt=0)
-    height: int = Field(gt=0)
-    status: TopologyStatus
+    kind: Literal["topology"] = Field(default="topology", description="kind of the job")
+    width: int = Field(gt=0, description="of the upright picture, pixels")
+    height: int = Field(gt=0, description="of the upright picture, pixels")
+    status: TopologyStatus = Field(description="what kind of graph it is")
     message: str = Field(description="the status in words")
-    threshold: Probability
+    threshold: Probability = Field(description="from which a pixel was foreground")
     nodes_xy: list[Point] = Field(description="evenly spaced along the sections")
     node_angles_rad: list[float] = Field(description="predicted direction of the strand at each node, 0 to pi")
-    node_branch_scores: list[Probability]
-    node_crossing_scores: list[Probability]
-    edges: list[TopologyEdge]
-    sections: list[Section]
-    branch_points: list[BranchPoint]
-    crossings: list[SectionCrossing]
-    match: DrawingMatch | None = None
-    models: list[ModelUsed]
+    node_branch_scores: list[Probability] = Field(description="of each node: probability of a branch-point there")
+    node_crossing_scores: list[Probability] = Field(description="of each node: probability of a crossing there")
+    edges: list[TopologyEdge] = Field(description="nodes that follow one another")
+    sections: list[Section] = Field(description="between branch-points and ends, ids from 1 in order")
+    branch_points: list[BranchPoint] = Field(description="ids from 1 in order")
+    crossings: list[SectionCrossing] = Field(description="ids from 1 in order")
+    match: DrawingMatch | None = Field(default=None, description="against the drawing, when one was given")
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class _HarnessSource(Contract):
@@ -190,16 +194,20 @@ class TopologyRequest(_HarnessSource, JobRequest[TopologyResult]):
     ``depth`` and ``points``. With a ``drawing`` the answer names the branches and says what is missing or extra.
     """
 
-    kind: Literal["topology"] = "topology"
-    drawing: HarnessDrawing | None = None
-    files: list[Literal["overlay", "mask"]] = Field(default=["overlay"], max_length=2)
+    kind: Literal["topology"] = Field(default="topology", description="of the job")
+    drawing: HarnessDrawing | None = Field(default=None, description="the harness as it was designed, to compare with")
+    files: list[Literal["overlay", "mask"]] = Field(
+        default=["overlay"], max_length=2, description="to make beside the result"
+    )
 
 
 class ArmBase(Contract):
     """A robot arm's base in the picture's plane; it may lie outside the picture."""
 
-    name: Name
-    xy: tuple[_COORDINATE, _COORDINATE]
+    name: Name = Field(description="what actions call it")
+    xy: tuple[_COORDINATE, _COORDINATE] = Field(
+        description="in the picture's plane, pixels; may be outside the picture"
+    )
     reach_px: float | None = Field(default=None, gt=0, description="default: it reaches everything")
 
 
@@ -208,11 +216,11 @@ class HarnessState(Contract):
 
     model_config = ConfigDict(extra="ignore")
 
-    width: int = Field(gt=0, le=100_000)
-    height: int = Field(gt=0, le=100_000)
-    sections: list[Section] = Field(max_length=300)
-    branch_points: list[BranchPoint] = Field(max_length=300)
-    crossings: list[SectionCrossing] = Field(max_length=300)
+    width: int = Field(gt=0, le=100_000, description="of the picture, pixels")
+    height: int = Field(gt=0, le=100_000, description="of the picture, pixels")
+    sections: list[Section] = Field(max_length=300, description="as in the result of `topology`")
+    branch_points: list[BranchPoint] = Field(max_length=300, description="as in the result of `topology`")
+    crossings: list[SectionCrossing] = Field(max_length=300, description="as in the result of `topology`")
 
     @model_validator(mode="after")
     def _ids_fit(self) -> HarnessState:
@@ -235,56 +243,56 @@ class HarnessState(Contract):
 class GripperPose(Reply):
     """``angle_rad`` is along the section, from x towards y; the gripper closes across it. ``arm``: who does it."""
 
-    xy: Point
-    angle_rad: float
+    xy: Point = Field(description="between the fingers, pixels")
+    angle_rad: float = Field(description="along the section, from x towards y")
     arm: str | None = Field(default=None, description="name of the arm, when bases were given")
 
 
 class DisentangleAction(Reply):
     """One arm holds, the other turns the piece beyond about that place: pick, follow the arc, place."""
 
-    rank: int = Field(ge=1)
+    rank: int = Field(ge=1, description="1 is the best")
     crossing: int = Field(description="id of the crossing that it is for")
     section: int = Field(description="id of the section that is moved")
     about_branch_point: int | None = Field(description="id; null when a place along the section is held")
     touching_branch_point: int | None = Field(
         default=None, description="id; supposed to be a mere touch, as all that crosses is held at both ends otherwise"
     )
-    hold: GripperPose
-    pick: GripperPose
+    hold: GripperPose = Field(description="the gripper that keeps still")
+    pick: GripperPose = Field(description="where the other gripper grasps")
     trajectory_xy: list[Point] = Field(description="arc of the moving gripper, from pick to place")
-    place: GripperPose
-    turn_rad: float
-    crossings_before: int
+    place: GripperPose = Field(description="where it lets go")
+    turn_rad: float = Field(description="from x towards y, about the held place")
+    crossings_before: int = Field(description="crossings in the picture now")
     crossings_after: int = Field(description="counted in the simulation, the piece being rigid")
     passes_over: list[int] = Field(description="sections that the piece is lifted over on its way")
     clearance_px: float = Field(description="least distance to the other sections after the move")
     score: Probability = Field(description="probability that it removes so many crossings, arms erring a little")
-    why: str
+    why: str = Field(description="the reasons for its rank, in words")
 
 
 class DisentangleResult(Reply):
     """``status``: ``planned``; ``no_crossing`` when there is nothing to do; ``no_action`` when nothing helps."""
 
-    kind: Literal["plan_disentangle"] = "plan_disentangle"
-    width: int
-    height: int
-    status: Literal["planned", "no_crossing", "no_action"]
-    message: str
+    kind: Literal["plan_disentangle"] = Field(default="plan_disentangle", description="kind of the job")
+    width: int = Field(description="of the upright picture, pixels")
+    height: int = Field(description="of the upright picture, pixels")
+    status: Literal["planned", "no_crossing", "no_action"] = Field(description="whether there are actions, and why not")
+    message: str = Field(description="the status in words")
     actions: list[DisentangleAction] = Field(description="best first")
     topology: TopologyResult | None = Field(description="what was seen, when a picture was given")
-    models: list[ModelUsed]
+    models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
     """A ``topology`` result, or a picture or mask, to ranked dual-arm actions that remove a crossing."""
 
-    kind: Literal["plan_disentangle"] = "plan_disentangle"
+    kind: Literal["plan_disentangle"] = Field(default="plan_disentangle", description="of the job")
     topology: HarnessState | None = Field(default=None, description="instead of a picture")
     arms: list[ArmBase] = Field(default_factory=list, max_length=4, description="two or more, or none")
     margin_px: float = Field(default=0.0, ge=0, le=1e5, description="how far outside the picture the piece may end")
     at_most: int = Field(default=5, ge=1, le=50, description="actions proposed")
-    files: list[Literal["overlay"]] = Field(default=["overlay"], max_length=1)
+    files: list[Literal["overlay"]] = Field(default=["overlay"], max_length=1, description="to make beside the result")
 
     @property
     def needs_picture(self) -> bool:
