@@ -69,7 +69,7 @@ def _assemble(settings: ServiceSettings) -> Backend:
         waiting=AsyncJobQueue(settings),
         blobs=blobs,
         uploads=uploads,
-        submissions=Submissions(settings, uploads, validation.limiter()),
+        submissions=Submissions(settings, uploads, validation.limiter(), queue.foreground_networks),
         registry=registry,
     )
 

@@ -28,13 +28,23 @@ SUBMISSION: dict[str, Any] = {
                 "type": "object",
                 "required": ["request"],
                 "properties": {
-                    "request": {"$ref": f"{_SCHEMAS}AnyRequest", "example": {"kind": "instances"}},
+                    "request": {
+                        "$ref": f"{_SCHEMAS}AnyRequest",
+                        "description": "The `kind` and what it takes; pictures may be left to the parts below",
+                        "example": {"kind": "instances"},
+                    },
                     "image": {
                         "type": "array",
                         "items": _PICTURE,
                         "description": "In order: what `{part: n}` counts, and what fills the images left out",
                     },
-                    "mask": _PICTURE | {"description": "Fills the field `mask`"},
+                    # An array, because documentation pages send an empty part for a file that nobody chose.
+                    "mask": {
+                        "type": "array",
+                        "maxItems": 1,
+                        "items": _PICTURE,
+                        "description": "Fills the field `mask`",
+                    },
                 },
                 "additionalProperties": False,
             },

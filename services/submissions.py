@@ -8,7 +8,7 @@ the queue takes the request; whatever happens before that drops them.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
@@ -57,8 +57,16 @@ class _Form:
 class Submissions:
     """Reads submissions; large ones are checked one or two at a time."""
 
-    def __init__(self, settings: ServiceSettings, uploads: Uploads, limiter: CapacityLimiter) -> None:
+    def __init__(
+        self,
+        settings: ServiceSettings,
+        uploads: Uploads,
+        limiter: CapacityLimiter,
+        networks: Callable[[], Sequence[str]],
+    ) -> None:
+        """``networks``: the names that a request's ``model`` may take, none when they are not known."""
         self._settings = settings
+        self._networks = networks
         self._uploads = uploads
         self._limiter = limiter
 
@@ -114,8 +122,15 @@ class Submissions:
         given = Given(form.text, form.whole, tuple(image.id for image in form.images), mask)
         found = await checked(given, self._limiter)
         _check_webhook(found.entry, self._settings)
+        await self._check_model(found.model)
         _check_sizes(found, await self._infos(found, form))
         return found.entry
+
+    async def _check_model(self, model: str | None) -> None:
+        known = await to_thread.run_sync(self._networks) if model else []
+        if known and model not in known:
+            message = f"there is no foreground network {model!r}; there are: {', '.join(known)}"
+            raise field_error("model", message, code="invalid_model")
 
     async def _infos(self, found: Checked, form: _Form) -> dict[str, ImageInfo]:
         """What is known of each picture, by the field that names it."""

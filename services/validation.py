@@ -53,6 +53,8 @@ class Checked:
     """Field, as in ``views.0.image``, to the id of the picture that it names."""
     cameras: dict[str, tuple[int, int]]
     """Field of a view, as in ``views.0``, to the width and height that its intrinsics are of."""
+    model: str | None = None
+    """The network that it names."""
 
 
 class Refused(Exception):
@@ -188,7 +190,7 @@ class _Pictures:
         if "image" in type(request).model_fields and request.needs_picture and not {"image", "mask"} & {*self._named}:
             raise _refused("image", _MISSING)
         cameras = self._cameras(getattr(request, "views", None) or [])
-        return Checked(Entry.of(resolved), self._named, cameras)
+        return Checked(Entry.of(resolved), self._named, cameras, getattr(request, "model", None))
 
     def _cameras(self, views: Sequence[Any]) -> dict[str, tuple[int, int]]:
         """Every view has a picture; a planned pose has none."""

@@ -143,9 +143,14 @@ class JobQueue:
         return present(self._client)
 
     def networks(self) -> list[NetworkInfo]:
-        """What the live, ready workers have loaded, each network once."""
-        loaded = (network for worker in self.workers() if worker.ready for network in worker.networks)
-        return list({(network.name, network.version): network for network in loaded}.values())
+        """What the live, ready workers have, each network once."""
+        there = (network for worker in self.workers() if worker.ready for network in worker.networks)
+        return list({(network.name, network.version): network for network in there}.values())
+
+    def foreground_networks(self) -> list[str]:
+        """Names that a request's ``model`` may take; empty as long as no live worker has announced any."""
+        there = (network for worker in self.workers() for network in worker.networks)
+        return sorted({network.name for network in there if network.task == "foreground"})
 
     def depth(self) -> dict[str, int]:
         """Jobs that wait, by queue."""

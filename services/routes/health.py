@@ -38,5 +38,5 @@ def ready(backend: BackendDep) -> Health:
 
 @router.get("/v1/models", dependencies=[Authorized], responses=documents.problems())
 def list_models(backend: BackendDep) -> list[NetworkInfo]:
-    """The networks that the live workers have loaded."""
+    """The networks of the live workers: those that requests may name, and those that are used without being named."""
     return backend.queue.networks()

@@ -1,12 +1,16 @@
 """``POST /v1/jobs``: what becomes a job, and what is said about what does not."""
 
 import json
+from datetime import UTC, datetime
 
 import pytest
-from dlo_client.contracts import AnyRequest, ImageRef
+from dlo_client.contracts import AnyRequest, ImageRef, NetworkInfo
 from pydantic import TypeAdapter
 
 from tests.services import samples
+from workers import presence
+from workers.connection import connect
+from workers.presence import WorkerInfo
 from workers.queue import JobQueue
 from workers.record import job_key
 
@@ -47,7 +51,27 @@ def queued(job_queue: JobQueue):
     return queued
 
 
+@pytest.fixture
+def announced(settings, monkeypatch):
+    """A worker that has one foreground network and one for another task; it is there for the whole test."""
+    monkeypatch.setattr(presence, "EXPIRY_MS", 600_000)
+    fields = dict.fromkeys(("version", "sha256", "input", "origin", "license"), "1") | {"bytes": 1, "parameters": 1}
+    networks = [
+        NetworkInfo(name=name, task=task, default=True, **fields)
+        for name, task in (("foreground_compact", "foreground"), ("topology", "topology"))
+    ]
+    info = WorkerInfo("w", ready=False, busy=True, queues=[], started_at=datetime.now(UTC), networks=networks)
+    with connect(settings) as queue_server:
+        presence.announce(queue_server, info)
+
+
 class TestAccepted:
+    def test_a_network_that_a_worker_has(self, send, queued, announced):
+        assert queued(send({"kind": "segment", "model": "foreground_compact"}, samples.encoded())).model is not None
+
+    def test_any_network_as_long_as_no_worker_has_announced_its_own(self, send, queued):
+        assert queued(send({"kind": "segment", "model": "from_tomorrow"}, samples.encoded())).model == "from_tomorrow"
+
     def test_json_with_an_uploaded_picture(self, client, upload, queued):
         image = upload(samples.encoded())
         response = client.post("/v1/jobs", json={"kind": "instances", "image": image, "label": "cell 3"})
@@ -204,6 +228,18 @@ class TestRefused:
     def test_rule_between_fields_names_the_field(self, send, problem):
         response = send({"kind": "instances", "model": "net"}, mask=samples.encoded())
         problem(response, 422, field="model")
+
+    @pytest.mark.parametrize("kind", ["segment", "instances", "topology", "plan_disentangle"])
+    @pytest.mark.parametrize("model", ["foreground_compact_v9", "topology"])
+    def test_a_network_that_no_worker_has(self, client, send, problem, announced, kind, model):
+        """An unknown name was found in the worker only, by a job that had waited for its turn."""
+        found = problem(send({"kind": kind, "model": model}, samples.encoded()), 422, "invalid_model", "model")
+        assert "foreground_compact" in found["detail"]
+        assert client.get("/v1/jobs").json()["jobs"] == []
+
+    def test_a_network_in_a_large_request(self, send, problem, announced):
+        request = {"kind": "topology", "model": "other", "points": [{"xy": [1, 2], "depth_m": 1}] * 2000}
+        problem(send(request, samples.encoded()), 422, "invalid_model", "model")
 
     def test_neither_image_nor_mask(self, client, send, problem):
         problem(client.post("/v1/jobs", json={"kind": "instances"}), 422, field="image")

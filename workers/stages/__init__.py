@@ -10,6 +10,7 @@ import numpy as np
 from dlo_client.contracts import (
     AnyRequest,
     DisentangleRequest,
+    DloObject,
     EstimateParametersRequest,
     InstancesRequest,
     LabelTrackedRequest,
@@ -73,28 +74,36 @@ def run(request: AnyRequest, tools: Tools) -> Outcome:
 
 
 def warm(settings: Settings) -> Tools:
-    """Load every default network and push one picture through the whole chain, so that the first job is
-    not the slow one."""
+    """Load every default network and use the slowest to start, so that the first job of a kind is not the slow one:
+    one picture goes through the whole chain, and one plan is made."""
     threads = settings.onnx_threads or max(1, (os.cpu_count() or 1) // settings.workers)
     cv2.setNumThreads(threads)
     tools = Tools(
         blobs=FolderBlobs(settings.blobs_dir, settings.blob_ttl_s),
         max_image_pixels=settings.max_image_pixels,
         runtime=Runtime(settings.onnx_providers, threads, spinning=settings.workers == 1),
-        networks=[_info(spec) for spec in inference.manifest().values()],
     )
+    for spec in inference.manifest().values():
+        if spec.default:
+            tools.network(spec.name)
     instances.perceive(np.zeros((360, 640, 3), np.uint8), tools)
-    topology.networks(tools)
-    plan_disentangle.moves_network(tools)
+    plan_shape.run(_FIRST_PLAN, tools)
+    tools.networks = [_info(spec, warm=spec.name in tools.loaded) for spec in inference.manifest().values()]
     return tools
 
 
-def _info(spec: NetworkSpec) -> NetworkInfo:
+_FIRST_PLAN = PlanShapeRequest(
+    state_m=[(0.0, 0.0), (0.3, 0.0)], target_m=[(0.0, 0.0), (0.2, 0.15)], object=DloObject(mass_kg=0.05)
+)
+
+
+def _info(spec: NetworkSpec, *, warm: bool) -> NetworkInfo:
     return NetworkInfo(
         name=spec.name,
         version=spec.version,
         task=spec.task,
         default=spec.default,
+        warm=warm,
         sha256=spec.sha256,
         bytes=spec.bytes,
         parameters=spec.parameters,

@@ -25,7 +25,8 @@ class Tools:
     blobs: FolderBlobs
     max_image_pixels: int
     runtime: Runtime
-    networks: list[NetworkInfo]
+    networks: list[NetworkInfo] = field(default_factory=list)
+    """What a request may name, or the service uses by itself."""
     progress: Callable[[float], None] = _nobody
     """To be called with the share that is done, 0 to 1; set anew for each job."""
     loaded: dict[str, Network] = field(default_factory=dict)

@@ -157,6 +157,7 @@ def test_models_are_listed(dlo: Dlo) -> None:
         "1",
         "foreground",
         "yes",
+        "yes",
         "31.0",
         "a" * 12,
         "iou",

@@ -127,7 +127,7 @@ def jobs(
 
 @app.command()
 def models(context: typer.Context) -> None:
-    """List the networks the service has loaded."""
+    """List the networks of the service; warm ones are loaded before the first job."""
     client: Client = context.obj
     print_networks(client.networks())
 

@@ -70,13 +70,14 @@ def print_jobs(jobs: Iterable[AnyJob]) -> None:
 
 
 def print_networks(networks: Iterable[NetworkInfo]) -> None:
-    table = _table(["name", "version", "task", "default", "MB", "sha256", "metrics"], right=[4])
+    table = _table(["name", "version", "task", "default", "warm", "MB", "sha256", "metrics"], right=[5])
     for network in networks:
         table.add_row(
             network.name,
             network.version,
             network.task,
             "yes" if network.default else "",
+            "yes" if network.warm else "",
             f"{network.bytes / 1e6:.1f}",
             network.sha256[:12],
             ", ".join(f"{name} {value:.3g}" for name, value in network.metrics.items()),

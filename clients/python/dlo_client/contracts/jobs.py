@@ -105,6 +105,10 @@ class NetworkInfo(Reply):
     version: str = Field(description="of the network")
     task: str = Field(description="what it is for: `foreground`, `links`, …")
     default: bool = Field(description="taken for its task when a request names none")
+    warm: bool = Field(
+        default=True,
+        description="loaded before a worker takes jobs; others are loaded by the first job that names them",
+    )
     sha256: str = Field(description="of its file")
     bytes: int = Field(description="size of its file")
     parameters: int = Field(description="how many numbers were trained")
