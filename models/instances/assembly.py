@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
 from models.instances.scene import Crossing, Instance, Scene
 from models.strands.chain import Chain
+from models.strands.stopwatch import Stopwatch
 
 MAX_INSTANCES = 255
 """As many as labels of one byte can name."""
@@ -49,6 +49,7 @@ def assemble(
     mask: BoolArray,
     distances: Float32Array,
     image: ByteArray | None,
+    watch: Stopwatch,
     *,
     method: str,
     follow_edges: bool = False,
@@ -61,40 +62,40 @@ def assemble(
     ``follow_edges`` outlines and widths are those of the picture, where it shows them near the mask's.
     ``tip_widths``: how far a chain may be moved on to the strand's tip.
     ``order``: what decides which strand lies on top. ``method``: whose calibration turns evidence into
-    probabilities; what is short and less likely a DLO than not is left out.
+    probabilities; what is short and less likely a DLO than not is left out. ``watch`` measures the steps.
     """
-    started = perf_counter()
-    fitted = [(found, c.doubt) for c in chains if (found := _fit(c, mask, distances, tip_widths)) is not None]
-    instances, doubts = _without_fragments(fitted, mask.shape)
-    shifts = None
-    if follow_edges and image is not None:
-        shifts = edge_shifts(instances, distances, image)
-        instances = [replace(i, width_px=max(1.0, i.width_px + 2 * s)) for i, s in zip(instances, shifts, strict=True)]
-    after_fit = perf_counter()
-    evidence = evidence_of(instances, doubts, mask, image)
-    ends = endpoints_of(instances, mask.shape)
-    seen = instance_features(instances, ends, evidence)
-    rough = rated(instances, ends, evidence, seen, method)
-    long = _LONG_WIDTHS * _typical_width(rough)
-    likely = [k for k, i in enumerate(rough) if i.score >= _LEAST_SCORE or i.length_px >= long]
-    instances = [rough[k] for k in likely]
-    shifts = None if shifts is None else shifts[likely]
-    strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]
-    meetings = find_meetings(strands)
-    raw = order(meetings, strands, image)
-    existence, order_seen = crossing_features(meetings, instances), order_features(raw)
-    crossings = rated_crossings(raw, existence, order_seen, method)
-    ends = endpoints_of(instances, mask.shape)
-    after_order = perf_counter()
-    finished = tuple(replace(i, endpoints=e) for i, e in zip(instances, ends, strict=True))
-    labels = draw_labels(mask, finished, crossings, shifts)
-    timings = {
-        "splines": 1e3 * (after_fit - started),
-        "crossings": 1e3 * (after_order - after_fit),
-        "labels": 1e3 * (perf_counter() - after_order),
-    }
+    with watch.step("splines"):
+        fitted = [(found, c.doubt) for c in chains if (found := _fit(c, mask, distances, tip_widths)) is not None]
+        instances, doubts = _without_fragments(fitted, mask.shape)
+        shifts = None
+        if follow_edges and image is not None:
+            shifts = edge_shifts(instances, distances, image)
+            widths = [max(1.0, i.width_px + 2 * s) for i, s in zip(instances, shifts, strict=True)]
+            instances = [replace(i, width_px=w) for i, w in zip(instances, widths, strict=True)]
+    with watch.step("crossings"):
+        evidence = evidence_of(instances, doubts, mask, image)
+        ends = endpoints_of(instances, mask.shape)
+        seen = instance_features(instances, ends, evidence)
+        likely = _likely(rough := rated(instances, ends, evidence, seen, method))
+        instances = [rough[k] for k in likely]
+        shifts = None if shifts is None else shifts[likely]
+        strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]
+        meetings = find_meetings(strands)
+        raw = order(meetings, strands, image)
+        existence, order_seen = crossing_features(meetings, instances), order_features(raw)
+        crossings = rated_crossings(raw, existence, order_seen, method)
+        ends = endpoints_of(instances, mask.shape)
+    with watch.step("labels"):
+        finished = tuple(replace(i, endpoints=e) for i, e in zip(instances, ends, strict=True))
+        labels = draw_labels(mask, finished, crossings, shifts)
     features = {"instance": seen[likely], "crossing": existence, "order": order_seen}
-    return Scene(finished, crossings, labels, timings, features)
+    return Scene(finished, crossings, labels, watch.timings_ms, features)
+
+
+def _likely(instances: list[Instance]) -> list[int]:
+    """Those that are more likely a DLO than not, or so long that they are kept and called unsure."""
+    long = _LONG_WIDTHS * _typical_width(instances)
+    return [k for k, i in enumerate(instances) if i.score >= _LEAST_SCORE or i.length_px >= long]
 
 
 def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: float) -> Instance | None:

@@ -40,7 +40,7 @@ class Sections:
     ``radius``: ``(S,)`` typical half width; ``length``: ``(S,)`` pixels. ``node``: ``(E,)`` the group of
     junctions at the end, -1 for a free end. ``tip``: ``(E, 2)`` its place; ``outward``: ``(E, 2)`` unit
     direction out of it; ``end_radius``: ``(E,)``; ``color``: ``(E, 3)`` RGB (0 without a picture);
-    ``beside``: ``(E, 3)`` the color next to it; ``at_border``: ``(E,)`` whether the picture ends there.
+    ``beside``: ``(E, 3)`` the color next to it; ``to_edge``: ``(E,)`` distance to the picture's edge.
     """
 
     xy: FloatArray
@@ -54,7 +54,12 @@ class Sections:
     end_radius: FloatArray
     color: FloatArray
     beside: FloatArray
-    at_border: BoolArray
+    to_edge: FloatArray
+
+    @property
+    def at_border(self) -> BoolArray:
+        """``(E,)`` whether the picture ends there."""
+        return self.to_edge <= np.maximum(self.end_radius, 2.0)
 
     def __len__(self) -> int:
         return len(self.closed)
@@ -129,7 +134,7 @@ def _with_ends(
     margin = np.minimum(tip, np.array(shape[::-1]) - 1 - tip).min(axis=1)
     return Sections(
         xy, bounds, closed, _medians(radii, bounds), length, nodes, tip, outward, radius,
-        np.median(colors[samples], axis=1), _beside(half, outward, typical, image), margin <= np.maximum(radius, 2.0),
+        np.median(colors[samples], axis=1), _beside(half, outward, typical, image), margin,
     )  # fmt: skip
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from time import perf_counter
 from typing import Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import arc_lengths
+from models.strands.resolution import Reduced, reduced
+from models.strands.stopwatch import Stopwatch
 from models.topology.classifiers import Judges
 from models.topology.encodings import encode
 from models.topology.graph import Graph, TooComplexError, initialize
@@ -23,8 +23,8 @@ from models.topology.sites import Site
 from models.topology.solver import solve
 
 MAX_PIXELS = 1_500_000
-_LEAST_SHARE = 0.35
-"""Share of a reduced pixel that must be foreground."""
+_SURFACE_PX = 1_000
+"""Where nothing is found and more foreground than this was left out, too wide for a DLO, the mask may be none of DLOs."""
 
 
 class TopologyNetwork(Protocol):
@@ -48,17 +48,12 @@ def extract(
     Any mask is allowed: above 1.5 megapixels it is reduced; noise gives the status ``too_complex`` and an empty
     answer. Raises ValueError when the image is of another size than the mask.
     """
-    if image is not None and image.shape != (*mask.shape, 3):
-        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
-    factor = int(np.ceil(np.sqrt(mask.size / MAX_PIXELS)))
-    if factor <= 1:
-        return _extract(np.ascontiguousarray(mask, dtype=bool), network, judges, image, surfaces)
-    size = (max(1, mask.shape[1] // factor), max(1, mask.shape[0] // factor))
-    scale = np.array(mask.shape[::-1]) / np.array(size)
-    share = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
-    small = None if image is None else cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    seen = [replace(s, read=_scaled(s.read, scale)) for s in surfaces]
-    return _enlarged(_extract(share >= 255 * _LEAST_SHARE, network, judges, small, seen), mask.shape, scale)
+    binary = np.ascontiguousarray(mask, dtype=bool)
+    small = reduced(binary, image, MAX_PIXELS)
+    if small is None:
+        return _extract(binary, network, judges, image, surfaces)
+    seen = [replace(s, read=_scaled(s.read, small)) for s in surfaces]
+    return _enlarged(_extract(small.mask, network, judges, small.image, seen), mask.shape, small)
 
 
 def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
@@ -74,35 +69,31 @@ def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
 def _extract(
     mask: BoolArray, network: TopologyNetwork, judges: Judges, image: ByteArray | None, surfaces: Sequence[Surface]
 ) -> Topology:
-    started = perf_counter()
+    watch = Stopwatch()
     try:
-        graph = initialize(mask)
+        with watch.step("graph"):
+            graph = initialize(mask)
     except TooComplexError:
-        return _nothing(mask.shape, "too_complex", {"graph": 1e3 * (perf_counter() - started)})
-    after_graph = perf_counter()
+        return _nothing(mask.shape, "too_complex", watch.timings_ms)
     if not graph.web.strands:
-        return _nothing(mask.shape, "empty", {"graph": 1e3 * (after_graph - started)})
-    predictions = predict(graph, network)
-    after_network = perf_counter()
-    solution = solve(graph, predictions, judges, None if image is None else _tint(image))
-    walks = walk_all(solution)
-    sections = sections_of(walks, solution, graph)
-    after_solver = perf_counter()
-    seen = [*([] if image is None else [picture(image)]), *surfaces]
-    crossings = ordered(crossings_of(walks, solution), sections, seen)
-    branches = branch_points_of(solution, sections)
-    links, scores = final_links(walks, graph, predictions)
-    closed = all(s.closed for s in sections)
-    status: Status = "branched" if branches else "closed" if sections and closed else "plain" if sections else "empty"
-    timings = {
-        "graph": 1e3 * (after_graph - started),
-        "networks": 1e3 * (after_network - after_graph),
-        "solver": 1e3 * (after_solver - after_network),
-        "output": 1e3 * (perf_counter() - after_solver),
-    }
+        left_out = np.count_nonzero(mask) - np.count_nonzero(graph.distances)
+        return _nothing(mask.shape, "unsure" if left_out > _SURFACE_PX else "empty", watch.timings_ms)
+    with watch.step("networks"):
+        predictions = predict(graph, network)
+    with watch.step("solver"):
+        solution = solve(graph, predictions, judges, None if image is None else _tint(image))
+        walks = walk_all(solution)
+        sections = sections_of(walks, solution, graph)
+    with watch.step("output"):
+        seen = [*([] if image is None else [picture(image)]), *surfaces]
+        crossings = ordered(crossings_of(walks, solution), sections, seen)
+        branches = branch_points_of(solution, sections)
+        links, scores = final_links(walks, graph, predictions)
+        closed = all(s.closed for s in sections)
+        status: Status = "branched" if branches else "closed" if closed else "plain"
     return Topology(
-        (mask.shape[0], mask.shape[1]), status, tuple(sections), tuple(branches), tuple(crossings), graph.xy,
-        predictions.angles, predictions.classes, links, scores, timings,
+        (mask.shape[0], mask.shape[1]), status if sections else "empty", tuple(sections), tuple(branches),
+        tuple(crossings), graph.xy, predictions.angles, predictions.classes, links, scores, watch.timings_ms,
     )  # fmt: skip
 
 
@@ -137,32 +128,23 @@ def _apart(colors: list[FloatArray], i: int, j: int) -> float:
     return float(np.sqrt(np.mean((colors[i] - colors[j]) ** 2)))
 
 
-def _scaled(read: Callable[[FloatArray], FloatArray], scale: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    return lambda places: read((places + 0.5) * scale - 0.5)
+def _scaled(read: Callable[[FloatArray], FloatArray], small: Reduced) -> Callable[[FloatArray], FloatArray]:
+    return lambda places: read(small.enlarged(places))
 
 
-def _enlarged(topology: Topology, shape: tuple[int, ...], scale: FloatArray) -> Topology:
-    """The topology in the pixels of the picture as it was sent; ``scale`` is (x, y)."""
-
-    def moved(xy: FloatArray | tuple[float, float]) -> FloatArray:
-        out: FloatArray = (np.asarray(xy) + 0.5) * scale - 0.5
-        return out
-
-    def point(xy: tuple[float, float]) -> tuple[float, float]:
-        x, y = moved(xy).tolist()
-        return x, y
-
-    size = float(scale.mean())
+def _enlarged(topology: Topology, shape: tuple[int, ...], small: Reduced) -> Topology:
+    """The topology in the pixels of the picture as it was sent."""
     sections = []
     for section in topology.sections:
-        xy = moved(section.xy)
-        length = float(arc_lengths(xy)[-1])
-        sections.append(replace(section, xy=xy, width=section.width * size, length=length))
+        xy = small.enlarged(section.xy)
+        first, last = section.end_widths
+        whole = replace(section, xy=xy, width=section.width * small.size, length=float(arc_lengths(xy)[-1]))
+        sections.append(replace(whole, end_widths=(first * small.size, last * small.size)))
     return replace(
         topology,
         size=(shape[0], shape[1]),
         sections=tuple(sections),
-        branch_points=tuple(replace(b, xy=point(b.xy)) for b in topology.branch_points),
-        crossings=tuple(replace(c, xy=point(c.xy)) for c in topology.crossings),
-        nodes_xy=moved(topology.nodes_xy),
+        branch_points=tuple(replace(b, xy=small.point(b.xy)) for b in topology.branch_points),
+        crossings=tuple(replace(c, xy=small.point(c.xy)) for c in topology.crossings),
+        nodes_xy=small.enlarged(topology.nodes_xy),
     )

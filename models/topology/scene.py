@@ -8,7 +8,7 @@ from typing import Literal
 from models.geometry.arrays import FloatArray, IntArray
 
 EndKind = Literal["branch", "free", "border"]
-Status = Literal["branched", "plain", "closed", "empty", "too_complex"]
+Status = Literal["branched", "plain", "closed", "empty", "unsure", "too_complex"]
 
 
 @dataclass(frozen=True, eq=False)

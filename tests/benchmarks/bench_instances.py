@@ -69,8 +69,8 @@ def _read_labels(path: Path) -> np.ndarray:
 def measure(photo: Photo, network: OrientationNetwork | None, repeats: int) -> tuple[Scene, dict[str, object]]:
     """The scene of one photograph and its row of the table."""
     params = RtDloParams()
-    scene = extract(photo.mask, photo.image, params, network)
-    stage, processor = _times(lambda: extract(photo.mask, photo.image, params, network), repeats)
+    scene = extract(photo.mask, photo.image, params, [network] if network else [])
+    stage, processor = _times(lambda: extract(photo.mask, photo.image, params, [network] if network else []), repeats)
     skeleton, _ = _times(lambda: skeletonize(photo.mask), repeats)
     found = [
         FoundCrossing(np.array(c.xy), c.over.instance, c.under.instance, c.score)

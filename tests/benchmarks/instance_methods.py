@@ -7,8 +7,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from models.instances import section_matching
-from models.instances.published import ariadne_plus, fastdlo, rt_dlo
+from models.instances.methods import method as table_method
 from models.instances.scene import Scene
 from models.weights.inference import Runtime, default_name, load
 
@@ -18,19 +17,7 @@ METHODS = ("section_matching", "rt_dlo", "fastdlo", "ariadne_plus")
 
 def method(name: str, **values: float) -> Extract:
     """One method on one thread; ``values`` are its parameters where they are not the defaults."""
-    runtime = Runtime(threads=1)
-    if name == "section_matching":
-        matching = section_matching.SectionMatchingParams(**values)
-        return lambda mask, image: section_matching.extract(mask, image, matching)
-    if name == "rt_dlo":
-        graph, orientation = rt_dlo.RtDloParams(**values), load(default_name("orientation"), runtime)
-        return lambda mask, image: rt_dlo.extract(mask, image, graph, orientation)
-    if name == "fastdlo":
-        merging, similarity = fastdlo.FastDloParams(**values), load(default_name("similarity"), runtime)
-        return lambda mask, image: fastdlo.extract(mask, image, merging, similarity)
-    regions = ariadne_plus.AriadnePlusParams(**values)
-    networks = ariadne_plus.Networks(load(default_name("triplet"), runtime), load(default_name("above"), runtime))
-    return lambda mask, image: ariadne_plus.extract(mask, image, regions, networks)
+    return table_method(name, lambda task: load(default_name(task), Runtime(threads=1)), **values)[0]
 
 
 def eroded(mask: np.ndarray, times: int) -> np.ndarray:

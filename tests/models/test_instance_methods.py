@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import cv2
 import numpy as np
 import pytest
+from dlo_client.contracts.methods import InstanceMethod
 
-from models.instances import section_matching
-from models.instances.published import ariadne_plus, fastdlo, rt_dlo
-from models.weights.inference import Runtime, default_name, load
+from models.instances.methods import METHODS, method
+from models.weights.inference import Network, Runtime, default_name, load
 from tests.models.drawn_masks import assert_valid, circle, colored, drawn, loop
 
 RED, BLUE = (200, 30, 30), (30, 40, 190)
@@ -20,16 +22,15 @@ NAMES = ("section_matching", "rt_dlo", "fastdlo", "ariadne_plus")
 
 @pytest.fixture(scope="module")
 def methods():
-    orientation, similarity, triplet, above = (
-        load(default_name(task), Runtime(threads=1)) for task in ("orientation", "similarity", "triplet", "above")
-    )
-    networks = ariadne_plus.Networks(triplet, above)
-    return {
-        "section_matching": lambda mask, image=None: section_matching.extract(mask, image),
-        "rt_dlo": lambda mask, image=None: rt_dlo.extract(mask, image, None, orientation),
-        "fastdlo": lambda mask, image=None: fastdlo.extract(mask, image, None, similarity),
-        "ariadne_plus": lambda mask, image=None: ariadne_plus.extract(mask, image, None, networks),
-    }
+    def network(task: str) -> Network:
+        return load(default_name(task), Runtime(threads=1))
+
+    found = {name: method(name, network)[0] for name in NAMES}
+    return {name: lambda mask, image=None, run=run: run(mask, image) for name, run in found.items()}
+
+
+def test_every_method_is_a_row():
+    assert set(METHODS) == set(NAMES) == set(get_args(InstanceMethod))
 
 
 @pytest.mark.parametrize("name", NAMES)

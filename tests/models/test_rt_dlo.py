@@ -156,7 +156,7 @@ def test_the_network_is_asked_for_every_vertex_and_its_angles_are_used():
         return scores
 
     mask = drawn(np.array([[40.0, 120.0], [280.0, 120.0]]))
-    assert extract(mask, None, RtDloParams(), vertical).instances == ()
+    assert extract(mask, None, RtDloParams(), [vertical]).instances == ()
     assert len(asked) == 1
     assert asked[0][1:] == (15, 15)
 

@@ -232,3 +232,21 @@ def test_same_input_gives_the_same_bytes():
 )
 def test_extreme_parameters_do_no_harm(params):
     extract(drawn(loop()), None, params)
+
+
+@pytest.mark.parametrize("angle", [20, 30, 40])
+def test_a_zigzag_with_sharp_kinks_is_one_cable_or_unsure(angle):
+    """Its legs were four cables, all of them sure: at a kink nothing but its two sides meets."""
+    step = 200 * np.tan(np.deg2rad(angle) / 2)
+    line = np.array([[60 + k * step, (60, 260)[k % 2]] for k in range(5)])
+    scene = extract(drawn(line, width=12, shape=(330, 640)))
+    assert len(scene.instances) == 1 or any(i.score < 0.8 for i in scene.instances)
+
+
+@pytest.mark.parametrize("width", [1, 2, 80, 100])
+@pytest.mark.parametrize("line", [[[40, 100], [600, 100]], [[30, 90], [320, 230], [610, 140]]])
+def test_very_thin_and_very_thick_cables_are_found(width, line):
+    """Lines of one pixel were specks, thick ones slabs of which scraps were left."""
+    (cable,) = extract(drawn(np.array(line), width=width, shape=(360, 640))).instances
+    assert cable.width_px == pytest.approx(width, rel=0.15, abs=1)
+    assert cable.length_px == pytest.approx(np.hypot(*np.diff(line, axis=0).T).sum(), rel=0.15)

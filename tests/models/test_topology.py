@@ -119,7 +119,8 @@ def test_a_ring_is_closed(networks):
 def test_no_harness_is_an_answer(networks, mask):
     topology = found(networks, mask)
     assert counts(topology)[1:] == (0, 0)
-    assert topology.status in ("empty", "plain")
+    # A picture that is all foreground was a "plain" topology of one strand.
+    assert topology.status == "unsure" if mask.mean() == 1 else topology.status in ("empty", "plain")
 
 
 def test_noise_is_said_to_be_too_complex(networks):

@@ -7,7 +7,8 @@ from dlo_client.contracts import EstimateParametersRequest, EstimateParametersRe
 
 from models.manipulation.dynamics import shape_distance
 from models.manipulation.parameters import estimate
-from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from models.strands.stopwatch import Stopwatch
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.shapes import contradictions, history_of, learned, length_of, rope_of
 
 

@@ -29,8 +29,9 @@ from models.instances import scene as found
 from models.instances.drawing import palette
 from models.instances.overlay import overlay
 from models.segmentation.segment import foreground_mask
+from models.strands.stopwatch import Stopwatch
 from workers.stages.instance_methods import extract_with
-from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.pictures import indexed_png, png, read_mask, read_rgb
 from workers.stages.segment import foreground, mask_png, model_used
 

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 from models.geometry import rle
 from models.geometry.cameras import Camera
 from models.instances.drawing import palette
+from models.strands.stopwatch import Stopwatch
 from models.tracked_labels.correction import CorrectedStroke, CorrectionParams, CropReader
 from models.tracked_labels.ends import EndParams
 from models.tracked_labels.outlines import Strand, StrandCrossing, outline
 from models.tracked_labels.strokes import StrokeError, in_robot_frame, stretches
 from models.tracked_labels.tracked import TrackedParams, TrackedView, label_tracked
 from models.weights.inference import Network, default_name
-from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.pictures import indexed_png, png
 from workers.stages.posed_pictures import read_view
 from workers.stages.segment import model_used

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from dlo_client.contracts import Contract, NetworkInfo
@@ -55,16 +53,3 @@ class InvalidInput(Exception):
         self.field = field
         self.message = message
         self.code = code
-
-
-class Stopwatch:
-    """Named durations of a stage's steps in milliseconds."""
-
-    def __init__(self) -> None:
-        self.timings_ms: dict[str, float] = {}
-
-    @contextmanager
-    def step(self, name: str) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self.timings_ms[name] = (time.perf_counter() - started) * 1000

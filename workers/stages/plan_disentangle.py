@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from models.disentangling.overlay import draw_action
 from models.disentangling.plan import Action, Base, DisentangleParams, Grasp, assign_arms, plan
 from models.geometry.polylines import arc_lengths
+from models.strands.stopwatch import Stopwatch
 from models.topology import scene as found
 from models.topology.overlay import overlay
 from models.weights.inference import Network, default_name
-from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.pictures import png, read_rgb
 from workers.stages.segment import model_used
 from workers.stages.topology import Seen, encode, see

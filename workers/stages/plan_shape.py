@@ -24,8 +24,9 @@ from models.manipulation.planning import plan
 from models.manipulation.resampling import back_to_points, edge_of_points, node_edges_within, to_nodes
 from models.manipulation.scaling import MOVE_SCALE
 from models.manipulation.simulator import BENDING, DAMPING
+from models.strands.stopwatch import Stopwatch
 from workers.stages.estimate_parameters import check_edges
-from workers.stages.outcome import Outcome, Stopwatch, Tools
+from workers.stages.outcome import Outcome, Tools
 from workers.stages.shapes import contradictions, crosses_itself, history_of, learned, length_of, rope_of
 from workers.stages.table import state_from_image
 

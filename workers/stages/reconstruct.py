@@ -29,8 +29,9 @@ from models.reconstruction.reconstruct import (
 from models.reconstruction.tracking import along, overlap
 from models.reconstruction.view_planning import NoView, Plan, PlanParams, plan_views
 from models.reconstruction.views import View
+from models.strands.stopwatch import Stopwatch
 from workers.stages import curves3d
-from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.pictures import png
 from workers.stages.seen_views import NO_CURVE, SeenView, chosen_strand, see
 

@@ -7,8 +7,9 @@ from dlo_client.contracts import ModelUsed, SegmentRequest, SegmentResult
 from numpy.typing import NDArray
 
 from models.segmentation.segment import ForegroundInput, segment
+from models.strands.stopwatch import Stopwatch
 from models.weights.inference import NetworkSpec, default_name, manifest
-from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.pictures import png, read_rgb
 
 TASK = "foreground"

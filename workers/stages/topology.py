@@ -23,6 +23,7 @@ from dlo_client.contracts import (
 from numpy.typing import NDArray
 
 from models.segmentation.segment import foreground_mask
+from models.strands.stopwatch import Stopwatch
 from models.topology import scene as found
 from models.topology.classifiers import JUDGES, Judges
 from models.topology.extraction import extract
@@ -30,7 +31,7 @@ from models.topology.harness_drawing import Drawn, Match, match_drawing
 from models.topology.order import Surface, depth_map, points
 from models.topology.overlay import overlay
 from models.weights.inference import Network, default_name
-from workers.stages.outcome import InvalidInput, Outcome, Stopwatch, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.pictures import png, read_depth_m, read_mask, read_rgb
 from workers.stages.segment import foreground, mask_png, model_used
 
@@ -41,6 +42,7 @@ _MESSAGES = {
     "plain": "DLOs without a branch-point",
     "closed": "only closed rings: no ends, no branch-points",
     "empty": "no DLO in the picture",
+    "unsure": "most of the foreground is too wide for a DLO: its mask may be inverted, or show a surface",
     "too_complex": "the foreground falls into too many strands: this is no picture of DLOs, or its mask is noise",
 }
 

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from time import perf_counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Never
 
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
-from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
 from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
 from models.instances.section_matching.matching import match
+from models.instances.working_size import at_working_size
 from models.strands.cleaning import clean
 from models.strands.pixel_graph import FREE, trace
 from models.strands.sections import Sections, sections_of
+from models.strands.stopwatch import Stopwatch
 from models.strands.walks import Joint, strands_of
 
 _BORDER_STOP = -2.0
 """Log odds against a DLO that ends at the border: it leaves the picture."""
 
+_AT_KINK, _KINK_RADII = 4.0, 12.0
+"""So many times more it costs to stop where nothing but the two sides of a kink meets, so many radii from the border:
+DLOs that leave the picture side by side meet, too."""
 _WHOLE_RADII = 12.0
 """A section of so many radii from a crossing to a free end is no stub."""
 _TIP_WIDTHS = 1.5
@@ -37,37 +42,37 @@ class SectionMatchingParams:
     stop_cost: float = 3.0
 
 
-def extract(mask: BoolArray, image: ByteArray | None = None, params: SectionMatchingParams | None = None) -> Scene:
+def extract(
+    mask: BoolArray,
+    image: ByteArray | None = None,
+    params: SectionMatchingParams | None = None,
+    networks: Sequence[Never] = (),
+) -> Scene:
     """The DLOs of a foreground mask.
 
-    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None.
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None. It takes no ``networks``.
     """
-    if image is not None and image.shape != (*mask.shape, 3):
-        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
     settings = params or SectionMatchingParams()
-    binary = np.ascontiguousarray(mask, dtype=bool)
-    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings))
+    return at_working_size(mask, image, lambda m, i: _extract(m, i, settings))
 
 
 def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingParams) -> Scene:
-    times = [perf_counter()]
-    cleaned = clean(mask, params.hole_widths)
-    distances = cleaned.distances
-    times.append(perf_counter())
-    graph = trace(cleaned)
-    times.append(perf_counter())
-    sections = sections_of(graph, distances, image)
-    links = candidate_links(sections, cleaned.mask, image, params.gap_widths)
-    costs = costs_of(links)
-    partner = match(len(sections.node), links.pairs, costs, _stops(sections, params.stop_cost), links.via)
-    chains = strands_of(sections, partner, _joints(links, costs, partner))
-    times.append(perf_counter())
-    scene = assemble(
-        chains, cleaned.mask, distances, image, method="section_matching", follow_edges=True, tip_widths=_TIP_WIDTHS
-    )
-    names = ("cleaning", "skeleton", "matching")
-    timings = {name: 1e3 * (b - a) for name, a, b in zip(names, times, times[1:], strict=False)}
-    return replace(scene, timings_ms={**timings, **scene.timings_ms})
+    watch = Stopwatch()
+    with watch.step("cleaning"):
+        foreground = clean(mask, params.hole_widths)
+        distances = foreground.distances
+    with watch.step("skeleton"):
+        graph = trace(foreground)
+    with watch.step("matching"):
+        sections = sections_of(graph, distances, image)
+        links = candidate_links(sections, foreground.mask, image, params.gap_widths)
+        costs = costs_of(links)
+        partner = match(len(sections.node), links.pairs, costs, _stops(sections, params.stop_cost), links.via)
+        chains = strands_of(sections, partner, _joints(links, costs, partner))
+    return assemble(
+        chains, foreground.mask, distances, image, watch, method="section_matching", follow_edges=True,
+        tip_widths=_TIP_WIDTHS,
+    )  # fmt: skip
 
 
 def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[int, int], Joint]:
@@ -81,10 +86,13 @@ def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[in
 
 def _stops(sections: Sections, at_crossing: float) -> FloatArray:
     """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the border; at a crossing
-    the less the shorter a section is that ends freely on its other side: most such stubs are no DLO's."""
+    the less the shorter a section is that ends freely on its other side: most such stubs are no DLO's. Where only two
+    ends meet, a DLO has a kink: both stop only if all speaks against it."""
     other = np.arange(len(sections.node)) ^ 1
     stub = (sections.node[other] == FREE) & ~sections.at_border[other]
     size = np.repeat(sections.length / (_WHOLE_RADII * sections.radius), 2)
-    crossing = at_crossing * np.where(stub, np.minimum(size, 1.0), 1.0)
+    far = sections.to_edge > _KINK_RADII * sections.end_radius
+    meeting = np.bincount(sections.node[sections.node >= 0], minlength=1)[sections.node]
+    crossing = at_crossing * np.where((meeting == 2) & far, _AT_KINK, np.where(stub, np.minimum(size, 1.0), 1.0))
     out: FloatArray = np.where(sections.node >= 0, crossing, np.where(sections.at_border, _BORDER_STOP, 0.0))
     return out

@@ -9,7 +9,7 @@ error is stated on the others. A few minutes on one core. Writes ``confidence.to
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,8 +19,8 @@ import torch
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import crossing_segments
-from models.instances import confidence, section_matching
-from models.instances.published import ariadne_plus, fastdlo, rt_dlo
+from models.instances import confidence
+from models.instances.methods import METHODS, Extract, method
 from models.instances.scene import Scene
 from models.synthesis.textures import load_pool
 from models.training.instances.logistic import fit_logistic
@@ -30,22 +30,12 @@ from models.weights.inference import Runtime, default_name, load
 _SEED = 33
 _SHRINKAGE = 1e-3
 _NEAR_PX = 15.0
-Extract = Callable[[BoolArray, ByteArray | None], Scene]
 
 
 def methods() -> dict[str, Extract]:
     """All four, with their networks."""
     runtime = Runtime(threads=1)
-    orientation, similarity, triplet, above = (
-        load(default_name(task), runtime) for task in ("orientation", "similarity", "triplet", "above")
-    )
-    networks = ariadne_plus.Networks(triplet, above)
-    return {
-        "section_matching": lambda mask, image: section_matching.extract(mask, image),
-        "rt_dlo": lambda mask, image: rt_dlo.extract(mask, image, None, orientation),
-        "fastdlo": lambda mask, image: fastdlo.extract(mask, image, None, similarity),
-        "ariadne_plus": lambda mask, image: ariadne_plus.extract(mask, image, None, networks),
-    }
+    return {name: method(name, lambda task: load(default_name(task), runtime))[0] for name in METHODS}
 
 
 @dataclass

@@ -16,7 +16,7 @@ from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 LengthUnit = Literal["px", "mm", "cm", "m", "in"]
 EndKind = Literal["branch", "free", "border"]
-TopologyStatus = Literal["branched", "plain", "closed", "empty", "too_complex"]
+TopologyStatus = Literal["branched", "plain", "closed", "empty", "unsure", "too_complex"]
 _COORDINATE = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
@@ -148,7 +148,8 @@ class DrawingMatch(Reply):
 
 class TopologyResult(Reply):
     """The graph of what is seen. ``status``: ``branched``; ``plain`` without a branch-point; ``closed`` only rings;
-    ``empty``; ``too_complex`` for a mask that is no picture of DLOs."""
+    ``empty``; ``unsure`` where nothing is found because most of the foreground is too wide for a DLO;
+    ``too_complex`` for a mask that is no picture of DLOs."""
 
     kind: Literal["topology"] = Field(default="topology", description="kind of the job")
     width: int = Field(gt=0, description="of the upright picture, pixels")

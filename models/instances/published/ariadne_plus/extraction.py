@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from time import perf_counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -25,13 +25,16 @@ from models.instances.published.ariadne_plus.patches import (
 )
 from models.instances.published.ariadne_plus.paths import Appearance, find_paths, intersection_scores
 from models.instances.published.ariadne_plus.superpixels import Regions, region_graph
-from models.instances.resolution import at_working_size
 from models.instances.scene import Crossing, Scene
+from models.instances.working_size import at_working_size
 from models.strands.chain import Chain
 from models.strands.foreground import distance_map
+from models.strands.stopwatch import Stopwatch
 
 _MAX_PIXELS = 700_000
 _SPACING_PX = 4.0
+
+Network = EmbeddingNetwork | AboveNetwork
 
 
 @dataclass(frozen=True)
@@ -41,54 +44,37 @@ class AriadnePlusParams:
     superpixels: int = 50
 
 
-@dataclass(frozen=True)
-class Networks:
-    """TripletNet and CrossNet."""
-
-    embedding: EmbeddingNetwork
-    above: AboveNetwork
-
-
 def extract(
     mask: BoolArray,
     image: ByteArray | None = None,
     params: AriadnePlusParams | None = None,
-    networks: Networks | None = None,
+    networks: Sequence[Network] = (),
 ) -> Scene:
     """The DLOs of a foreground mask.
 
-    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None. ``networks``: without them, or without an image, the
-    curvature alone scores intersections and the color's variance decides who lies on top.
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None. ``networks``: TripletNet and CrossNet; without them,
+    or without an image, the curvature alone scores intersections and the color's variance decides who lies on top.
 
     Any mask is allowed, and the work is bounded: beyond 0.7 megapixels the mask is reduced; an intersection of more
     than 24 branches keeps 24. Raises ``ValueError`` when the image is of another size than the mask.
     """
-    if image is not None and image.shape != (*mask.shape, 3):
-        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
     settings = params or AriadnePlusParams()
-    binary = np.ascontiguousarray(mask, dtype=bool)
-    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings, networks), _MAX_PIXELS)
+    return at_working_size(mask, image, lambda m, i: _extract(m, i, settings, networks), _MAX_PIXELS)
 
 
-def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams, networks: Networks | None) -> Scene:
-    started = perf_counter()
-    distances = distance_map(mask)
-    regions = region_graph(mask, image, params.superpixels)
-    after_graph = perf_counter()
-    use = networks if image is not None else None
-    appearance = None if use is None or image is None else _appearance(regions, distances, image, use.embedding)
-    scores = intersection_scores(regions, appearance)
-    after_scores = perf_counter()
-    paths = find_paths(regions, scores)
-    chains = [c for path, ring in paths if (c := _chain(path, ring, regions, distances)) is not None]
-    timings = {
-        "superpixels": 1e3 * (after_graph - started),
-        "scores": 1e3 * (after_scores - after_graph),
-        "paths": 1e3 * (perf_counter() - after_scores),
-    }
-    order = order_meetings if use is None else _layout(use.above)
-    scene = assemble(chains, mask, distances, image, method="ariadne_plus", order=order)
-    return replace(scene, timings_ms={**timings, **scene.timings_ms})
+def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams, networks: Sequence[Network]) -> Scene:
+    watch = Stopwatch()
+    with watch.step("superpixels"):
+        distances = distance_map(mask)
+        regions = region_graph(mask, image, params.superpixels)
+    with watch.step("scores"):
+        appearance = _appearance(regions, distances, image, networks[0]) if networks and image is not None else None
+        scores = intersection_scores(regions, appearance)
+    with watch.step("paths"):
+        paths = find_paths(regions, scores)
+        chains = [c for path, ring in paths if (c := _chain(path, ring, regions, distances)) is not None]
+    order = _layout(networks[1]) if networks and image is not None else order_meetings
+    return assemble(chains, mask, distances, image, watch, method="ariadne_plus", order=order)
 
 
 def _appearance(regions: Regions, distances: Float32Array, image: ByteArray, network: EmbeddingNetwork) -> Appearance:

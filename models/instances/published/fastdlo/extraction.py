@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from time import perf_counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
 from models.instances.published.fastdlo.similarity import SimilarityNetwork, features, probabilities
-from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
+from models.instances.working_size import at_working_size
 from models.strands.foreground import Foreground
 from models.strands.pixel_graph import trace
 from models.strands.sections import Sections, pairs_at_junctions, sections_of
+from models.strands.stopwatch import Stopwatch
 from models.strands.walks import strands_of
 
 _MAX_PIXELS = 1_500_000
@@ -33,42 +34,35 @@ def extract(
     mask: BoolArray,
     image: ByteArray | None = None,
     params: FastDloParams | None = None,
-    similarity: SimilarityNetwork | None = None,
+    networks: Sequence[SimilarityNetwork] = (),
 ) -> Scene:
     """The DLOs of a foreground mask.
 
     ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None (then width and direction decide).
-    ``similarity``: the network of 3.4.4; without it, connections follow the features' plain distance.
+    ``networks``: that of 3.4.4; without it, connections follow the features' plain distance.
 
     Any mask is allowed, and the work is bounded: beyond 1.5 megapixels the mask is reduced, at most 3 000 segments
     and 255 instances remain. Raises ``ValueError`` when the image is of another size than the mask.
     """
-    if image is not None and image.shape != (*mask.shape, 3):
-        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
     settings = params or FastDloParams()
-    binary = np.ascontiguousarray(mask, dtype=bool)
-    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings, similarity), _MAX_PIXELS)
+    return at_working_size(
+        mask, image, lambda m, i: _extract(m, i, settings, networks[0] if networks else None), _MAX_PIXELS
+    )
 
 
 def _extract(
     mask: BoolArray, image: ByteArray | None, params: FastDloParams, similarity: SimilarityNetwork | None
 ) -> Scene:
-    started = perf_counter()
-    foreground = Foreground.of(mask)
-    distances = foreground.distances
-    sections = sections_of(trace(foreground), distances, image, _SHARED_RADII)
-    after_skeleton = perf_counter()
-    pairs, probability = process_intersections(sections, similarity)
-    after_network = perf_counter()
-    partner = merge_informed(len(sections.node), pairs, probability, params.min_probability)
-    chains = strands_of(sections, partner, {})
-    timings = {
-        "skeleton": 1e3 * (after_skeleton - started),
-        "network": 1e3 * (after_network - after_skeleton),
-        "merging": 1e3 * (perf_counter() - after_network),
-    }
-    scene = assemble(chains, mask, distances, image, method="fastdlo")
-    return replace(scene, timings_ms={**timings, **scene.timings_ms})
+    watch = Stopwatch()
+    with watch.step("skeleton"):
+        foreground = Foreground.of(mask)
+        sections = sections_of(trace(foreground), foreground.distances, image, _SHARED_RADII)
+    with watch.step("network"):
+        pairs, probability = process_intersections(sections, similarity)
+    with watch.step("merging"):
+        partner = merge_informed(len(sections.node), pairs, probability, params.min_probability)
+        chains = strands_of(sections, partner, {})
+    return assemble(chains, mask, foreground.distances, image, watch, method="fastdlo")
 
 
 def process_intersections(sections: Sections, similarity: SimilarityNetwork | None) -> tuple[IntArray, FloatArray]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from time import perf_counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from models.instances.published.rt_dlo.graph import sample_vertices, select_edge
 from models.instances.published.rt_dlo.intersections import graph_of, resolve_intersections
 from models.instances.published.rt_dlo.orientation import OrientationNetwork
 from models.instances.published.rt_dlo.paths import extract_paths, join_paths, split_at_kinks
-from models.instances.resolution import at_working_size
 from models.instances.scene import Scene
+from models.instances.working_size import at_working_size
 from models.strands.chain import Chain
 from models.strands.foreground import distance_map
+from models.strands.stopwatch import Stopwatch
 
 
 @dataclass(frozen=True)
@@ -35,44 +36,36 @@ def extract(
     mask: BoolArray,
     image: ByteArray | None = None,
     params: RtDloParams | None = None,
-    orientations: OrientationNetwork | None = None,
+    networks: Sequence[OrientationNetwork] = (),
 ) -> Scene:
     """The DLOs of a foreground mask.
 
     ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None; it decides the order at crossings and helps
-    to tell strands apart there. ``orientations``: the network of 3.5.2; without it, orientations are the
+    to tell strands apart there. ``networks``: that of 3.5.2; without it, orientations are the
     main axes of the same patches.
 
     Any mask is allowed, and the work is bounded: beyond 4 megapixels the mask is reduced, at most 12 000
     maxima become 2 000 vertices, 400 paths and 255 instances. Raises ``ValueError`` when the image is of
     another size than the mask.
     """
-    if image is not None and image.shape != (*mask.shape, 3):
-        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
     settings = params or RtDloParams()
-    binary = np.ascontiguousarray(mask, dtype=bool)
-    return at_working_size(binary, image, lambda m, i: _extract(m, i, settings, orientations))
+    return at_working_size(mask, image, lambda m, i: _extract(m, i, settings, networks[0] if networks else None))
 
 
 def _extract(
     mask: BoolArray, image: ByteArray | None, params: RtDloParams, orientations: OrientationNetwork | None
 ) -> Scene:
-    started = perf_counter()
-    distances = distance_map(mask)
-    vertices = sample_vertices(distances, image, params.sampling_ratio, orientations)
-    after_vertices = perf_counter()
+    watch = Stopwatch()
+    with watch.step("vertices"):
+        distances = distance_map(mask)
+        vertices = sample_vertices(distances, image, params.sampling_ratio, orientations)
     if len(vertices.xy) < 2:
-        return Scene((), (), np.zeros(mask.shape, np.uint8), {"vertices": 1e3 * (after_vertices - started)})
-    edges = select_edges(vertices, mask, params.neighbors, params.min_similarity)
-    after_edges = perf_counter()
-    graph = resolve_intersections(graph_of(edges.tolist()), vertices)
-    pieces = [piece for path in extract_paths(graph) for piece in split_at_kinks(path, vertices)]
-    paths = join_paths(pieces, vertices, mask)
-    chains = [Chain(vertices.xy[list(p.vertices)], p.closed) for p in paths]
-    timings = {
-        "vertices": 1e3 * (after_vertices - started),
-        "edges": 1e3 * (after_edges - after_vertices),
-        "paths": 1e3 * (perf_counter() - after_edges),
-    }
-    scene = assemble(chains, mask, distances, image, method="rt_dlo")
-    return replace(scene, timings_ms={**timings, **scene.timings_ms})
+        return Scene((), (), np.zeros(mask.shape, np.uint8), watch.timings_ms)
+    with watch.step("edges"):
+        edges = select_edges(vertices, mask, params.neighbors, params.min_similarity)
+    with watch.step("paths"):
+        graph = resolve_intersections(graph_of(edges.tolist()), vertices)
+        pieces = [piece for path in extract_paths(graph) for piece in split_at_kinks(path, vertices)]
+        paths = join_paths(pieces, vertices, mask)
+        chains = [Chain(vertices.xy[list(p.vertices)], p.closed) for p in paths]
+    return assemble(chains, mask, distances, image, watch, method="rt_dlo")

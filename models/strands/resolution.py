@@ -1,0 +1,52 @@
+"""Very large pictures are worked on at a smaller size, so that time and memory stay bounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+
+_LEAST_SHARE = 0.25
+"""Share of a reduced pixel that must be foreground: below a half, so that thin strands survive."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """``mask`` and ``image`` as they are worked on; ``scale`` (x, y): pixels of the picture a reduced pixel."""
+
+    mask: BoolArray
+    image: ByteArray | None
+    scale: FloatArray
+
+    @property
+    def size(self) -> float:
+        """By what lengths grow."""
+        return float(self.scale.mean())
+
+    def enlarged(self, xy: FloatArray | tuple[float, float]) -> FloatArray:
+        """``(…, 2)`` places in the pixels of the picture: pixel centers are whole numbers at both sizes."""
+        out: FloatArray = (np.asarray(xy) + 0.5) * self.scale - 0.5
+        return out
+
+    def point(self, xy: tuple[float, float]) -> tuple[float, float]:
+        x, y = self.enlarged(xy).tolist()
+        return x, y
+
+
+def reduced(mask: BoolArray, image: ByteArray | None, max_pixels: int) -> Reduced | None:
+    """Both reduced by a whole number to at most so many pixels; None where they are small enough.
+
+    ``mask``: ``(H, W)``; ``image``: ``(H, W, 3)`` or None. Raises ValueError when they are of different sizes.
+    """
+    if image is not None and image.shape != (*mask.shape, 3):
+        raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
+    factor = int(np.ceil(np.sqrt(mask.size / max_pixels)))
+    if factor <= 1:
+        return None
+    size = (max(1, mask.shape[1] // factor), max(1, mask.shape[0] // factor))
+    share = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
+    small = None if image is None else np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return Reduced(share >= 255 * _LEAST_SHARE, small, np.array(mask.shape[::-1]) / np.array(size))
