@@ -24,7 +24,7 @@ from models.topology.solver import solve
 
 MAX_PIXELS = 1_500_000
 _SURFACE_PX = 1_000
-"""Where nothing is found and more foreground than this was left out, too wide for a DLO, the mask may be none of DLOs."""
+"""Where nothing is found and more foreground than this was left out, the mask may show a surface, no DLOs."""
 
 
 class TopologyNetwork(Protocol):
