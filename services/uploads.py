@@ -6,10 +6,10 @@ from anyio import to_thread
 from dlo_client.contracts import ImageInfo
 
 from services.examples import PICTURES
-from services.pictures import PictureError, Size, inspect
 from services.problems import field_error
 from services.settings import ServiceSettings
 from workers.blobs import BlobMissing, FolderBlobs, Staged
+from workers.pictures.headers import PictureError, Size, inspect
 
 
 class Uploads:

@@ -6,6 +6,8 @@ At a crossing the upper centerline runs through and the lower one is interrupted
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
@@ -23,8 +25,11 @@ _WHITE = (255, 255, 255)
 Color = tuple[int, int, int]
 
 
-def overlay(image: ByteArray, scene: Scene) -> ByteArray:
-    """``(H, W, 3)`` RGB copy of ``image`` with the scene drawn in; line widths follow the picture's size."""
+def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteArray:
+    """RGB copy of ``image`` (H, W, 3) with the scene drawn in, reduced to a ``longest`` side first: drawing on a large
+    photograph takes longer than finding what is in it. Line widths follow the picture's size."""
+    if longest is not None and max(image.shape[:2]) > longest:
+        image, scene = _reduced(image, scene, -(-max(image.shape[:2]) // longest))
     picture = _tinted(image, scene.labels)
     unit = max(1.0, min(image.shape[:2]) / 360.0)
     for number, instance in enumerate(scene.instances, start=1):
@@ -38,6 +43,33 @@ def overlay(image: ByteArray, scene: Scene) -> ByteArray:
         for number, instance in enumerate(scene.instances, start=1):
             _draw_tag(picture, str(number), _tag_place(instance, number, scene), _color(number), 0.45 * unit)
     return picture
+
+
+def _reduced(image: ByteArray, scene: Scene, factor: int) -> tuple[ByteArray, Scene]:
+    """By a whole number, which is several times faster; a rest at the right and lower border is cut off. Pixel centers
+    are at ``(k + 0.5) s - 0.5``."""
+    scale = 1 / factor
+    height, width = (max(1, side // factor) for side in image.shape[:2])
+    part = slice(height * factor), slice(width * factor)
+
+    def moved(xy: tuple[float, float]) -> tuple[float, float]:
+        return (xy[0] + 0.5) * scale - 0.5, (xy[1] + 0.5) * scale - 0.5
+
+    instances = tuple(
+        replace(
+            i,
+            centerline_xy=(i.centerline_xy + 0.5) * scale - 0.5,
+            width_px=i.width_px * scale,
+            endpoints=tuple(replace(e, xy=moved(e.xy)) for e in i.endpoints),
+        )
+        for i in scene.instances
+    )
+    crossings = tuple(replace(c, xy=moved(c.xy)) for c in scene.crossings)
+    labels, small = (
+        np.asarray(cv2.resize(array[part], (width, height), interpolation=how), np.uint8)
+        for array, how in ((scene.labels, cv2.INTER_NEAREST), (image, cv2.INTER_AREA))
+    )
+    return small, Scene(instances, crossings, labels)
 
 
 def _tinted(image: ByteArray, labels: ByteArray) -> ByteArray:

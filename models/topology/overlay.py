@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -29,10 +30,14 @@ def section_color(k: int) -> Color:
     return round(255 * red), round(255 * green), round(255 * blue)
 
 
-def overlay(ground: ByteArray, topology: Topology, names: dict[int, str] | None = None) -> ByteArray:
+def overlay(
+    ground: ByteArray, topology: Topology, names: dict[int, str] | None = None, longest: int | None = None
+) -> ByteArray:
     """``(H, W, 3)`` RGB: sections with their ids (or ``names`` by index), branch-points red, crossings blue; the
-    lower section is interrupted there."""
-    picture = np.rint(ground * _DIM).astype(np.uint8)
+    lower section is interrupted there. The picture is reduced to a ``longest`` side before it is drawn on."""
+    if longest is not None and max(ground.shape[:2]) > longest:
+        ground, topology = _reduced(ground, topology, -(-max(ground.shape[:2]) // longest))
+    picture = np.asarray(cv2.convertScaleAbs(ground, alpha=_DIM), np.uint8)
     unit = max(1.0, min(ground.shape[:2]) / 360)
     for k, section in enumerate(topology.sections):
         draw_line(picture, section.xy, DARK, 4 * unit, section.closed)
@@ -47,6 +52,26 @@ def overlay(ground: ByteArray, topology: Topology, names: dict[int, str] | None 
         middle = section.xy[len(section.xy) // 2]
         draw_tag(picture, (names or {}).get(k, str(k + 1)), middle, section_color(k), 0.4 * unit)
     return picture
+
+
+def _reduced(ground: ByteArray, topology: Topology, factor: int) -> tuple[ByteArray, Topology]:
+    """By a whole number; a rest at the right and lower border is cut off. Centers are at ``(k + 0.5) s - 0.5``."""
+    scale = 1 / factor
+    height, width = (max(1, side // factor) for side in ground.shape[:2])
+    part = ground[: height * factor, : width * factor]
+
+    def moved(xy: tuple[float, float]) -> tuple[float, float]:
+        return (xy[0] + 0.5) * scale - 0.5, (xy[1] + 0.5) * scale - 0.5
+
+    sections = (replace(s, xy=(s.xy + 0.5) * scale - 0.5, width=s.width * scale) for s in topology.sections)
+    reduced = replace(
+        topology,
+        sections=tuple(sections),
+        branch_points=tuple(replace(b, xy=moved(b.xy)) for b in topology.branch_points),
+        crossings=tuple(replace(c, xy=moved(c.xy)) for c in topology.crossings),
+        nodes_xy=(topology.nodes_xy + 0.5) * scale - 0.5,
+    )
+    return np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8), reduced
 
 
 def _draw_crossing(picture: ByteArray, topology: Topology, crossing: Crossing, unit: float) -> None:

@@ -21,8 +21,9 @@ from models.synthesis.arm import camera_above
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable, render
 from workers import stages
 from workers.settings import Settings
-from workers.stages.instances import perceive
+from workers.stages.foreground import Source
 from workers.stages.outcome import InvalidInput, Tools
+from workers.stages.perception import perceive
 from workers.stages.seen_views import strands_of
 
 COLORS = ((0.1, 0.2, 0.7), (0.8, 0.1, 0.1), (0.1, 0.5, 0.2), (0.9, 0.7, 0.1), (0.05, 0.05, 0.05))
@@ -78,8 +79,8 @@ def seen(scene: Scene3D, cameras: Sequence[Camera], held: Tools, seed: int = 0) 
     rng = np.random.default_rng([seed, 1])
     views = []
     for number, camera in enumerate(cameras):
-        found = perceive(render(scene, camera, rng).rgb, held)
-        strands, _ = strands_of(found.scene, found.probability, camera)
+        found = perceive(Source(render(scene, camera, rng).rgb, None, []), held)
+        strands, _ = strands_of(found.scene, found.foreground.probability, camera)
         views.append(View(camera, strands, f"view {number}"))
     return [joined.view for joined in rejoin(views)]
 

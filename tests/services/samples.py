@@ -76,6 +76,7 @@ ACCEPTED = {
     "WebP": encoded(format_name="WEBP"),
     "BMP": encoded(format_name="BMP"),
     "TIFF": encoded(format_name="TIFF"),
+    "GIF": encoded(format_name="GIF"),
 }
 """All of 40 x 30 pixels."""
 
@@ -83,7 +84,7 @@ REFUSED = {
     "no bytes": b"",
     "zero bytes": bytes(1000),
     "text": b"this is no picture",
-    "GIF": encoded(format_name="GIF"),
+    "HEIC": b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(500),
     "truncated JPEG": encoded(format_name="JPEG")[:-100],
     "truncated JPEG with a thumbnail": jpeg_with_thumbnail()[:-100],
     "truncated PNG": encoded()[:-100],

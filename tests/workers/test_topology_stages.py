@@ -265,3 +265,14 @@ def test_a_request_by_topology_needs_no_picture_and_one_by_picture_does(tools):
     assert DisentangleRequest().needs_picture
     with pytest.raises(InvalidInput, match="an image or a mask"):
         stages.run(DisentangleRequest(), tools)
+
+
+def test_a_harness_mask_sent_as_image_has_the_topology_of_the_mask(tools):
+    """Segmented like a photograph, it had four branch-points where there is one."""
+    picture = put(tools, harness_mask())
+    as_mask = stages.run(TopologyRequest(mask=picture, files=[]), tools).result
+    as_image = stages.run(TopologyRequest(image=picture, files=[]), tools).result
+    assert len(as_mask.branch_points) > 0
+    assert as_image.sections == as_mask.sections
+    assert as_image.branch_points == as_mask.branch_points
+    assert "taken as a mask" in as_image.warnings[0]

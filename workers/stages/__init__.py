@@ -41,7 +41,9 @@ from workers.stages import (
     segment,
     topology,
 )
+from workers.stages.foreground import Source
 from workers.stages.outcome import Outcome, Tools
+from workers.stages.perception import perceive
 
 
 def run(request: AnyRequest, tools: Tools) -> Outcome:
@@ -86,7 +88,7 @@ def warm(settings: Settings) -> Tools:
     for spec in inference.manifest().values():
         if spec.default:
             tools.network(spec.name)
-    instances.perceive(np.zeros((360, 640, 3), np.uint8), tools)
+    perceive(Source(np.zeros((360, 640, 3), np.uint8), None, []), tools)
     plan_shape.run(_FIRST_PLAN, tools)
     tools.networks = [_info(spec, warm=spec.name in tools.loaded) for spec in inference.manifest().values()]
     return tools

@@ -6,12 +6,13 @@ import csv
 import io
 
 import numpy as np
-from dlo_client.contracts import CameraInfo, CameraPose, Curve3D, Spline3
+from dlo_client.contracts import CameraInfo, CameraPose, Curve3D, NextView, Spline3
 from dlo_client.contracts.cameras import AnyIntrinsics, Pose
 from numpy.typing import NDArray
 
 from models.geometry.cameras import Camera, CameraError, DistortionModel, Intrinsics
 from models.reconstruction.curves import DEGREE, Curve, Spline3D
+from models.reconstruction.view_planning import Plan
 from workers.stages.outcome import InvalidInput
 
 _MICROMETERS = 6
@@ -29,6 +30,18 @@ def camera(given: CameraPose, field: str) -> Camera:
 def pose(transform: NDArray[np.float64]) -> Pose:
     rows = np.round(transform, 9).tolist()
     return tuple(tuple(row) for row in rows)  # type: ignore[return-value]
+
+
+def next_view(plan: Plan) -> NextView:
+    return NextView(
+        baseline_m=round(plan.baseline_m, 6),
+        delta_z_m=round(plan.delta_z_m, 6),
+        T_world_camera=[pose(planned) for planned in plan.poses],
+        sigma_m=float(f"{plan.sigma_m:.4g}"),
+        expected_sigma_m=float(f"{plan.expected_sigma_m:.4g}"),
+        gain=round(plan.gain, 4),
+        visible=round(plan.visible, 4),
+    )
 
 
 def encode(curve: Curve) -> Curve3D:

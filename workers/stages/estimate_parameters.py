@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from dlo_client.contracts import EstimateParametersRequest, EstimateParametersResult, PlanShapeRequest
+from dlo_client.contracts import EstimateParametersRequest, EstimateParametersResult
 
 from models.manipulation.dynamics import shape_distance
 from models.manipulation.parameters import estimate
 from models.strands.stopwatch import Stopwatch
-from workers.stages.outcome import InvalidInput, Outcome, Tools
-from workers.stages.shapes import contradictions, history_of, learned, length_of, rope_of
+from workers.stages.outcome import Outcome, Tools
+from workers.stages.shapes import check_edges, contradictions, history_of, learned, length_of, rope_of
 
 
 def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
     watch = Stopwatch()
     dynamics, models = learned(tools)
-    check_edges(request)
+    check_edges(request.history)
     rope = rope_of(request.object, length_of(np.array(request.history[0].before)))
     history = history_of(request.history, rope.scale)
     with watch.step("estimate"):
@@ -35,11 +35,3 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
         models=models,
     )
     return Outcome(result, timings_ms=watch.timings_ms)
-
-
-def check_edges(request: EstimateParametersRequest | PlanShapeRequest) -> None:
-    """Every action of the history names an edge that there is."""
-    for k, item in enumerate(request.history):
-        if item.action.edge > len(item.before) - 2:
-            text = f"{len(item.before)} points have edges 0 to {len(item.before) - 2}"
-            raise InvalidInput(f"history.{k}.action.edge", text, "invalid_history")

@@ -27,10 +27,9 @@ from models.tracked_labels.outlines import Strand, StrandCrossing, outline
 from models.tracked_labels.strokes import StrokeError, in_robot_frame, stretches
 from models.tracked_labels.tracked import TrackedParams, TrackedView, label_tracked
 from models.weights.inference import Network, default_name
+from workers.stages.encoding import File, indexed_png, model_used, png
 from workers.stages.outcome import InvalidInput, Outcome, Tools
-from workers.stages.pictures import indexed_png, png
 from workers.stages.posed_pictures import read_view
-from workers.stages.segment import model_used
 
 _BATCH = 64
 _DOUBTFUL = 0.3
@@ -42,7 +41,7 @@ _KNOWN_GAP_M = 0.004
 def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
     watch = Stopwatch()
     with watch.step("decode"):
-        images, cameras = _views(request, tools)
+        images, cameras, remarks = _views(request, tools)
         strokes = _strokes(request, cameras)
     network = tools.network(default_name("corrector"))
     tools.progress(0.2)
@@ -64,14 +63,14 @@ def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
         labels = [_labels(request, k, view) for k, view in enumerate(views)]
         files = _files(request, images, views)
     used: list[ModelUsed] = [model_used(network.spec)] if request.correct else []
-    return Outcome(
-        LabelTrackedResult(views=labels, warnings=_warnings(request, labels), models=used), files, watch.timings_ms
-    )
+    warnings = [*_warnings(request, labels), *remarks]
+    return Outcome(LabelTrackedResult(views=labels, warnings=warnings, models=used), files, watch.timings_ms)
 
 
-def _views(request: LabelTrackedRequest, tools: Tools) -> tuple[list[NDArray[np.uint8]], list[Camera]]:
+def _views(request: LabelTrackedRequest, tools: Tools) -> tuple[list[NDArray[np.uint8]], list[Camera], list[str]]:
     views = [read_view(given, f"views.{index}", tools) for index, given in enumerate(request.views)]
-    return [image for image, _ in views], [camera for _, camera in views]
+    pictures, cameras = [picture for picture, _ in views], [camera for _, camera in views]
+    return [p.rgb for p in pictures], cameras, [remark for p in pictures for remark in p.remarks]
 
 
 def _strokes(request: LabelTrackedRequest, cameras: list[Camera]) -> list[NDArray[np.float64]]:
@@ -165,15 +164,13 @@ def _warnings(request: LabelTrackedRequest, labels: list[TrackedLabels]) -> list
     return warnings
 
 
-def _files(
-    request: LabelTrackedRequest, images: list[NDArray[np.uint8]], views: list[TrackedView]
-) -> dict[str, tuple[str, bytes]]:
+def _files(request: LabelTrackedRequest, images: list[NDArray[np.uint8]], views: list[TrackedView]) -> dict[str, File]:
     files = {}
     for k, (image, view) in enumerate(zip(images, views, strict=True)):
         if "labels" in request.files:
-            files[f"labels_{k}.png"] = ("image/png", indexed_png(view.ids, palette()))
+            files[f"labels_{k}.png"] = indexed_png(view.ids, palette())
         if "overlay" in request.files:
-            files[f"overlay_{k}.png"] = ("image/png", png(_overlay(image, view)))
+            files[f"overlay_{k}.png"] = png(_overlay(image, view))
     return files
 
 

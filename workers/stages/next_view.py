@@ -7,7 +7,6 @@ from dlo_client.contracts import NextViewRequest, NextViewResult
 from models.reconstruction.view_planning import NoView, PlanParams, plan_views
 from workers.stages import curves3d
 from workers.stages.outcome import InvalidInput, Outcome
-from workers.stages.reconstruct import next_view
 
 
 def run(request: NextViewRequest) -> Outcome:
@@ -27,4 +26,4 @@ def run(request: NextViewRequest) -> Outcome:
         plan = plan_views(curve, cameras, params, request.advance)
     except NoView as error:
         raise InvalidInput("cameras", str(error), "invalid_views") from error
-    return Outcome(NextViewResult(next_view=next_view(plan)))
+    return Outcome(NextViewResult(next_view=curves3d.next_view(plan)))

@@ -1,42 +1,47 @@
-"""Bytes to arrays and back; the only place where pictures are decoded."""
+"""The pictures that a request names, through the gate of :mod:`workers.pictures`."""
 
 from __future__ import annotations
 
-import io
-import warnings
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from dlo_client.contracts import ImageSource
 from dlo_client.contracts.images import ImageRef
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
 
 from workers.blobs import BlobMissing
+from workers.pictures.decoding import Samples, decode
+from workers.pictures.headers import PictureError
+from workers.pictures.masks import foreground_of
+from workers.pictures.photographs import rgb_of
+from workers.pictures.two_valued import why_a_mask
 from workers.stages.outcome import InvalidInput, Tools
 
-_WIDE_GRAY = ("I;16", "I;16B", "I;16L", "I")
+
+@dataclass(frozen=True)
+class Picture:
+    """``rgb`` (H, W, 3); ``mask`` (H, W) probability of cable where the picture was recognised as a mask; ``remarks``
+    for the one who sent it, each with the field's name."""
+
+    rgb: NDArray[np.uint8]
+    mask: NDArray[np.float32] | None
+    remarks: list[str]
 
 
-def read_rgb(source: ImageSource, field: str, tools: Tools) -> NDArray[np.uint8]:
-    """The upright picture (H, W, 3). Transparency is dropped, 16-bit gray keeps its upper byte.
+def read_picture(source: ImageSource, field: str, tools: Tools, *, may_be_mask: bool = False) -> Picture:
+    """The upright picture. Raises InvalidInput naming ``field``."""
+    samples = _samples(source, field, tools)
+    if may_be_mask and (why := why_a_mask(samples)):
+        mask, remarks = _mask(samples, field)
+        taken = f"{field}: {why}, so it was taken as a mask; name a `model` to have it looked at as a photograph"
+        return Picture(rgb_of(samples)[0], mask, [taken, *remarks])
+    rgb, remarks = rgb_of(samples)
+    return Picture(rgb, None, _named(field, remarks))
 
-    Raises InvalidInput naming ``field``.
-    """
-    picture = _decode(source, field, tools)
-    if picture.mode in _WIDE_GRAY:
-        gray = (np.asarray(picture).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
-        return np.ascontiguousarray(np.repeat(gray[:, :, None], 3, axis=2))
-    return np.asarray(picture.convert("RGB"))
 
-
-def read_mask(source: ImageSource, field: str, tools: Tools) -> NDArray[np.float32]:
-    """Foreground probability (H, W) from a picture with 0 to 255, or one with only 0 and 1."""
-    picture = _decode(source, field, tools)
-    wide = picture.mode in _WIDE_GRAY
-    values = np.asarray(picture if wide else picture.convert("L")).astype(np.float32)
-    full = 1.0 if values.max() <= 1 else 65535.0 if wide else 255.0
-    return np.asarray(np.clip(values / full, 0.0, 1.0), np.float32)
+def read_mask(source: ImageSource, field: str, tools: Tools) -> tuple[NDArray[np.float32], list[str]]:
+    """Foreground probability (H, W), and remarks. Raises InvalidInput naming ``field``."""
+    return _mask(_samples(source, field, tools), field)
 
 
 def read_depth_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.float32]:
@@ -44,31 +49,25 @@ def read_depth_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.fl
 
     Raises InvalidInput naming ``field``, also for a picture of 8 bits or of colors.
     """
-    picture = _decode(source, field, tools)
-    if picture.mode not in _WIDE_GRAY:
+    values = _samples(source, field, tools).values
+    if values.ndim != 2 or values.dtype not in (np.uint16, np.int32):
         raise InvalidInput(field, "should be 16-bit gray, in millimeters", "invalid_depth")
-    return np.asarray(picture).astype(np.float32) / 1000.0
+    return np.asarray(values.astype(np.float32) / 1000, np.float32)
 
 
-def png(array: NDArray[np.uint8]) -> bytes:
-    """(H, W) gray or (H, W, 3) RGB."""
-    pixels = cv2.cvtColor(array, cv2.COLOR_RGB2BGR) if array.ndim == 3 else array
-    done, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])
-    if not done:
-        raise RuntimeError("PNG encoding failed")
-    return data.tobytes()
+def _mask(samples: Samples, field: str) -> tuple[NDArray[np.float32], list[str]]:
+    try:
+        mask, remarks = foreground_of(samples)
+    except PictureError as error:
+        raise InvalidInput(field, str(error), "invalid_mask") from error
+    return mask, _named(field, remarks)
 
 
-def indexed_png(labels: NDArray[np.uint8], palette: NDArray[np.uint8]) -> bytes:
-    """(H, W) indices with ``palette`` (256, 3)."""
-    picture = Image.fromarray(labels, "P")
-    picture.putpalette(palette.tobytes())
-    buffer = io.BytesIO()
-    picture.save(buffer, "PNG", compress_level=3)
-    return buffer.getvalue()
+def _named(field: str, remarks: list[str]) -> list[str]:
+    return [f"{field}: {remark}" for remark in remarks]
 
 
-def _decode(source: ImageSource, field: str, tools: Tools) -> Image.Image:
+def _samples(source: ImageSource, field: str, tools: Tools) -> Samples:
     if not isinstance(source, ImageRef):
         raise TypeError("the service resolves parts to ids before it enqueues")
     try:
@@ -76,12 +75,6 @@ def _decode(source: ImageSource, field: str, tools: Tools) -> Image.Image:
     except BlobMissing as error:
         raise InvalidInput(field, "its bytes have expired: upload it again", "unknown_image") from error
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            picture = Image.open(io.BytesIO(data))
-            if picture.width * picture.height > tools.max_image_pixels:
-                raise InvalidInput(field, f"{picture.width} × {picture.height} pixels are too many")
-            picture.load()
-            return ImageOps.exif_transpose(picture)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InvalidInput(field, f"cannot be decoded: {error}") from error
+        return decode(data, max_pixels=tools.max_image_pixels)
+    except PictureError as error:
+        raise InvalidInput(field, str(error)) from error

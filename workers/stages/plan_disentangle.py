@@ -11,31 +11,30 @@ from dlo_client.contracts import (
     DisentangleRequest,
     DisentangleResult,
     GripperPose,
-    HarnessState,
-    SectionPlace,
 )
 from numpy.typing import NDArray
 
 from models.disentangling.overlay import draw_action
 from models.disentangling.plan import Action, Base, DisentangleParams, Grasp, assign_arms, plan
-from models.geometry.polylines import arc_lengths
 from models.strands.stopwatch import Stopwatch
 from models.topology import scene as found
 from models.topology.overlay import overlay
 from models.weights.inference import Network, default_name
-from workers.stages.outcome import InvalidInput, Outcome, Tools
-from workers.stages.pictures import png, read_rgb
-from workers.stages.segment import model_used
-from workers.stages.topology import Seen, encode, see
+from workers.stages.encoding import model_used, overlay_png
+from workers.stages.foreground import check_size
+from workers.stages.harness_encoding import decode, encode
+from workers.stages.outcome import Outcome, Tools
+from workers.stages.pictures import read_picture
+from workers.stages.seen_harness import SeenHarness, see_harness
 
 PlanStatus = Literal["planned", "no_crossing", "no_action"]
 
 
 def run(request: DisentangleRequest, tools: Tools) -> Outcome:
     watch = Stopwatch()
-    seen: Seen | None = None
+    seen: SeenHarness | None = None
     if request.topology is None:
-        seen = see(request, tools, watch)
+        seen = see_harness(request, tools, watch)
         topology = seen.topology
     else:
         topology = decode(request.topology)
@@ -55,42 +54,20 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
             message=message,
             actions=[_action(k, a, arms) for k, (a, arms) in enumerate(feasible, start=1)],
             topology=None if seen is None else encode(seen),
+            warnings=seen.remarks if seen else [],
             models=[*(seen.models if seen else []), model_used(network.spec)],
         )
         files = {}
         if "overlay" in request.files:
             picture = overlay(_ground(request, seen, topology, tools), topology)
             best = draw_action(picture, feasible[0][0]) if feasible else picture
-            files["overlay.png"] = ("image/png", png(best))
+            files["overlay.png"] = overlay_png(best)
     return Outcome(result, files, watch.timings_ms)
 
 
 def moves_network(tools: Tools) -> Network:
     """It says how likely a turn is to work."""
     return tools.network(default_name("moves"))
-
-
-def decode(state: HarnessState) -> found.Topology:
-    """A topology as it travels to one to compute with: indices count from 0."""
-    sections = []
-    for s in state.sections:
-        xy = np.array(s.points_xy, dtype=np.float64)
-        first, last = ((b - 1 if b is not None else -1) for b in s.branch_points)
-        length = float(arc_lengths(xy)[-1])
-        if length <= 0:
-            raise InvalidInput("topology.sections", f"section {s.id} has no length", "invalid_topology")
-        sections.append(found.Section(xy, s.width_px, length, s.ends, (first, last), s.closed, s.score))
-    branches = [found.BranchPoint(b.xy, tuple(k - 1 for k in b.sections), b.score) for b in state.branch_points]
-    crossings = [found.Crossing(c.xy, _place(c.over), _place(c.under), c.score, c.order_score) for c in state.crossings]
-    none = np.zeros(0)
-    return found.Topology(
-        (state.height, state.width), "branched" if branches else "plain", tuple(sections), tuple(branches),
-        tuple(crossings), np.zeros((0, 2)), none, np.zeros((0, 2)), np.zeros((0, 2), np.int64), none,
-    )  # fmt: skip
-
-
-def _place(place: SectionPlace) -> found.Place:
-    return found.Place(place.section - 1, place.u)
 
 
 def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None] | None:
@@ -159,15 +136,13 @@ def _pose(grasp: Grasp, arm: str | None) -> GripperPose:
 
 
 def _ground(
-    request: DisentangleRequest, seen: Seen | None, topology: found.Topology, tools: Tools
+    request: DisentangleRequest, seen: SeenHarness | None, topology: found.Topology, tools: Tools
 ) -> NDArray[np.uint8]:
     """The picture to draw on: the one that was sent, or black."""
     if seen is not None:
-        return seen.ground
+        return seen.foreground.picture
     if request.image is None:
         return np.zeros((*topology.size, 3), np.uint8)
-    image = read_rgb(request.image, "image", tools)
-    if image.shape[:2] != topology.size:
-        (h, w), (th, tw) = image.shape[:2], topology.size
-        raise InvalidInput("image", f"is {w} × {h} while the topology is of {tw} × {th}", "size_mismatch")
+    image = read_picture(request.image, "image", tools).rgb
+    check_size("image", image.shape[:2], "topology", topology.size)
     return image

@@ -25,9 +25,8 @@ from models.manipulation.resampling import back_to_points, edge_of_points, node_
 from models.manipulation.scaling import MOVE_SCALE
 from models.manipulation.simulator import BENDING, DAMPING
 from models.strands.stopwatch import Stopwatch
-from workers.stages.estimate_parameters import check_edges
 from workers.stages.outcome import Outcome, Tools
-from workers.stages.shapes import contradictions, crosses_itself, history_of, learned, length_of, rope_of
+from workers.stages.shapes import check_edges, contradictions, crosses_itself, history_of, learned, length_of, rope_of
 from workers.stages.table import state_from_image
 
 FloatArray = NDArray[np.float64]
@@ -49,7 +48,7 @@ class _Problem:
 
 def run(request: PlanShapeRequest, tools: Tools) -> Outcome:
     watch = Stopwatch()
-    check_edges(request)
+    check_edges(request.history)
     target = np.array(request.target_m)
     with watch.step("perceive"):
         seen = state_from_image(request, target, tools) if request.state_m is None else None

@@ -8,7 +8,6 @@ import numpy as np
 from dlo_client.contracts import (
     CurveEnd,
     ModelUsed,
-    NextView,
     OtherCurve,
     ReconstructRequest,
     ReconstructResult,
@@ -31,8 +30,8 @@ from models.reconstruction.view_planning import NoView, Plan, PlanParams, plan_v
 from models.reconstruction.views import View
 from models.strands.stopwatch import Stopwatch
 from workers.stages import curves3d
+from workers.stages.encoding import overlay_png
 from workers.stages.outcome import InvalidInput, Outcome, Tools
-from workers.stages.pictures import png
 from workers.stages.seen_views import NO_CURVE, SeenView, chosen_strand, see
 
 _BORDER_PX = 12.0
@@ -44,7 +43,7 @@ def run(request: ReconstructRequest, tools: Tools) -> Outcome:
     watch = Stopwatch()
     previous = curves3d.decode(request.previous, "previous") if request.previous is not None else None
     with watch.step("perceive"):
-        seen, models = see(request, tools)
+        seen, models, remarks = see(request, tools)
     with watch.step("reconstruct"):
         found = _reconstruct(request, seen, previous)
         first = found[0]
@@ -55,7 +54,7 @@ def run(request: ReconstructRequest, tools: Tools) -> Outcome:
     with watch.step("encode"):
         curves = [first, *found[1:]]
         files = _files(request, seen, curves)
-        result = _result(request, seen, curves, previous, plan, models)
+        result = _result(request, seen, curves, previous, plan, models, remarks)
     return Outcome(result, files, watch.timings_ms)
 
 
@@ -96,18 +95,6 @@ def _plan(found: Reconstruction, seen: list[SeenView]) -> Plan | None:
         return None
 
 
-def next_view(plan: Plan) -> NextView:
-    return NextView(
-        baseline_m=round(plan.baseline_m, 6),
-        delta_z_m=round(plan.delta_z_m, 6),
-        T_world_camera=[curves3d.pose(pose) for pose in plan.poses],
-        sigma_m=float(f"{plan.sigma_m:.4g}"),
-        expected_sigma_m=float(f"{plan.expected_sigma_m:.4g}"),
-        gain=round(plan.gain, 4),
-        visible=round(plan.visible, 4),
-    )
-
-
 def _result(
     request: ReconstructRequest,
     seen: list[SeenView],
@@ -115,6 +102,7 @@ def _result(
     previous: Curve | None,
     plan: Plan | None,
     models: list[ModelUsed],
+    remarks: list[str],
 ) -> ReconstructResult:
     first = found[0]
     return ReconstructResult(
@@ -133,8 +121,8 @@ def _result(
         noise_px=round(first.noise_px / seen[first.reference].scale, 4),
         overlap=round(overlap(first.curve, previous), 4) if previous is not None else None,
         ends=_ends(first, seen),
-        next_view=next_view(plan) if plan is not None else None,
-        warnings=_warnings(first, seen),
+        next_view=curves3d.next_view(plan) if plan is not None else None,
+        warnings=[*_warnings(first, seen), *remarks],
         models=models,
     )
 
@@ -213,5 +201,5 @@ def _files(
         for k, s in enumerate(seen):
             support = found[0].supports[k]
             dropped = None if support.verdict == "used" else f"dropped: {support.verdict.replace('_', ' ')}"
-            files[f"overlay_{k}.png"] = ("image/png", png(reprojection(s.image, s.camera, curves, dropped)))
+            files[f"overlay_{k}.png"] = overlay_png(reprojection(s.image, s.camera, curves, dropped))
     return files

@@ -19,8 +19,9 @@ from models.reconstruction.curves import Curve
 from models.reconstruction.joining import rejoin
 from models.reconstruction.tracking import continuing_strand
 from models.reconstruction.views import Strand, View
-from workers.stages.instances import perceive
+from workers.stages.foreground import Source
 from workers.stages.outcome import InvalidInput, Tools
+from workers.stages.perception import perceive
 from workers.stages.posed_pictures import read_view
 
 WORKING_SIDE = 960
@@ -53,21 +54,23 @@ class SeenView:
         return int(np.argmax(self.share_px[:, self.ids.index(instance)]))
 
 
-def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list[ModelUsed]]:
+def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list[ModelUsed], list[str]]:
     """Raises InvalidInput for a picture that is missing, cannot be read, or is not of its camera's size."""
     seen: list[SeenView] = []
     models: list[ModelUsed] = []
+    remarks: list[str] = []
     for index, given in enumerate(request.views):
-        image, camera = read_view(given, f"views.{index}", tools)
-        found = perceive(image, tools, model=request.model, threshold=request.threshold)
-        scale = min(1.0, WORKING_SIDE / max(image.shape[:2]))
-        strands, ids = strands_of(found.scene, found.probability, camera, scale)
+        picture, camera = read_view(given, f"views.{index}", tools, may_be_mask=request.model is None)
+        remarks += picture.remarks
+        found = perceive(Source.of(picture), tools, model=request.model, threshold=request.threshold)
+        scale = min(1.0, WORKING_SIDE / max(picture.rgb.shape[:2]))
+        strands, ids = strands_of(found.scene, found.foreground.probability, camera, scale)
         view = View(working_camera(camera, scale), strands, given.name or f"views[{index}]")
-        seen.append(SeenView(image, camera, view, scale, ids, np.zeros((len(ids), len(ids)))))
+        seen.append(SeenView(picture.rgb, camera, view, scale, ids, np.zeros((len(ids), len(ids)))))
         models.extend(m for m in found.models if m not in models)
         tools.progress(0.9 * (index + 1) / len(request.views))
     joined = rejoin([s.view for s in seen])
-    return [replace(s, view=r.view, share_px=r.share_px) for s, r in zip(seen, joined, strict=True)], models
+    return [replace(s, view=r.view, share_px=r.share_px) for s, r in zip(seen, joined, strict=True)], models, remarks
 
 
 def strands_of(

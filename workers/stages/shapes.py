@@ -16,8 +16,8 @@ from models.manipulation.parameters import History
 from models.manipulation.resampling import node_edge_of, to_nodes
 from models.manipulation.simulator import LENGTH_M, MASS_KG
 from models.weights.inference import default_name
-from workers.stages.outcome import Tools
-from workers.stages.segment import model_used
+from workers.stages.encoding import model_used
+from workers.stages.outcome import InvalidInput, Tools
 
 FloatArray = NDArray[np.float64]
 NETWORKS = ("dynamics", "dynamics_by_move", "dynamics_by_rope")
@@ -62,6 +62,14 @@ def length_of(points: FloatArray) -> float:
 
 def crosses_itself(points: FloatArray) -> bool:
     return len(crossing_segments(points[:-1], points[1:]).xy) > 0
+
+
+def check_edges(history: Sequence[Experience]) -> None:
+    """Every action of the history names an edge that there is. Raises InvalidInput naming the item."""
+    for k, item in enumerate(history):
+        if item.action.edge > len(item.before) - 2:
+            text = f"{len(item.before)} points have edges 0 to {len(item.before) - 2}"
+            raise InvalidInput(f"history.{k}.action.edge", text, "invalid_history")
 
 
 def history_of(items: Sequence[Experience], scale: float) -> History:

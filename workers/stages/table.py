@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from models.geometry.polylines import arc_lengths
 from models.manipulation.dynamics import shape_distance
 from models.manipulation.resampling import to_nodes
-from workers.stages.instances import perceive
+from workers.stages.foreground import Source
 from workers.stages.outcome import InvalidInput, Tools
-from workers.stages.pictures import read_rgb
+from workers.stages.perception import perceive
+from workers.stages.pictures import read_picture
 
 FloatArray = NDArray[np.float64]
 
@@ -36,14 +37,15 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
     if request.image is None:
         raise InvalidInput("image", "is missing: give state_m, or a picture beside the homography")
     assert request.homography is not None
-    perception = perceive(read_rgb(request.image, "image", tools), tools, model=request.model)
+    picture = read_picture(request.image, "image", tools, may_be_mask=request.model is None)
+    perception = perceive(Source.of(picture), tools, model=request.model)
     lines = [to_table(i.centerline_xy, np.array(request.homography)) for i in perception.scene.instances]
     if not lines:
         raise InvalidInput("image", "no DLO was found in it", "none_found")
     wanted = request.object.length_m or float(arc_lengths(target)[-1])
     lengths = np.array([arc_lengths(line)[-1] for line in lines])
     chosen = int(np.argmin(np.abs(np.log(np.maximum(lengths, 1e-9) / wanted))))
-    warnings = []
+    warnings = [PlanWarning(code="picture", field="image", message=text) for text in picture.remarks]
     if len(lines) > 1:
         text = f"{len(lines)} DLOs are in the picture; planned for the one {lengths[chosen]:.3f} m long"
         warnings.append(PlanWarning(code="other_dlo", field="image", message=text))

@@ -30,6 +30,15 @@ class ImagePart(Contract):
 ImageSource = ImageRef | ImagePart
 
 
+PictureWarnings = Annotated[
+    list[str],
+    Field(
+        description="how a picture was read where that may surprise its sender: taken as a mask, further pages passed "
+        "over, values scaled, nothing but one color; each begins with the field"
+    ),
+]
+
+
 class ImageInfo(Reply):
     """What the service knows of an uploaded picture; ``width`` and ``height`` of the upright picture."""
 

@@ -139,7 +139,7 @@ class PlanWarning(Reply):
 
     code: Literal[
         "mass_untrained", "length_untrained", "lengths_differ", "self_crossing", "history_contradicts",
-        "parameters_untrained", "limits_reduced", "other_dlo",
+        "parameters_untrained", "limits_reduced", "other_dlo", "picture",
     ] = Field(description="for programs")  # fmt: skip
     field: str = Field(description="of the request, that it is about")
     message: str = Field(description="the code in words")

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Probability, Reply
-from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.images import ImageSource, PictureWarnings
 from dlo_client.contracts.labelling import LabelTrackedRequest, LabelTrackedResult
 from dlo_client.contracts.manipulation import (
     EstimateParametersRequest,
@@ -50,6 +50,7 @@ class SegmentResult(Reply):
     height: int = Field(description="of the upright picture, pixels")
     coverage: Probability = Field(description="share of pixels at or above the threshold")
     threshold: Probability = Field(description="from which a pixel counts as foreground")
+    warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
@@ -74,14 +75,16 @@ class InstancesResult(Reply):
     instances: list[Instance] = Field(description="every DLO, ids from 1 in order")
     crossings: list[Crossing] = Field(description="where DLOs cross each other or themselves")
     status: SceneStatus = Field(description="whether the answer can be relied on")
+    warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
 class InstancesRequest(JobRequest[InstancesResult]):
     """Picture, or foreground mask, to DLO instances.
 
-    With ``image`` alone the foreground network makes the mask. With ``mask`` (white or 1 = DLO) no network
-    looks at the foreground; an ``image`` beside it, of the same size, decides the order at crossings.
+    With ``image`` alone the foreground network makes the mask, unless the picture is one (two values) and no
+    ``model`` is named. With ``mask`` (what is not background is DLO: white, 1, 2, red) no network looks at the
+    foreground; an ``image`` beside it, of the same size, decides the order at crossings.
     """
 
     kind: Literal["instances"] = Field(default="instances", description="of the job")
@@ -95,7 +98,9 @@ class InstancesRequest(JobRequest[InstancesResult]):
         default=None, ge=2, le=2000, description="default: one point about every 5 px"
     )
     files: list[InstanceFile] = Field(
-        default=["instances", "overlay"], max_length=3, description="to make beside the result"
+        default=["instances", "overlay"],
+        max_length=3,
+        description="to make beside the result; `overlay` is for people and 1280 px long at most",
     )
 
     @model_validator(mode="before")

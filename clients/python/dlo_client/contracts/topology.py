@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from dlo_client.contracts.base import Contract, Point, Probability, Reply
-from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.images import ImageSource, PictureWarnings
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
@@ -166,6 +166,7 @@ class TopologyResult(Reply):
     branch_points: list[BranchPoint] = Field(description="ids from 1 in order")
     crossings: list[SectionCrossing] = Field(description="ids from 1 in order")
     match: DrawingMatch | None = Field(default=None, description="against the drawing, when one was given")
+    warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
@@ -173,7 +174,7 @@ class _HarnessSource(Contract):
     """Where the foreground comes from, and what else is seen."""
 
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
-    mask: ImageSource | None = Field(default=None, description="or a `mask` part; white or 1 is DLO")
+    mask: ImageSource | None = Field(default=None, description="or a `mask` part; what is not background is DLO")
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
     depth: ImageSource | None = Field(
@@ -282,6 +283,7 @@ class DisentangleResult(Reply):
     message: str = Field(description="the status in words")
     actions: list[DisentangleAction] = Field(description="best first")
     topology: TopologyResult | None = Field(description="what was seen, when a picture was given")
+    warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 

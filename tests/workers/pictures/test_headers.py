@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from services.pictures import PictureError, Size, inspect
 from tests.services import samples
+from workers.pictures.headers import PictureError, Size, inspect
 
 MEGAPIXELS_64 = 64_000_000
 

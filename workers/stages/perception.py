@@ -1,0 +1,46 @@
+"""Foreground to DLO instances, on arrays: what ``instances``, ``reconstruct`` and ``plan_shape`` share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dlo_client.contracts import ModelUsed
+from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
+
+from models.instances.scene import Scene
+from models.strands.stopwatch import Stopwatch
+from workers.stages.encoding import model_used
+from workers.stages.foreground import Foreground, Source, find_foreground
+from workers.stages.instance_methods import extract_with
+from workers.stages.outcome import Tools
+
+
+@dataclass(frozen=True)
+class Perception:
+    """What was seen in one picture, and how long each step took."""
+
+    scene: Scene
+    foreground: Foreground
+    models: list[ModelUsed]
+    timings_ms: dict[str, float]
+
+
+def perceive(
+    source: Source,
+    tools: Tools,
+    *,
+    model: str | None = None,
+    threshold: float | None = None,
+    method: InstanceMethod = DEFAULT_METHOD,
+    params: MethodParams | None = None,
+) -> Perception:
+    """The whole chain. Raises InvalidInput naming ``model``."""
+    watch = Stopwatch()
+    with watch.step("segment"):
+        foreground = find_foreground(source, tools, model=model, threshold=threshold)
+    extract, networks = extract_with(method, params, tools)
+    with watch.step("instances"):
+        scene = extract(foreground.cable, source.image)
+    models = [*foreground.models, *(model_used(network.spec) for network in networks)]
+    timings = watch.timings_ms | {f"instances.{name}": ms for name, ms in scene.timings_ms.items()}
+    return Perception(scene, foreground, models, timings)
