@@ -14,11 +14,12 @@ export class ProblemError extends Error {
 export class Api {
   key = "";
 
-  /** Submits one picture or several and follows the job to its end; `onChange(job)` sees every state on the way. */
-  async run(request, files, onChange, signal) {
+  /** Submits one picture or several, or a mask where `part` is "mask", and follows the job to its end; `onChange(job)`
+      sees every state on the way. */
+  async run(request, files, onChange, signal, part = "image") {
     const body = new FormData();
     body.append("request", JSON.stringify(request));
-    for (const file of [files].flat()) body.append("image", file);
+    for (const file of [files].flat()) body.append(part, file);
     let job = await this.json(`v1/jobs?wait=${FIRST_WAIT_S}`, { method: "POST", body, signal });
     while (!FINAL.has(job.state)) {
       onChange(job);

@@ -8,6 +8,7 @@ import { curlOf, pythonOf } from "./snippets.js";
 
 const REACH = 6; // screen pixels between the pointer and a cable that still count as on it
 const LARGEST_SIDE = 8192; // device pixels a canvas may have in one direction
+const FILES = ["instances", "overlay", "mask"];
 const TALLEST = 0.72; // of the window, for a picture that is fitted
 
 const api = new Api();
@@ -15,6 +16,7 @@ const canvas = byId("canvas");
 const context = canvas.getContext("2d");
 const page = {
   file: null,
+  request: null, // the one whose answer is shown
   scene: { bitmap: null, result: null, map: null },
   job: null,
   running: null, // the AbortController of the request on its way
@@ -52,7 +54,8 @@ async function run() {
   showProblem(null);
   showBusy(true);
   try {
-    finish(await api.run(requestOf(), page.file, follow, controller.signal));
+    page.request = requestOf();
+    finish(await api.run({ ...page.request, files: [] }, page.file, follow, controller.signal));
   } catch (error) {
     if (controller.signal.aborted) return;
     report(error);
@@ -75,7 +78,7 @@ function finish(job) {
   page.scene.map = labelMap(job.result);
   showResult(job.result, hover, pin);
   showTimings(job.timings_ms);
-  showFiles([...job.files.map(({ name }) => name), "result.json"], save);
+  showFiles([...FILES.map((name) => `${name}.png`), "result.json"], save);
   const found = `${job.result.instances.length} instances, ${job.result.crossings.length} crossings`;
   canvas.setAttribute("aria-label", `${page.file.name}: ${found}`);
   redraw();
@@ -167,10 +170,17 @@ function underPointer(event) {
 async function save(name) {
   const json = new Blob([JSON.stringify(page.job.result, null, 2)], { type: "application/json" });
   try {
-    download(name === "result.json" ? json : await api.file(page.job.id, name), name);
+    download(name === "result.json" ? json : await made(name), name);
   } catch (error) {
     showProblem(error.problem ?? { title: name, detail: error.message, errors: [] });
   }
+}
+
+/** Files are made when somebody wants them: the job whose answer is shown was asked for none. */
+async function made(name) {
+  const request = { ...page.request, files: [name.replace(".png", "")] };
+  const job = await api.run(request, page.file, () => {});
+  return api.file(job.id, name);
 }
 
 function download(blob, name) {

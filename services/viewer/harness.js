@@ -29,7 +29,9 @@ async function run() {
   byId("progress").hidden = false;
   try {
     const request = await requestOf();
-    show(await api.run(request, page.file, (job) => (byId("progress").value = job.progress), controller.signal));
+    const part = byId("as").value === "mask" ? "mask" : "image";
+    const follow = (job) => (byId("progress").value = job.progress);
+    show(await api.run(request, page.file, follow, controller.signal, part));
   } catch (error) {
     if (!controller.signal.aborted) report(error);
   } finally {
@@ -37,11 +39,19 @@ async function run() {
   }
 }
 
-/** Naming branches needs the drawing, which only `topology` takes. */
+/** Naming branches needs the drawing, which only `topology` takes. A request that names its network looks at every
+    picture as a photograph. No files: this page draws by itself. */
 async function requestOf() {
+  const request = { kind: byId("kind").value, files: [] };
+  if (byId("as").value === "photograph") request.model = await foregroundNetwork();
   const drawing = byId("drawing").files[0];
-  if (!drawing) return { kind: byId("kind").value };
-  return { kind: "topology", drawing: JSON.parse(await drawing.text()) };
+  if (!drawing) return request;
+  return { ...request, kind: "topology", drawing: JSON.parse(await drawing.text()) };
+}
+
+async function foregroundNetwork() {
+  const networks = await api.networks();
+  return networks.find((network) => network.task === "foreground" && network.default)?.name;
 }
 
 function show(job) {
@@ -52,6 +62,7 @@ function show(job) {
   page.chosen = 0;
   byId("status").value = result.status.replaceAll("_", " ");
   byId("message").textContent = [result.message, matchText(page.topology?.match)].filter(Boolean).join(" ");
+  byId("warnings").replaceChildren(...(result.warnings ?? []).map((text) => part("li", "", text)));
   fill();
   const { sections, branch_points: branches, crossings } = page.topology;
   const found = `${sections.length} sections, ${branches.length} branch-points, ${crossings.length} crossings`;
@@ -125,6 +136,7 @@ function forget() {
   for (const name of LISTS) byId(name).replaceChildren();
   for (const name of ["status", "section-count", "branch-count", "crossing-count", "action-count"]) byId(name).value = "";
   byId("message").textContent = "";
+  byId("warnings").replaceChildren();
   redraw();
 }
 

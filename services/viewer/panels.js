@@ -14,12 +14,13 @@ export function showResult(result, onHover, onClick) {
   }
   byId("status").textContent = statusOf(result.status);
   byId("status").className = result.status.code === "ok" ? "sure" : "unsure";
+  byId("warnings").replaceChildren(...(result.warnings ?? []).map((text) => element("li", "", text)));
   byId("instance-count").value = result.instances.length;
   byId("crossing-count").value = result.crossings.length;
 }
 
 export function clearResult() {
-  for (const id of ["status", "instances", "crossings", "timings", "bar", "files"]) byId(id).replaceChildren();
+  for (const id of ["status", "warnings", "instances", "crossings", "timings", "bar", "files"]) byId(id).replaceChildren();
   for (const id of ["instance-count", "crossing-count", "total"]) byId(id).value = "";
 }
 

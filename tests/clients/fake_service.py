@@ -30,6 +30,7 @@ class FakeService:
         self.refusal: Problem | None = None
         self.slow = False
         self.requests: list[str] = []
+        self.parts: list[list[str]] = []
         self.keys: list[str | None] = []
         self.cancelled = threading.Event()
         self.file = samples.OVERLAY
@@ -51,6 +52,7 @@ class FakeService:
         self.keys.append(request.headers.get("Authorization"))
         async with request.form() as form:
             self.requests.append(str(form["request"]))
+            self.parts.append([name for name in form if name != "request"])
         if self.refusal is not None:
             body = self.refusal.model_dump_json()
             return Response(body, self.refusal.status, media_type="application/problem+json")

@@ -227,12 +227,15 @@ def test_a_picture_the_browser_cannot_read_still_shows_its_lines(page: Any) -> N
     assert color_at(page, 40, 60) == palette()[1].tolist()
 
 
-def test_files_are_saved_under_the_pictures_name(page: Any) -> None:
+def test_files_are_made_when_asked_for_and_saved_under_the_pictures_name(page: Any, service: FakeService) -> None:
+    """The page asked for the overlay of every picture and did not draw it: large ones took four times as long."""
     analyze(page)
+    assert '"files":[]' in service.requests[0]
     with page.expect_download() as download:
         page.click("text=overlay.png")
     assert download.value.suggested_filename == "it's.overlay.png"
     assert Path(download.value.path()).read_bytes() == samples.OVERLAY
+    assert '"files":["overlay"]' in service.requests[-1]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -60,3 +60,18 @@ def test_a_drawing_asks_for_names(page: Any, service: FakeService) -> None:
     page.wait_for_function("document.querySelector('#section-count').value === '3'")
     assert '"kind":"topology"' in service.requests[0]
     assert '"trunk"' in service.requests[0]
+
+
+@pytest.mark.parametrize(
+    ("choice", "part", "named"), [("", "image", False), ("photograph", "image", True), ("mask", "mask", False)]
+)
+def test_a_mask_is_offered_to_be_taken_as_one(
+    page: Any, service: FakeService, choice: str, part: str, named: bool
+) -> None:
+    """A harness mask opened on this page was segmented like a photograph: four branch-points where there is one."""
+    page.select_option("#as", choice)
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#actions button")
+    assert service.parts[0] == [part]
+    assert (f'"model":"{samples.network().name}"' in service.requests[0]) == named
+    assert '"files":[]' in service.requests[0]
