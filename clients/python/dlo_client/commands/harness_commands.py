@@ -29,7 +29,7 @@ Drawing = Annotated[
 Arm = Annotated[
     list[str] | None, typer.Option(metavar="NAME:X,Y", help="Base of an arm in the picture's plane, px; twice or more.")
 ]
-Masks = Annotated[bool, typer.Option("--masks", help="The pictures are masks: white is DLO.")]
+Masks = Annotated[bool, typer.Option("--masks", help="The pictures are masks: what is not background is DLO.")]
 
 
 @app.command()

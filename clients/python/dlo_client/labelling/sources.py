@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".bmp", ".tif", ".tiff", ".webp"})
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".gif", ".bmp", ".tif", ".tiff", ".webp"})
 _UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError)
 _LONGEST_PART = 200
 """Bytes of a file name; file systems allow 255, and ours get something appended."""
@@ -120,7 +120,7 @@ def _walk(folder: Path, skip: Path | None) -> Iterator[Path]:
 def _listed(file: Path) -> Iterator[tuple[Path, Path]]:
     """Every line is a path, absolute or from the list's folder. A missing one is kept: it is then reported."""
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise SourceError(f"{file}: neither a picture, an archive nor a list of paths in UTF-8") from error
     for line in (text.strip() for text in lines):
