@@ -56,7 +56,7 @@ SUBMISSION: dict[str, Any] = {
 
 PICTURE: dict[str, Any] = {
     "required": True,
-    "description": "A PNG, JPEG, TIFF, WebP or BMP; which of them is told by the content.",
+    "description": "A PNG, JPEG, TIFF, WebP, BMP or GIF; which of them is told by the content.",
     "content": {
         "image/*": {"schema": _PICTURE},
         "application/octet-stream": {"schema": _PICTURE},
