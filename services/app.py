@@ -11,6 +11,7 @@ from contextlib import asynccontextmanager, suppress
 
 import redis
 from anyio import to_thread
+from dlo_client.version import __version__
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
@@ -40,7 +41,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     backend = _assemble(settings)
     app = FastAPI(
         title="DLO perception service",
-        version="1",
+        version=__version__,
         description=DESCRIPTION,
         lifespan=_lifespan,
         docs_url=None,  # documentation pages of our own, without a network: routes.docs

@@ -6,10 +6,14 @@ it. An *offset* is a distance in pixels of the crop along its middle row; positi
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from models.geometry.arrays import ByteArray, FloatArray
+from models.geometry.arrays import ByteArray, Float32Array, FloatArray
 
 SIZE = 96
 """Side of a crop, px (thesis 2.5.3)."""
@@ -50,3 +54,24 @@ def in_crop(points_xy: FloatArray, at_xy: FloatArray, tangent_xy: FloatArray, sc
     column = np.array([row[1], -row[0]])
     out: FloatArray = (points_xy - at_xy) @ np.stack([row, column], axis=1) / scale + MIDDLE
     return out
+
+
+_BATCH = 64
+"""Crops that the network reads at once: memory, not results, depends on it."""
+
+
+class CorrectorNetwork(Protocol):
+    """(n, SIZE, SIZE, 3) crops to (n, SIZE) column probabilities and (n, SIZE) widths."""
+
+    def run(self, *inputs: NDArray) -> tuple[NDArray, ...]: ...
+
+
+def reader_of(network: CorrectorNetwork) -> Callable[[ByteArray], tuple[Float32Array, Float32Array]]:
+    """The network on any number of crops."""
+
+    def read(crops: ByteArray) -> tuple[Float32Array, Float32Array]:
+        parts = [network.run(crops[k : k + _BATCH]) for k in range(0, len(crops), _BATCH)]
+        columns, widths = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return columns, widths
+
+    return read

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from dlo_client.contracts import NetworkInfo
+from dlo_client.version import __version__
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
@@ -22,10 +23,22 @@ class Health(BaseModel):
     status: Literal["ok"] = Field(default="ok", description="always `ok`; a probe that fails answers with a problem")
 
 
+class Version(BaseModel):
+    """The release that answers; the SDK and the library of that release have the same version."""
+
+    version: str = __version__
+
+
 @router.get("/healthz")
 async def alive() -> Health:
     """The process answers."""
     return Health()
+
+
+@router.get("/version")
+async def which() -> Version:
+    """The version of the service."""
+    return Version()
 
 
 @router.get("/readyz", responses=documents.problems())

@@ -3,6 +3,7 @@
 import re
 from datetime import UTC, datetime
 
+import dlo_client
 import pytest
 from dlo_client.contracts import NetworkInfo
 from prometheus_client.parser import text_string_to_metric_families
@@ -25,6 +26,11 @@ NETWORK = NetworkInfo(
     origin="here",
     license="Apache-2.0",
 )
+
+
+def test_the_version_is_that_of_the_sdk(client):
+    assert client.get("/version").json() == {"version": dlo_client.__version__}
+    assert client.get("/openapi.json").json()["info"]["version"] == dlo_client.__version__
 
 
 @pytest.fixture

@@ -21,17 +21,17 @@ from models.geometry import rle
 from models.geometry.cameras import Camera
 from models.instances.drawing import palette
 from models.strands.stopwatch import Stopwatch
-from models.tracked_labels.correction import CorrectedStroke, CorrectionParams, CropReader
+from models.tracked_labels.correction import CorrectedStroke, CorrectionParams
+from models.tracked_labels.crops import reader_of
 from models.tracked_labels.ends import EndParams
 from models.tracked_labels.outlines import Strand, StrandCrossing, outline
 from models.tracked_labels.strokes import StrokeError, in_robot_frame, stretches
 from models.tracked_labels.tracked import TrackedParams, TrackedView, label_tracked
-from models.weights.inference import Network, default_name
+from models.weights.inference import default_name
 from workers.stages.encoding import File, indexed_png, model_used, png
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.posed_pictures import read_view
 
-_BATCH = 64
 _DOUBTFUL = 0.3
 _BORDER_PX = 1.5
 _KNOWN_GAP_M = 0.004
@@ -55,7 +55,7 @@ def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
     thickness = [stroke.thickness_m for stroke in request.strokes]
     with watch.step("correct"):
         try:
-            views = label_tracked(images, cameras, strokes, thickness, _reader(network), params)
+            views = label_tracked(images, cameras, strokes, thickness, reader_of(network), params)
         except StrokeError as error:
             raise InvalidInput("strokes", str(error), "invalid_strokes") from error
     tools.progress(0.8)
@@ -85,15 +85,6 @@ def _strokes(request: LabelTrackedRequest, cameras: list[Camera]) -> list[NDArra
             raise InvalidInput(f"strokes.{index}.points_m", message, "invalid_strokes")
         strokes.append(points)
     return strokes
-
-
-def _reader(network: Network) -> CropReader:
-    def read(crops: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        parts = [network.run(crops[k : k + _BATCH]) for k in range(0, len(crops), _BATCH)]
-        columns, widths = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return columns, widths
-
-    return read
 
 
 def _labels(request: LabelTrackedRequest, index: int, view: TrackedView) -> TrackedLabels:

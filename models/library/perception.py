@@ -1,0 +1,121 @@
+"""One picture to its foreground, its DLOs, or the topology of its harnesses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array
+from models.instances.methods import METHODS
+from models.instances.published.ariadne_plus import AriadnePlusParams
+from models.instances.published.fastdlo import FastDloParams
+from models.instances.published.rt_dlo import RtDloParams
+from models.instances.scene import Scene
+from models.instances.section_matching import SectionMatchingParams
+from models.library import arguments, loading
+from models.library.arguments import ArgumentError
+from models.segmentation import segment as foreground
+from models.topology.classifiers import JUDGES, Judges
+from models.topology.extraction import extract
+from models.topology.order import depth_map
+from models.topology.scene import Topology
+
+Method = Literal["section_matching", "rt_dlo", "fastdlo", "ariadne_plus"]
+MethodParams = SectionMatchingParams | RtDloParams | FastDloParams | AriadnePlusParams
+
+
+@dataclass(frozen=True, eq=False)
+class Foreground:
+    """``probability`` ``(H, W)`` of a DLO; ``mask`` ``(H, W)``, what counts as foreground at ``threshold``."""
+
+    probability: Float32Array
+    mask: BoolArray
+    threshold: float
+
+
+def segment(picture: ArrayLike, *, model: str | None = None, threshold: float | None = None) -> Foreground:
+    """The foreground of a picture (thesis chapter 2).
+
+    ``picture``: ``(H, W, 3)`` uint8 RGB. ``model``: a network of the task ``foreground``. ``threshold``: 0 to 1; with
+    one, the mask is the probability cut there; without, patches that are small or not certain are left out.
+
+    Raises ArgumentError.
+    """
+    image = arguments.picture(picture, "picture")
+    task = "foreground"
+    network = loading.default(task) if model is None else loading.named(model, task, "model")
+    settings = foreground.ForegroundInput.from_manifest(network.spec.preprocess)
+    limit = None if threshold is None else arguments.number(threshold, "threshold", 0, 1)
+    probability = foreground.segment(image, network, settings)
+    mask = foreground.foreground_mask(probability, settings, limit)
+    return Foreground(probability, mask, settings.threshold if limit is None else limit)
+
+
+def instances(
+    picture: ArrayLike | None = None,
+    mask: ArrayLike | None = None,
+    *,
+    method: Method = "section_matching",
+    params: MethodParams | None = None,
+    model: str | None = None,
+    threshold: float | None = None,
+) -> Scene:
+    """The DLOs of a picture, of a mask, or of a mask with the picture's colors.
+
+    ``picture``: ``(H, W, 3)`` uint8 RGB. ``mask``: ``(H, W)`` bool, integers (not 0: foreground) or
+    probabilities; without it the foreground is found with ``model`` and ``threshold`` as in
+    :func:`segment`. ``params``: those of the ``method``.
+
+    Raises ArgumentError.
+    """
+    if method not in METHODS:
+        raise ArgumentError("method", f"is {method!r}; there are {', '.join(METHODS)}")
+    chosen = METHODS[method]
+    if params is not None and type(params) is not chosen.params:
+        raise ArgumentError("params", f"are {type(params).__name__}; {method} takes {chosen.params.__name__}")
+    seen, image = _seen(picture, mask, model, threshold)
+    return chosen.extract(seen, image, params or chosen.params(), [loading.default(task) for task in chosen.tasks])
+
+
+def topology(
+    picture: ArrayLike | None = None,
+    mask: ArrayLike | None = None,
+    *,
+    depth_m: ArrayLike | None = None,
+    model: str | None = None,
+    threshold: float | None = None,
+) -> Topology:
+    """Sections, branch-points and crossings of wire harnesses (thesis chapter 6).
+
+    ``picture``, ``mask``, ``model`` and ``threshold`` as for :func:`instances`; ``depth_m``: ``(H, W)``
+    meters to the camera, 0 or NaN where unknown: it shows which strand is on top.
+
+    Raises ArgumentError.
+    """
+    seen, image = _seen(picture, mask, model, threshold)
+    surfaces = []
+    if depth_m is not None:
+        depth = arguments.depth(depth_m, "depth_m")
+        arguments.same_size(seen, depth, ("picture" if mask is None else "mask", "depth_m"))
+        surfaces.append(depth_map(depth))
+    judges = Judges(*(loading.default(task) for task in JUDGES))
+    return extract(seen, loading.default("topology"), judges, image, surfaces)
+
+
+def _seen(
+    picture: ArrayLike | None, mask: ArrayLike | None, model: str | None, threshold: float | None
+) -> tuple[BoolArray, ByteArray | None]:
+    """Foreground, and the picture if there is one."""
+    if picture is None and mask is None:
+        raise ArgumentError("picture", "or a mask is needed")
+    image = None if picture is None else arguments.picture(picture, "picture")
+    if mask is None:
+        assert image is not None
+        return segment(image, model=model, threshold=threshold).mask, image
+    limit = None if threshold is None else arguments.number(threshold, "threshold", 0, 1)
+    given = arguments.mask(mask, "mask", limit)
+    if image is not None:
+        arguments.same_size(image, given, ("picture", "mask"))
+    return given, image
