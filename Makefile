@@ -29,7 +29,7 @@ dev: $(BIN)/.dev
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS)
 
 ## Everything that CI runs. The summary at its end names what was skipped and why.
-test: lint
+test: lint docs
 	$(PYTEST) --dist worksteal --cov --cov-report=html:build/coverage/html --cov-report=
 
 ## Lint, types and the unit tests: what to run while working.
@@ -42,6 +42,10 @@ lint: $(BIN)/.dev
 	$(BIN)/mypy --num-workers $(JOBS)
 	$(BIN)/lint-imports
 	$(BIN)/hadolint Dockerfile
+
+## The documentation, to build/docs; a warning, such as a link that leads nowhere, is an error.
+docs: $(BIN)/.dev
+	$(BIN)/python -m sphinx -q -W --keep-going -d build/doctrees docs build/docs
 
 ## Measure: tables on the screen, JSON in build/bench, tests/benchmarks/RESULTS.md from both.
 bench: $(BIN)/.dev

@@ -19,9 +19,8 @@ nitpicky = False
 
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
-# In the repository these links lead to files; the built pages do not copy them.
 myst_url_schemes = ["http", "https", "mailto"]
-suppress_warnings = ["misc.highlighting_failure"]
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
+add_module_names = False

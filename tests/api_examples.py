@@ -59,6 +59,7 @@ def examples() -> tuple[Example, ...]:
     views = [_view(x) for x in (-0.03, 0.0, 0.03)]
     stroke = {"points_m": [[x, y, 0.008] for x, y in _ALONG], "thickness_m": 0.0036}
     moved = {"before": _LINE, "action": {"edge": 7, "dx_m": 0.0, "dy_m": 0.03, "dtheta_rad": 0.0}, "after": _moved()}
+    looked = {"curve": _curve(-0.05, 0.05), "cameras": [views[0], views[2]]}
     shape = {"state_m": _LINE, "target_m": _ARC, "object": {"mass_kg": 0.05}}
     return (
         Example({"kind": "segment"}, "Foreground probability of a picture.", (_PICTURE,)),
@@ -66,11 +67,11 @@ def examples() -> tuple[Example, ...]:
         Example({"kind": "topology"}, "A wire harness in a mask.", mask=_HARNESS),
         Example({"kind": "plan_disentangle", "at_most": 1}, "How to remove its crossing.", mask=_HARNESS),
         Example({"kind": "reconstruct", "points": 20, "views": views}, "A cable in space.", _FROM_POSES),
-        Example({"kind": "next_view", "curve": _curve(-0.05, 0.05), "cameras": [views[0], views[2]]}, "Where to look from next."),
+        Example({"kind": "next_view", **looked}, "Where to look from next."),
         Example({"kind": "merge_curves", "curves": [_curve(-0.1, 0.02), _curve(-0.02, 0.1)]}, "Sections to one."),
         Example({"kind": "plan_shape", **shape}, "The action that brings a rope closest to a shape."),
         Example({"kind": "estimate_parameters", "object": {"mass_kg": 0.05}, "history": [moved]}, "What rope it is."),
-        Example({"kind": "label_tracked", "views": views, "strokes": [stroke]}, "Labels of every picture.", _FROM_POSES),
+        Example({"kind": "label_tracked", "views": views, "strokes": [stroke]}, "Labels of pictures.", _FROM_POSES),
         Example({"kind": "noop"}, "Nothing: the path of a job."),
     )  # fmt: skip
 
@@ -152,12 +153,14 @@ HEAD = """# The API by example
 Written by `python -m tests.api_examples`; the tests send each request. The reference of every field is at `/docs` of a
 running service. Start one with `make serve`, and run the commands in the repository's folder.
 
-`POST /v1/jobs` takes a request as JSON (`application/json`), or as the part `request` of a form with its pictures as parts
-`image` and `mask`, which fill the fields left out, in order. Without `?wait=` the answer is 202 and the job's address; with it the
-answer is 200 and the job with its `result`, if it is done in time. Long lists are cut here (`…`).
+`POST /v1/jobs` takes a request as JSON (`application/json`), or as the part `request` of a form with its pictures
+as parts `image` and `mask`, which fill the fields left out, in order. Without `?wait=` the answer is 202 and the
+job's address; with it the answer is 200 and the job with its `result`, if it is done in time. Long lists are cut
+here (`…`).
 
-Points are `(x, y)` in pixels of the upright picture; the center of the top-left pixel is `(0, 0)`. `T_world_camera` takes the
-camera's frame (z forward, y down, meters) to the world. Every error is `application/problem+json` and names the field.
+Points are `(x, y)` in pixels of the upright picture; the center of the top-left pixel is `(0, 0)`.
+`T_world_camera` takes the camera's frame (z forward, y down, meters) to the world. Every error is
+`application/problem+json` and names the field.
 """
 
 
