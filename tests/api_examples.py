@@ -158,6 +158,10 @@ as parts `image` and `mask`, which fill the fields left out, in order. Without `
 job's address; with it the answer is 200 and the job with its `result`, if it is done in time. Long lists are cut
 here (`…`).
 
+Pictures are PNG, JPEG, TIFF, WebP, BMP or GIF with 1 to 32 bits a sample; in a mask whatever is not background is
+cable, be it 1, 2, white, red or opaque. How a picture was read where that may surprise (taken as a mask, further
+pages, scaled) is in the answer's `warnings`.
+
 Points are `(x, y)` in pixels of the upright picture; the center of the top-left pixel is `(0, 0)`.
 `T_world_camera` takes the camera's frame (z forward, y down, meters) to the world. Every error is
 `application/problem+json` and names the field.
