@@ -11,6 +11,7 @@ from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from prometheus_client import CollectorRegistry
 
+from services.preview import Previews
 from services.problems import ProblemError
 from services.settings import ServiceSettings
 from services.submissions import Submissions
@@ -29,6 +30,7 @@ class Backend:
     blobs: FolderBlobs
     uploads: Uploads
     submissions: Submissions
+    previews: Previews
     registry: CollectorRegistry
 
 

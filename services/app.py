@@ -19,6 +19,7 @@ from services import documents, problems, validation
 from services.access import Backend
 from services.metrics import QueueCollector, RequestDurations
 from services.middleware import Requests
+from services.preview import Previews
 from services.routes import docs, health, images, jobs, metrics, viewer
 from services.settings import ServiceSettings
 from services.submissions import Submissions
@@ -71,6 +72,7 @@ def _assemble(settings: ServiceSettings) -> Backend:
         blobs=blobs,
         uploads=uploads,
         submissions=Submissions(settings, uploads, validation.limiter(), queue.foreground_networks),
+        previews=Previews(),
         registry=registry,
     )
 
@@ -78,6 +80,8 @@ def _assemble(settings: ServiceSettings) -> Backend:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     backend: Backend = app.state.backend
+    with suppress(redis.RedisError, OSError):
+        await to_thread.run_sync(backend.queue.claim_folder)
     reaping = asyncio.create_task(_reap_forever(backend.queue))
     yield
     reaping.cancel()
@@ -91,5 +95,6 @@ async def _reap_forever(queue: JobQueue) -> None:
     """Workers do this as well; with the last of them gone, nobody else would say that its job is lost."""
     while True:
         await asyncio.sleep(_REAP_EVERY_S)
-        with suppress(redis.RedisError):  # told by /readyz
+        with suppress(redis.RedisError, OSError):  # told by /readyz
             await to_thread.run_sync(queue.reap)
+            await to_thread.run_sync(queue.claim_folder)

@@ -11,8 +11,11 @@ def hindrance(queue: JobQueue) -> str | None:
     """Why jobs would not run; None when the queue answers and a live worker has warmed its networks."""
     try:
         workers = queue.workers()
+        apart, outsider = queue.apart(), queue.outsider()
     except RedisError:
         return "the queue cannot be reached"
+    if apart:
+        return apart
     if not any(worker.ready for worker in workers):
-        return "no worker is ready yet"
+        return outsider or "no worker is ready yet"
     return None

@@ -7,7 +7,8 @@ import signal
 import socket
 import sys
 
-from workers import logs
+from workers import logs, shared_folder
+from workers.connection import connect
 from workers.lifeline import die_with_parent
 from workers.settings import Settings
 from workers.warm import WarmWorker
@@ -23,6 +24,8 @@ def main() -> int:
         die_with_parent(signal.SIGTERM, arguments.with_parent)
     settings = Settings()
     logs.configure(settings.log_level)
+    with connect(settings, patient=True) as client:
+        shared_folder.join(client, settings, arguments.name)
     return 0 if WarmWorker(settings, arguments.name).serve() else 1
 
 

@@ -18,6 +18,7 @@ from dlo_client.contracts import AnyJob, AnyRequest, JobEvent, JobKind, JobPage,
 from rq.queue import Queue
 from rq.serializers import JSONSerializer
 
+from workers import shared_folder
 from workers.blobs import FolderBlobs
 from workers.connection import LONGEST_BLOCK_MS, connect, connect_async
 from workers.errors import IdempotencyConflict, JobGone, JobUnknown, QueueError, QueueFull
@@ -25,7 +26,18 @@ from workers.ledger import Ledger
 from workers.listing import recent_page
 from workers.presence import WorkerInfo, present
 from workers.reaper import reap
-from workers.record import COUNTS, QUEUES, Entry, JobRecord, events_key, job_key, read_event, read_job, tombstone_key
+from workers.record import (
+    COUNTS,
+    OUTSIDER,
+    QUEUES,
+    Entry,
+    JobRecord,
+    events_key,
+    job_key,
+    read_event,
+    read_job,
+    tombstone_key,
+)
 from workers.settings import Settings
 
 __all__ = [
@@ -177,6 +189,18 @@ class JobQueue:
     def reap(self) -> int:
         """Put right jobs whose worker is gone; workers do it, a service may too. Returns how many."""
         return reap(self._client, self._ledger)
+
+    def claim_folder(self) -> None:
+        """For a service, again and again: its folder of pictures is the one that counts."""
+        shared_folder.claim(self._client, self._settings.blobs_dir)
+
+    def apart(self) -> str | None:
+        """Why the pictures kept here do not reach the workers; None if they do."""
+        return shared_folder.apart(self._client, self._settings.blobs_dir)
+
+    def outsider(self) -> str | None:
+        """Why a worker that is there does not join; None if there is no such worker."""
+        return cast(str | None, self._client.get(OUTSIDER))
 
     def close(self) -> None:
         self._client.close()

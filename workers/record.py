@@ -32,6 +32,12 @@ COUNTS = "dlo:counts"
 WORKERS = "dlo:workers"
 """Set of the names of workers that have announced themselves."""
 
+BLOBS = "dlo:blobs"
+"""Mark of the folder that holds the pictures, see workers.shared_folder."""
+
+OUTSIDER = "dlo:outsider"
+"""Why a worker that is there does not join; expires unless it is said again."""
+
 REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 
 _JOB: TypeAdapter[AnyJob] = TypeAdapter(AnyJob)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from contextlib import aclosing
+from typing import Annotated
 
 from anyio import to_thread
 from dlo_client.contracts import ImageInfo
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Path, Request, Response
 
-from services import documents
+from services import documents, preview
 from services.access import Authorized, Backend, BackendDep
 from services.multipart import Allowed, media_type, parts, whole
 from services.problems import ProblemError, field_error
+from workers.blobs import BlobMissing
+from workers.pictures.headers import PictureError
 
 router = APIRouter(prefix="/v1/images", tags=["images"], dependencies=[Authorized])
 
@@ -32,6 +35,27 @@ async def upload_image(request: Request, backend: BackendDep) -> ImageInfo:
         detail = f"send the picture as image/*, application/octet-stream or multipart/form-data, not {kind}"
         raise ProblemError(415, "unsupported_media_type", detail)
     return await _keep(await whole(request, field="image", max_bytes=limit), "image", backend)
+
+
+@router.get(
+    "/{image_id}/preview",
+    response_class=Response,
+    responses={200: {"content": {preview.MEDIA_TYPE: {}}, "description": "PNG"}, **documents.problems(404)},
+)
+async def read_preview(
+    image_id: Annotated[str, Path(description="as `POST /v1/images` gave it")], backend: BackendDep
+) -> Response:
+    """An uploaded picture, upright, in 8 bits and at most 2048 pixels wide and high, for a browser to show."""
+    try:
+        data = await to_thread.run_sync(backend.blobs.get, image_id)
+    except BlobMissing:
+        raise ProblemError(404, "unknown_image", "no uploaded picture has this id (any longer)") from None
+    try:
+        png = await backend.previews.of(data)
+    except PictureError as error:
+        raise field_error("image", str(error), code="invalid_image") from None
+    headers = {"Cache-Control": "private, max-age=3600, immutable"}
+    return Response(png, media_type=preview.MEDIA_TYPE, headers=headers)
 
 
 async def _keep_part(request: Request, backend: Backend) -> ImageInfo:

@@ -29,6 +29,21 @@ export class Api {
     return job;
   }
 
+  /** A picture, upright: from the browser, or for what only the service can decode (a TIFF) from there; null if
+   *  nobody can. */
+  async bitmap(file) {
+    try {
+      return await createImageBitmap(file, { imageOrientation: "from-image" });
+    } catch {
+      return this.preview(file).catch(() => null);
+    }
+  }
+
+  async preview(file) {
+    const { id } = await this.json("v1/images", { method: "POST", body: file });
+    return createImageBitmap(await (await this.fetch(`v1/images/${id}/preview`)).blob());
+  }
+
   cancel = (id) => this.json(`v1/jobs/${id}`, { method: "DELETE" });
   networks = () => this.json("v1/models");
   file = async (id, name) => (await this.fetch(`v1/jobs/${id}/files/${name}`)).blob();

@@ -2,7 +2,7 @@
 
 import { Api, ProblemError } from "./api.js";
 import { instanceAt, labelMap } from "./masks.js";
-import { draw } from "./overlay.js";
+import { draw, erase } from "./overlay.js";
 import { byId, clearResult, showFiles, showFocus, showProblem, showResult, showTimings } from "./panels.js";
 import { curlOf, pythonOf } from "./snippets.js";
 
@@ -28,22 +28,16 @@ async function choose(file) {
   if (!file) return;
   page.running?.abort();
   page.file = file;
-  page.scene = { bitmap: await decoded(file), result: null, map: null };
-  byId("run").disabled = false;
-  byId("drop").classList.remove("empty");
-  canvas.setAttribute("aria-label", file.name);
+  page.scene = { bitmap: null, result: null, map: null };
   forgetResult();
   showRequest();
+  byId("run").disabled = false;
+  canvas.setAttribute("aria-label", file.name);
+  const bitmap = await api.bitmap(file);
+  if (page.file !== file) return; // another one was chosen meanwhile
+  page.scene.bitmap = bitmap;
+  redraw();
   await run();
-}
-
-/** Upright, as the service sees it. Null for what only the service can decode (a TIFF): lines are still drawn. */
-async function decoded(file) {
-  try {
-    return await createImageBitmap(file, { imageOrientation: "from-image" });
-  } catch {
-    return null;
-  }
 }
 
 async function run() {
@@ -149,7 +143,8 @@ function scaleOf({ width, height }) {
 
 function redraw() {
   const size = pictureSize();
-  if (!size.width) return;
+  byId("drop").classList.toggle("empty", !size.width);
+  if (!size.width) return erase(canvas);
   const scale = scaleOf(size);
   canvas.style.width = `${size.width * scale}px`;
   canvas.style.height = `${size.height * scale}px`;

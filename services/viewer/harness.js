@@ -2,7 +2,7 @@
 
 import { Api } from "./api.js";
 import { drawHarness } from "./harness_drawing.js";
-import { color } from "./overlay.js";
+import { color, erase } from "./overlay.js";
 import { byId, showProblem } from "./panels.js";
 
 const TALLEST = 0.72; // of the window
@@ -14,11 +14,15 @@ const page = { file: null, bitmap: null, topology: null, actions: [], focus: nul
 
 async function choose(file) {
   if (!file) return;
-  page.file = file;
-  page.bitmap = await createImageBitmap(file, { imageOrientation: "from-image" }).catch(() => null);
+  page.running?.abort();
+  Object.assign(page, { file, bitmap: null });
+  forget();
   byId("run").disabled = false;
-  byId("drop").classList.remove("empty");
   canvas.setAttribute("aria-label", file.name);
+  const bitmap = await api.bitmap(file);
+  if (page.file !== file) return; // another one was chosen meanwhile
+  page.bitmap = bitmap;
+  redraw();
   await run();
 }
 
@@ -146,7 +150,8 @@ function report(error) {
 
 function redraw() {
   const size = page.topology ?? page.bitmap;
-  if (!size) return;
+  byId("drop").classList.toggle("empty", !size);
+  if (!size) return erase(canvas);
   const scale = Math.min(byId("drop").clientWidth / size.width, (TALLEST * innerHeight) / size.height);
   canvas.style.width = `${size.width * scale}px`;
   canvas.style.height = `${size.height * scale}px`;

@@ -57,7 +57,9 @@ async function analyzed(file) {
     format: "dlo-label/1", name: file.name, sha256: null, width, height, instances, crossings,
     origin: "service", method, threshold, models,
   };
-  return { file, bitmap: await createImageBitmap(file), mask, label, history: [], touched: false };
+  const bitmap = await api.bitmap(file);
+  if (!bitmap) throw new Error("this picture cannot be shown here");
+  return { file, bitmap, mask, label, history: [], touched: false };
 }
 
 function prepared({ bitmap, mask, label: { width, height } }) {

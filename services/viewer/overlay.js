@@ -25,6 +25,12 @@ export const color = (id) => `rgb(${rgb(id).join(" ")})`;
 /** A score of one half says that nothing tells which strand is on top. */
 export const orderKnown = (crossing) => crossing.score > 0.5;
 
+/** Leaves nothing of the picture before. */
+export function erase(canvas) {
+  canvas.width = canvas.height = 0;
+  canvas.style.width = canvas.style.height = "";
+}
+
 /**
  * `scene`: `{ bitmap, result, map }`, each may be null. `view`: `{ scale, density, shown, focus }`: screen pixels
  * a picture pixel, device pixels a screen pixel, the set of layers, and `{ instance }`, `{ crossing }` or null.

@@ -35,7 +35,7 @@ def opened(browser: Any, service: FakeService, path: str = "", height: int = 900
     wrong: list[str] = []
     with served(service.app()) as url:
         page = browser.new_page(viewport={"width": 1300, "height": height})
-        page.set_default_timeout(10_000)
+        page.set_default_timeout(30_000)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
         page.goto(f"{url}/{path}")

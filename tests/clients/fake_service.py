@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import uvicorn
-from dlo_client.contracts import AnyJob, JobState, Problem
+from dlo_client.contracts import AnyJob, ImageInfo, JobState, Problem
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
@@ -27,19 +27,22 @@ class FakeService:
     def __init__(self) -> None:
         self.finished: AnyJob = samples.instances_job()
         self.file = samples.OVERLAY
+        self.preview: bytes | None = None
+        """Of every uploaded picture; without one no picture can be decoded."""
         self.refusal: Problem | None = None
         self.slow = False
         self.requests: list[str] = []
         self.parts: list[list[str]] = []
         self.keys: list[str | None] = []
         self.cancelled = threading.Event()
-        self.file = samples.OVERLAY
 
     def app(self) -> Starlette:
         return Starlette(
             routes=[
                 Route("/", lambda _: FileResponse(VIEWER / "index.html")),
                 Route("/v1/models", self._networks),
+                Route("/v1/images", self._upload, methods=["POST"]),
+                Route("/v1/images/{id}/preview", lambda _: Response(self.preview, media_type="image/png")),
                 Route("/v1/jobs", self._submit, methods=["POST"]),
                 Route("/v1/jobs/{id}", self._job),
                 Route("/v1/jobs/{id}", self._cancel, methods=["DELETE"]),
@@ -47,6 +50,14 @@ class FakeService:
                 Mount("/viewer", StaticFiles(directory=VIEWER)),
             ]
         )
+
+    async def _upload(self, request: Request) -> Response:
+        await request.body()
+        if self.preview is None:
+            problem = samples.refused(422, code="invalid_image")
+            return Response(problem.model_dump_json(), 422, media_type="application/problem+json")
+        info = ImageInfo(id=samples.SHA, sha256=samples.SHA, width=samples.WIDTH, height=samples.HEIGHT, bytes=1)
+        return Response(info.model_dump_json(), 201, media_type="application/json")
 
     async def _submit(self, request: Request) -> Response:
         self.keys.append(request.headers.get("Authorization"))

@@ -227,6 +227,43 @@ def test_a_picture_the_browser_cannot_read_still_shows_its_lines(page: Any) -> N
     assert color_at(page, 40, 60) == palette()[1].tolist()
 
 
+UNREADABLE = {"name": "a.tif", "mimeType": "image/tiff", "buffer": b"II*\0"}
+
+
+def preview_of(color: int) -> bytes:
+    data = io.BytesIO()
+    Image.new("L", (samples.WIDTH // 2, samples.HEIGHT // 2), color).save(data, "PNG")
+    return data.getvalue()
+
+
+def test_a_picture_that_only_the_service_can_read_is_shown(page: Any, service: FakeService) -> None:
+    """A TIFF's lines stood on an empty canvas. The preview may be smaller than the picture."""
+    service.preview = preview_of(200)
+    analyze(page, UNREADABLE)
+    show_only(page)
+    assert color_at(page, 5, 5) == color_at(page, samples.WIDTH - 5, samples.HEIGHT - 5) == [200] * 3
+
+
+@pytest.mark.parametrize("size", [(1300, 900), (800, 1100)], ids=["desktop", "tablet"])
+def test_nothing_of_the_picture_before_stays_after_one_that_cannot_be_read(
+    page: Any, service: FakeService, size: tuple[int, int]
+) -> None:
+    """The picture before stayed, with its cables, under the problem of the next."""
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    analyze(page)
+    service.refusal = samples.refused(422, code="invalid_image")
+    page.set_input_files("#file", UNREADABLE)
+    page.wait_for_selector("#error:not([hidden])")
+    assert page.evaluate("document.querySelector('#canvas').width") == 0
+    assert page.is_visible(".invitation")
+    assert page.locator("#instances button").count() == 0
+    service.refusal = None
+    analyze(page)
+    assert not page.is_visible(".invitation")
+    show_only(page)
+    assert color_at(page, 5, 5) == [GRAY] * 3
+
+
 def test_files_are_made_when_asked_for_and_saved_under_the_pictures_name(page: Any, service: FakeService) -> None:
     """The page asked for the overlay of every picture and did not draw it: large ones took four times as long."""
     analyze(page)

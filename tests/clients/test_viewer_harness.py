@@ -75,3 +75,14 @@ def test_a_mask_is_offered_to_be_taken_as_one(
     assert service.parts[0] == [part]
     assert (f'"model":"{samples.network().name}"' in service.requests[0]) == named
     assert '"files":[]' in service.requests[0]
+
+
+def test_nothing_of_the_picture_before_stays_after_one_that_cannot_be_read(page: Any, service: FakeService) -> None:
+    """As on the first page: the picture before stayed under the problem of the next."""
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#sections button")
+    service.refusal = samples.refused(422, code="invalid_image")
+    page.set_input_files("#file", {"name": "a.tif", "mimeType": "image/tiff", "buffer": b"II*\0"})
+    page.wait_for_selector("#error:not([hidden])")
+    assert page.evaluate("document.querySelector('#canvas').width") == 0
+    assert page.locator("#sections button").count() == 0
