@@ -19,11 +19,13 @@ class _Place(NamedTuple):
     path: tuple[Step, ...]
     union: tuple[Step, ...] | None
     member: Step | None
+    names: dict[str, Step]
+    """The fields of what is there, by their names in lower case; empty for what is no object."""
 
 
 def parameter_problems(errors: Iterable[Error]) -> list[FieldProblem]:
     """Problems of path, query and header parameters; the first step of a place says only which of these."""
-    return [_problem(error, error["loc"][1:], whole="request") for error in errors]
+    return [_problem(error, _Place(error["loc"][1:], None, None, {}), whole="request") for error in errors]
 
 
 def body_problems(errors: Iterable[Error], given: object, *, whole: str) -> list[FieldProblem]:
@@ -39,7 +41,7 @@ def body_problems(errors: Iterable[Error], given: object, *, whole: str) -> list
     for (union, _), count in counts.items():
         fewest[union] = min(count, fewest.get(union, count))
     problems = [
-        _problem(error, place.path, whole=whole)
+        _problem(error, place, whole=whole)
         for error, place in placed
         if counts[place.union, place.member] == fewest[place.union]
     ]
@@ -65,15 +67,16 @@ def _place(error: Error, given: object) -> _Place:
             path.append(step)
         elif union is None:
             union, member = tuple(path), step
-    return _Place(tuple(path), union, member)
+    names = {str(name).lower(): name for name in here} if isinstance(here, dict) else {}
+    return _Place(tuple(path), union, member, names)
 
 
-def _problem(error: Error, path: tuple[Step, ...], *, whole: str) -> FieldProblem:
+def _problem(error: Error, place: _Place, *, whole: str) -> FieldProblem:
     """One error as a field and a message.
 
-    An error of the whole request (a rule between fields) names its field first in its message, in backticks.
+    An error of a whole object (a rule between fields) names its field first in its message, in backticks.
     """
-    message = error["msg"].removeprefix("Value error, ")
+    path, message = place.path, error["msg"].removeprefix("Value error, ")
     match error["type"]:
         case "union_tag_not_found":
             path, message = (*path, _discriminator(error)), "Field required"
@@ -82,8 +85,8 @@ def _problem(error: Error, path: tuple[Step, ...], *, whole: str) -> FieldProble
             message = f"Should be one of {error['ctx']['expected_tags']}"
         case "model_type":
             message = "Input should be an object"
-        case "value_error" if not path and (named := re.match(r"`(\w+)`", message)):
-            path = (named[1],)
+        case "value_error" if (named := re.match(r"`(\w+)`", message)) and (not path or place.names):
+            path = (*path, place.names.get(named[1].lower(), named[1]))
     return FieldProblem(field=".".join(map(str, path)) or whole, message=message)
 
 

@@ -199,7 +199,7 @@ class _Pictures:
             if isinstance(view, CameraView):
                 if f"views.{index}.image" not in self._named:
                     raise _refused(f"views.{index}.image", _MISSING)
-                sizes[f"views.{index}"] = (view.intrinsics.width, view.intrinsics.height)
+                sizes[f"views.{index}"] = view.intrinsics.picture_size
         return sizes
 
     def _walk(self, value: Any, path: tuple[str, ...]) -> Any:

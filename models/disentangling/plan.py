@@ -30,7 +30,7 @@ class DisentangleParams:
 
     clearance_widths: float = 1.0
     margin_px: float = 0.0
-    at_most: int = 8
+    at_most: int = 5
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,21 +7,17 @@ World to camera: ``X_c = R^T (X_w - t)`` with ``T_world_camera = [R t; 0 1]``, z
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
+from models.geometry import lenses
 from models.geometry.arrays import BoolArray, FloatArray
+from models.geometry.lenses import DistortionModel
 
-DistortionModel = Literal["plumb_bob", "rational_polynomial", "equidistant"]
-_COUNTS: dict[str, tuple[int, ...]] = {
-    "plumb_bob": (0, 4, 5),
-    "rational_polynomial": (8,),
-    "equidistant": (4,),
-}
 _ROTATION_TOLERANCE = 1e-3
+_LEAST_FIELD = 0.5
+"""Of the picture's half diagonal that a lens has to show without folding."""
 NEAREST_M = 1e-6
 """A point is in front of a camera if its depth is greater."""
 
@@ -35,7 +31,8 @@ class Intrinsics:
     """``fx, fy, cx, cy`` in pixels of a ``width`` × ``height`` picture; the first pixel's center is (0, 0).
 
     ``distortion``: coefficients in OpenCV's order (ROS's names of models): ``plumb_bob`` k1 k2 p1 p2 [k3],
-    ``rational_polynomial`` k1 k2 p1 p2 k3 k4 k5 k6, ``equidistant`` (fisheye) k1 k2 k3 k4; none is a pinhole.
+    ``rational_polynomial`` k1 k2 p1 p2 k3 k4 k5 k6 [s1 s2 s3 s4 [tx ty]]; none is a pinhole. ``equidistant`` (fisheye)
+    k1 k2 k3 k4; none is all 0.
     """
 
     width: int
@@ -50,9 +47,12 @@ class Intrinsics:
     def __post_init__(self) -> None:
         if min(self.fx, self.fy) <= 0 or min(self.width, self.height) <= 0:
             raise CameraError("focal lengths and sizes are positive")
-        if len(self.distortion) not in _COUNTS[self.model]:
-            wanted = " or ".join(map(str, _COUNTS[self.model]))
+        counts = lenses.COUNTS[self.model]
+        if len(self.distortion) not in counts:
+            wanted = " or ".join(map(str, counts))
             raise CameraError(f"{self.model} has {wanted} coefficients, not {len(self.distortion)}")
+        if self.distorted and self._folds_inside():
+            raise CameraError(f"a {self.model} lens with these coefficients folds in the middle of the picture")
 
     @property
     def matrix(self) -> FloatArray:
@@ -60,7 +60,17 @@ class Intrinsics:
 
     @property
     def distorted(self) -> bool:
-        return any(self.distortion)
+        return lenses.bends(self.model, self.distortion)
+
+    def scaled(self, scale: float) -> Intrinsics:
+        """Of the same camera with ``scale`` pixels for each; pixel centers at ``(k + 0.5) s - 0.5``."""
+        cx, cy = ((c + 0.5) * scale - 0.5 for c in (self.cx, self.cy))
+        width, height = (max(round(side * scale), 1) for side in (self.width, self.height))
+        return replace(self, width=width, height=height, fx=self.fx * scale, fy=self.fy * scale, cx=cx, cy=cy)
+
+    def _folds_inside(self) -> bool:
+        half = np.hypot(self.width / self.fx, self.height / self.fy) / 2
+        return lenses.bent_field(self.model, self.distortion) < _LEAST_FIELD * half
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,34 +109,25 @@ class Camera:
         return xy
 
     def project_to_picture(self, points_m: FloatArray) -> FloatArray:
-        """(n, 3) world points to (n, 2) pixels of the picture as it was taken; NaN behind the camera."""
+        """(n, 3) world points to (n, 2) pixels of the picture as it was taken; NaN behind the camera and outside of the
+        lens's field."""
         return self.distort(self.project(points_m))
 
     def distort(self, ideal_xy: FloatArray) -> FloatArray:
-        """(n, 2) ideal pixels to pixels of the picture as it was taken."""
-        if not self.intrinsics.distorted or not len(ideal_xy):
+        """(n, 2) ideal pixels to pixels of the picture as it was taken; NaN outside of the lens's field."""
+        i = self.intrinsics
+        if not i.distorted or not len(ideal_xy):
             return ideal_xy
-        normal = (ideal_xy - self._middle) / self._focal
-        matrix, coefficients = self.intrinsics.matrix, np.array(self.intrinsics.distortion)
-        if self.intrinsics.model == "equidistant":
-            bent = cv2.fisheye.distortPoints(normal[None], matrix, coefficients)
-            return np.asarray(bent, np.float64).reshape(-1, 2)
-        rays = np.concatenate([normal, np.ones((len(normal), 1))], axis=1)
-        bent, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, coefficients)
-        return np.asarray(bent, np.float64).reshape(-1, 2)
+        bent = lenses.bend((ideal_xy - self._middle) / self._focal, i.model, i.distortion)
+        return np.asarray(bent * self._focal + self._middle)
 
     def undistort(self, picture_xy: FloatArray) -> FloatArray:
-        """(n, 2) pixels of the picture to ideal pixels."""
-        if not self.intrinsics.distorted or not len(picture_xy):
+        """(n, 2) pixels of the picture to ideal pixels; NaN for what lies outside of the lens's field."""
+        i = self.intrinsics
+        if not i.distorted or not len(picture_xy):
             return picture_xy
-        matrix, coefficients = self.intrinsics.matrix, np.array(self.intrinsics.distortion)
-        points = np.ascontiguousarray(picture_xy, np.float64)[:, None]
-        if self.intrinsics.model == "equidistant":
-            straight = cv2.fisheye.undistortPoints(points, matrix, coefficients, P=matrix)
-        else:
-            enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
-            straight = cv2.undistortPoints(points, matrix, coefficients, None, None, matrix, enough)
-        return np.asarray(straight, np.float64).reshape(-1, 2)
+        straight = lenses.straighten((picture_xy - self._middle) / self._focal, i.model, i.distortion)
+        return np.asarray(straight * self._focal + self._middle)
 
     def rays(self, ideal_xy: FloatArray) -> FloatArray:
         """(…, 3) directions in the world through (…, 2) ideal pixels, scaled so that a step of 1 is a depth of 1."""
@@ -136,9 +137,10 @@ class Camera:
         return directions
 
     def sees(self, ideal_xy: FloatArray, margin_px: float = 0.0) -> BoolArray:
-        """(…,) whether (…, 2) ideal pixels lie in the picture's rectangle, ``margin_px`` away from its border."""
+        """(…,) whether (…, 2) ideal pixels are in the picture as it was taken, ``margin_px`` away from its border."""
         size = np.array([self.intrinsics.width, self.intrinsics.height]) - 1
-        inside: BoolArray = np.all((ideal_xy >= margin_px) & (ideal_xy <= size - margin_px), axis=-1)
+        xy = self.distort(ideal_xy.reshape(-1, 2)).reshape(ideal_xy.shape)
+        inside: BoolArray = np.all((xy >= margin_px) & (xy <= size - margin_px), axis=-1)
         return inside
 
     @property

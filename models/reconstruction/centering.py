@@ -5,6 +5,9 @@ edge is where it falls to half. The point moves to the middle of the edges, and 
 DLO's width there. Where the edges are missing or too far apart (another DLO crosses or touches, the border of the
 picture cuts the profile) nothing is known: the offset is interpolated between the neighbors, and the ends of the
 centerline, which the instance methods let run into the border, are cut. Offsets are smoothed along the DLO.
+
+With the picture beside it, each edge then goes to where the picture's colors, smoothed along the DLO, change the most:
+a soft shadow beside a DLO moves the edge of the probability, in one view and not in the other, but is no such edge.
 """
 
 from __future__ import annotations
@@ -15,31 +18,46 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from models.geometry.arrays import BoolArray, Float32Array, FloatArray
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.polylines import arc_lengths, resample
 
 _STEP_PX = 1.0
 _PROFILE_PX = 0.25
+_MOST_PLACES = 4_000_000
+"""Of all profiles together; of a wider DLO a part of a pixel means little."""
+_OUTSIDE = 4
+"""Places at either end of a profile that show the ground."""
+_COLORED, _LEAST_HUE = 0.3, 12.0
+"""Share of the difference between DLO and ground that is one of hue, and its size (of 255), to be used alone."""
 
 
 @dataclass(frozen=True)
 class CenterParams:
     """``level``: of the edge, as a share of the profile's height at its center. ``wider``: edges farther apart than so
-    many typical widths belong to two DLOs. ``smooth_px`` along the DLO. ``rounds``: normals improve with the line."""
+    many typical widths belong to two DLOs. ``smooth_px`` along the DLO. ``rounds``: normals improve with the line.
+    ``colors_px``: how far along the DLO the picture's colors are smoothed; its edges are looked for within ``reach_px``
+    of those of the probability, or ``reach`` widths."""
 
     level: float = 0.5
     wider: float = 1.5
     smooth_px: float = 3.0
     rounds: int = 2
+    colors_px: float = 6.0
+    reach_px: float = 1.5
+    reach: float = 0.15
 
 
 def center(
-    centerline_xy: FloatArray, width_px: float, probability: Float32Array, params: CenterParams | None = None
+    centerline_xy: FloatArray,
+    width_px: float,
+    probability: Float32Array,
+    image: ByteArray | None = None,
+    params: CenterParams | None = None,
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """(n, 2) centerline about every pixel, its (n,) widths, and (n,) where both edges are clear; None if they are
     nowhere.
 
-    ``probability`` (H, W) 0 to 1 of the picture that ``centerline_xy`` (m, 2) is from.
+    ``probability`` (H, W) 0 to 1 of the picture ``image`` (H, W, 3) that ``centerline_xy`` (m, 2) is from.
     """
     settings = params or CenterParams()
     count = max(int(arc_lengths(centerline_xy)[-1] / _STEP_PX) + 1, 4)
@@ -55,7 +73,63 @@ def center(
         shift = _smooth(np.interp(index, at, ((low + high) / 2)[known]), settings.smooth_px)
         width = _smooth(np.interp(index, at, (high - low)[known]), settings.smooth_px)
         line = line[index] + shift[:, None] * normal[index]
-    return line, width, known[index]
+    if image is None:
+        return line, width, known[index]
+    return *_onto_edges(line, width, known[index], image, settings), known[index]
+
+
+def _onto_edges(
+    line: FloatArray, width: FloatArray, known: BoolArray, image: ByteArray, params: CenterParams
+) -> tuple[FloatArray, FloatArray]:
+    """``line`` (n, 2) in the middle between the picture's edges, and the (n,) distance of those; between what is
+    ``known`` (n,) they are interpolated."""
+    normal = _normals(line)
+    reach = max(params.reach_px, params.reach * float(np.median(width)))
+    half = int(np.ceil((float(width.max()) / 2 + reach + 1.0) / _PROFILE_PX))
+    across = np.arange(-half, half + 1) * _PROFILE_PX
+    if len(line) * len(across) > _MOST_PLACES:
+        return line, width
+    at = line[:, None] + across[:, None] * normal[:, None]
+    x, y = (at[..., axis].astype(np.float32) for axis in (0, 1))
+    read = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    colors = gaussian_filter1d(read.astype(np.float64), params.colors_px, axis=0, mode="nearest")
+    colors = gaussian_filter1d(colors, 0.5 / _PROFILE_PX, axis=1, mode="nearest")
+    index, sure = np.arange(len(line)), np.flatnonzero(known)
+    half_width = np.asarray(width / 2, np.float64)
+    steepest = [_steepest(_change(colors, half, side), across, side * half_width, reach) for side in (-1, 1)]
+    low, high = (np.interp(index, sure, places[sure]) for places in steepest)
+    low, high = _smooth(low, params.smooth_px), _smooth(high, params.smooth_px)
+    return line + ((low + high) / 2)[:, None] * normal, np.maximum(high - low, _PROFILE_PX)
+
+
+def _change(colors: FloatArray, middle: int, side: int) -> FloatArray:
+    """(n, a) how much (n, a, 3) ``colors`` change across the DLO whose center is at ``middle``.
+
+    A shadow scales the color of the ground. Where the DLO has another hue than the ground on that ``side`` only what
+    goes from one hue to the other counts.
+    """
+    slope = np.gradient(colors, axis=1)
+    edge = colors[:, :_OUTSIDE] if side < 0 else colors[:, -_OUTSIDE:]
+    ground, own = np.median(edge, axis=(0, 1)), np.median(colors[:, middle - 2 : middle + 3], axis=(0, 1))
+    gray = ground / max(float(np.linalg.norm(ground)), 1e-9)
+    away = own - ground
+    hue = away - (away @ gray) * gray
+    size = float(np.linalg.norm(hue))
+    if size < _COLORED * np.linalg.norm(away) or size < _LEAST_HUE:
+        return np.asarray(np.linalg.norm(slope, axis=2))
+    return np.asarray(np.abs(slope @ (hue / size)))
+
+
+def _steepest(change: FloatArray, across: FloatArray, around: FloatArray, reach: float) -> FloatArray:
+    """(n,) where (n, a) ``change`` at the places ``across`` (a,) is largest within ``reach`` of (n,) ``around``: the
+    top of the parabola through three values."""
+    near = np.where(np.abs(across[None] - around[:, None]) <= reach, change, -1.0)
+    top = np.clip(np.argmax(near, axis=1), 1, len(across) - 2)
+    rows = np.arange(len(around))
+    before, here, after = (change[rows, top + k] for k in (-1, 0, 1))
+    bend = before - 2 * here + after
+    share = np.where(bend < 0, 0.5 * (before - after) / np.minimum(bend, -1e-9), 0.0)
+    return np.asarray(across[top] + _PROFILE_PX * np.clip(share, -1, 1))
 
 
 def _edges(

@@ -5,6 +5,9 @@ already and adds what reaches beyond it. At every place of the result a parabola
 weighted by nearness (tricube), by their stated uncertainty, and by how well they fitted the last time (bisquare).
 A parabola where LOWESS has a line: a line cuts the bends. Points of one section err together, those of different
 sections apart: the covariance of the result adds up by the share each section has in it.
+
+Symbols: K sections, n points of all of them in order of their place, q places of the result, w pairs of a place and
+a point in its window.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray, IntArray
@@ -23,15 +27,23 @@ from models.reconstruction.tracking import along as in_direction_of
 
 _LEAST_WEIGHT = 1e-4
 """Of an outlier: where there is nothing else, the curve still goes on."""
+_FEWEST = 6
+"""Points of a local fit: its window is widened to them."""
+_MOST_PAIRS = 4_000_000
+_MOST_FINE = 50_000
+_SHORTEST_M = 1e-6
 
 
 @dataclass(frozen=True)
 class MergeParams:
-    """``window_m``: length of DLO a local fit sees; ``spacing_m`` between points of the result; ``rounds`` of the
-    bisquare weights; ``far_m``: sections farther apart than this are not of one DLO."""
+    """``window_m``: length of DLO a local fit sees; ``spacing_m`` between points of the result, of which there are at
+    most ``points``; ``coarser``: more would be needed, so they are farther apart. ``rounds`` of the bisquare weights;
+    ``far_m``: sections farther apart than this are not of one DLO."""
 
     window_m: float = 0.03
     spacing_m: float = 0.005
+    points: int = 5000
+    coarser: bool = True
     rounds: int = 3
     far_m: float = 0.05
 
@@ -45,16 +57,18 @@ class Merged:
     outliers: int
 
 
-class NotOneDlo(ValueError):
-    """A section does not continue the others; ``section`` is its number."""
+class NotMergeable(ValueError):
+    """The sections make no curve, or none of the size that was asked for. ``about``: ``spacing_m``, ``window_m`` or
+    ``curves``; ``section``: the number of one that does not continue the others."""
 
-    def __init__(self, section: int, gap_m: float) -> None:
-        super().__init__(f"lies {1000 * gap_m:.0f} mm from the sections before it: it is not of the same DLO")
+    def __init__(self, message: str, about: str = "curves", section: int | None = None) -> None:
+        super().__init__(message)
+        self.about = about
         self.section = section
 
 
 def merge(sections: list[Curve], params: MergeParams) -> Merged:
-    """Sections in the order of the scan; the direction of each may be either. Raises NotOneDlo."""
+    """Sections in the order of the scan; the direction of each may be either. Raises NotMergeable."""
     placed, place = _laid_out(sections, params)
     section = np.repeat(np.arange(len(placed)), [len(c.points_m) for c in placed])
     points = np.concatenate([c.points_m for c in placed])
@@ -63,10 +77,11 @@ def merge(sections: list[Curve], params: MergeParams) -> Merged:
     order = np.argsort(place, kind="stable")
     place, points, covariance = place[order], points[order], covariance[order]
     trust, section = trust[order], section[order]
-    at = np.linspace(place[0], place[-1], max(int(np.ptp(place) / params.spacing_m) + 1, 4))
+    at = np.linspace(place[0], place[-1], _count(float(np.ptp(place)), params))
+    windows = _Windows.around(at, place, params.window_m)
     robust = np.ones(len(points))
     for _ in range(params.rounds):
-        fitted, shares = _local_fit(place, points, trust * np.maximum(robust, _LEAST_WEIGHT), at, params.window_m)
+        fitted, shares = _local_fit(windows, points, trust * np.maximum(robust, _LEAST_WEIGHT))
         off = curves.distances(points, fitted)
         scale = 6 * max(float(np.median(off)), 1e-6)
         robust = np.clip(1 - (off / scale) ** 2, 0, 1) ** 2
@@ -84,7 +99,8 @@ def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], 
         turned = in_direction_of(section, placed[-1])
         gap = float(curves.distances(turned.points_m, backbone).min())
         if gap > params.far_m:
-            raise NotOneDlo(number, gap)
+            text = f"lies {1000 * gap:.0f} mm from the sections before it: it is not of the same DLO"
+            raise NotMergeable(text, section=number)
         place = _project(turned.points_m, backbone) + origin
         before = place < origin
         after = place > origin + arc_lengths(backbone)[-1]
@@ -99,7 +115,7 @@ def _project(points: FloatArray, backbone: FloatArray) -> FloatArray:
     """(n,) arc length of (n, 3) points in order along the backbone; beyond its end they count on."""
     along = arc_lengths(backbone)
     own = arc_lengths(points)
-    fine = np.linspace(0, along[-1], max(10 * len(backbone), 200))
+    fine = np.linspace(0, along[-1], int(np.clip(10 * len(backbone), 200, _MOST_FINE)))
     dense = resample(backbone, len(fine))
     distance, nearest = cKDTree(dense).query(points)
     inner = (nearest > 0) & (nearest < len(dense) - 1)
@@ -114,42 +130,86 @@ def _project(points: FloatArray, backbone: FloatArray) -> FloatArray:
     return place
 
 
-def _local_fit(
-    place: FloatArray, points: FloatArray, weight: FloatArray, at: FloatArray, window: float
-) -> tuple[FloatArray, FloatArray]:
-    """(q, 3) values of local parabolas at (q,) places, and (q, n) the share of each point in them.
-
-    Where the window holds fewer than six points it is widened to them."""
-    apart = np.abs(at[:, None] - place[None])
-    count = min(6, len(place))
-    half = np.maximum(np.partition(apart, count - 1, axis=1)[:, count - 1] * 1.01, window / 2)[:, None]
-    kernel = np.clip(1 - (apart / half) ** 3, 0, 1) ** 3 * weight[None]
-    kernel /= np.maximum(kernel.sum(axis=1, keepdims=True), 1e-300)
-    offset = (place[None] - at[:, None]) / half
-    powers = np.stack([np.ones_like(offset), offset, offset**2], axis=2)
-    normal = np.einsum("qn,qni,qnj->qij", kernel, powers, powers) + 1e-9 * np.eye(3)
-    first = np.linalg.solve(normal, np.eye(3)[None, :, :1].repeat(len(at), axis=0))[..., 0]
-    shares = kernel * np.einsum("qni,qi->qn", powers, first)
-    shares /= shares.sum(axis=1, keepdims=True)
-    return shares @ points, shares
+def _count(length_m: float, params: MergeParams) -> int:
+    """Points of the result."""
+    wanted = int(min(length_m / params.spacing_m, 1e9)) + 1
+    if wanted > params.points and not params.coarser:
+        least = length_m / (params.points - 1)
+        text = f"makes {wanted} points of {length_m:.3g} m, at most {params.points}: give {least:.3g} or more"
+        raise NotMergeable(text, "spacing_m")
+    return max(min(wanted, params.points), 4)
 
 
-def _spread(covariance: FloatArray, shares: FloatArray, section: IntArray, count: int) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """``first`` (q + 1,): pairs ``first[i]`` to ``first[i + 1]`` are those of place i; ``point`` (w,) the number of
+    each pair's point, ``offset`` (w,) its distance from the place in half windows, -1 to 1; ``points`` n."""
+
+    first: IntArray
+    point: IntArray
+    offset: FloatArray
+    points: int
+
+    @classmethod
+    def around(cls, at: FloatArray, place: FloatArray, window_m: float) -> _Windows:
+        """Of ``place`` (n,) in order around ``at`` (q,). Raises NotMergeable for more pairs than memory should hold."""
+        farthest = cKDTree(place[:, None]).query(at[:, None], k=[min(_FEWEST, len(place))])[0][:, 0]
+        half = np.maximum(farthest * 1.01, window_m / 2)
+        begin, end = np.searchsorted(place, at - half, "left"), np.searchsorted(place, at + half, "right")
+        counts = end - begin
+        if counts.sum() > _MOST_PAIRS:
+            text = f"holds {counts.mean():.0f} points on average: {len(at)} such fits are too many, make it smaller"
+            raise NotMergeable(text, "window_m")
+        first = np.concatenate(([0], np.cumsum(counts)))
+        row = np.repeat(np.arange(len(at)), counts)
+        point = np.arange(first[-1]) - first[row] + begin[row]
+        return cls(first, point, (place[point] - at[row]) / half[row], len(place))
+
+    @property
+    def row(self) -> IntArray:
+        """(w,) the number of each pair's place."""
+        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        """(q,) of (w,) values over each window; none is empty."""
+        return np.asarray(np.add.reduceat(values, self.first[:-1]))
+
+
+def _local_fit(windows: _Windows, points: FloatArray, weight: FloatArray) -> tuple[FloatArray, csr_array]:
+    """(q, 3) values of local parabolas, and (q, n) the share of each point in them."""
+    offset, row = windows.offset, windows.row
+    kernel = np.clip(1 - np.abs(offset) ** 3, 0, 1) ** 3 * weight[windows.point]
+    kernel /= np.maximum(windows.sums(kernel), 1e-300)[row]
+    moments = [windows.sums(kernel * offset**power) for power in range(5)]
+    normal = np.stack([np.stack(moments[k : k + 3], axis=1) for k in range(3)], axis=1) + 1e-9 * np.eye(3)
+    first = np.linalg.solve(normal, np.eye(3)[None, :, :1].repeat(len(normal), axis=0))[row, :, 0]
+    shares = kernel * (first[:, 0] + first[:, 1] * offset + first[:, 2] * offset**2)
+    shares /= windows.sums(shares)[row]
+    matrix = csr_array((shares, windows.point, windows.first), shape=(len(normal), windows.points))
+    return np.asarray(matrix @ points), matrix
+
+
+def _spread(covariance: FloatArray, shares: csr_array, section: IntArray, count: int) -> FloatArray:
     """(q, 3, 3): per section its share squared times its mean covariance there."""
-    total = np.zeros((len(shares), 3, 3))
+    total = np.zeros((shares.shape[0], 3, 3))
+    columns = shares.tocsc()
     for k in range(count):
-        mine = np.abs(shares[:, section == k])
-        weight = mine.sum(axis=1)
-        mean = np.einsum("qn,nij->qij", mine / np.maximum(weight, 1e-12)[:, None], covariance[section == k])
-        share = np.minimum(np.abs(shares[:, section == k].sum(axis=1)), 1.0)
+        own = columns[:, np.flatnonzero(section == k)]
+        weights = abs(own)
+        weight = weights.sum(axis=1)
+        mean = (weights @ covariance[section == k].reshape(-1, 9)).reshape(-1, 3, 3)
+        mean /= np.maximum(weight, 1e-12)[:, None, None]
+        share = np.minimum(np.abs(own.sum(axis=1)), 1.0)
         total += share[:, None, None] ** 2 * mean
     return total
 
 
 def _as_curve(points: FloatArray, spread: FloatArray, placed: list[Curve]) -> Curve:
     spans = max(3, min(len(points) // 2, 120))
-    spline = curves.fit(points, spans, smooth=1e-6)
     along = arc_lengths(points)
+    if along[-1] < _SHORTEST_M:
+        raise NotMergeable("fold back onto themselves within `window_m`: no curve is left", "curves")
+    spline = curves.fit(points, spans, smooth=1e-6)
     tangents = spline.tangents(along / along[-1])
     radii = np.array([c.mean_radius_m for c in placed])
     known = radii[np.isfinite(radii)]

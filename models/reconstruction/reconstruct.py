@@ -21,6 +21,7 @@ from models.reconstruction.curves import Curve, Spline3D
 from models.reconstruction.matching import Match, MatchParams, match, steepness
 from models.reconstruction.refinement import Refined, RefineParams, across, refine
 from models.reconstruction.tracking import expected_depth
+from models.reconstruction.uncertainty import admitted
 from models.reconstruction.views import View
 from models.reconstruction.widths import radius_along
 
@@ -244,6 +245,7 @@ def _curve(
     a_pixel = np.mean([c.in_camera(points)[:, 2] / c.focal_px for c in cameras], axis=0)
     shared = (params.shared_px * a_pixel)[:, None, None] ** 2 * np.eye(3)
     covariance = refined.covariance_at(parameters, params.stray) + across(shared, tangents)
+    covariance = admitted(covariance, points, cameras)
     dense = refined.spline.at(np.linspace(parameters[0], parameters[-1], 12 * len(refined.spline.control_m)))
     spline: Spline3D = curves.fit(dense, len(refined.spline.control_m) - 3, smooth=0.0)
     radius, sigma = radius_along(points, views, strands)

@@ -7,6 +7,10 @@ carry a smoothness prior whose weight is found together with the noise by eviden
 of parameters against what is left over. Residuals of neighboring samples are alike (a centerline strays for a
 while), so the information of the data is divided by (1 + r) / (1 - r) of their correlation r before anything is
 stated about uncertainty. Each iteration is one dense Gauss-Newton step of 3 m unknowns (m about 10 to 45).
+
+What is stated is not what the steps are made with: there, "across the strand" is across the strand as it was found,
+whose direction is noisy. Where a DLO runs along the epipolar lines only that noise seems to say something about the
+depth. So the covariance is that of residuals across the *curve* as it projects, which is smooth.
 """
 
 from __future__ import annotations
@@ -16,19 +20,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
-from models.geometry.cameras import Camera
+from models.geometry.cameras import NEAREST_M, Camera
 from models.reconstruction.curves import Spline3D, basis
 from models.reconstruction.views import Samples, View
 
 _UNSURE = 0.2
 """Standard deviation, as a share of the distance, of a sample that no view says anything about."""
+_ANYWHERE = 2.0
+"""The same of a whole DLO."""
 
 
 @dataclass(frozen=True)
 class RefineParams:
     """``gate_px``: farther strands say nothing; it closes from the first to the second value. ``turn``: largest sine
     between curve and strand. ``slide``: how far samples may slide along the curve in a step, in sample spacings.
-    ``least_noise_px``: centerlines are never believed to be better than this."""
+    ``least_noise_px``: centerlines are never believed to be better than this. ``offset_px``: by so much all centerlines
+    of a view may be shifted, in x and in y, against those of the others."""
 
     samples_per_span: int = 6
     iterations: int = 10
@@ -36,13 +43,14 @@ class RefineParams:
     turn: float = 0.7
     slide: float = 0.3
     least_noise_px: float = 0.1
+    offset_px: float = 0.08
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
     """``residual_px`` (k, n) signed, across the strand; ``used`` (k, n); ``parameters`` (n,) of the samples;
     ``covariance`` (m, 3, m, 3) of the control points; ``noise_px`` of one residual; ``correlation`` of neighbors;
-    ``alone_m2`` (n, 3, 3) covariance of a sample by itself, seen with a noise of one pixel across its strands."""
+    ``alone_m2`` (n, 3, 3) covariance of a sample by itself, seen with a noise of one pixel across the curve."""
 
     spline: Spline3D
     parameters: FloatArray
@@ -73,11 +81,14 @@ def across(covariance: FloatArray, tangents: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What a view says about n samples: signed residual, (n, 3) its derivative by the point, whether it counts."""
+    """What a view says about n samples: signed residual, (n, 3) its derivative by the point, whether it counts; and
+    ``across`` (n, 3) the derivative of a residual along ``normal`` (n, 2), across the curve as it projects."""
 
     residual: FloatArray
     gradient: FloatArray
     used: BoolArray
+    across: FloatArray
+    normal: FloatArray
 
 
 def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params: RefineParams) -> Refined:
@@ -93,29 +104,70 @@ def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params:
         share = min(step / max(params.iterations // 2, 1), 1.0)
         gate = params.gate_px[0] * (1 - share) + params.gate_px[1] * share
         measured = _measure_all(cameras, seen, state.spline, parameters, gate, params)
-        state, covariance, moved = _step(state, parameters, weights, rough, measured, params)
+        state, moved = _step(state, parameters, weights, rough, measured, params)
         if share == 1.0 and moved < 0.02 * state.noise:
             break
     measured = _measure_all(cameras, seen, state.spline, parameters, gate, params)
+    points = state.spline.at(parameters)
+    distance = np.maximum(np.min([np.linalg.norm(points - c.center, axis=1) for c in cameras], axis=0), NEAREST_M)
     return Refined(
         state.spline,
         parameters,
         np.stack([m.residual for m in measured]),
         np.stack([m.used for m in measured]),
-        covariance.reshape(len(spline.control_m), 3, len(spline.control_m), 3),
+        _stated(state, parameters, weights, rough, measured, distance, params),
         state.noise,
         state.correlation,
-        _alone(measured, state.spline.at(parameters), cameras),
+        _alone(measured, distance),
     )
 
 
-def _alone(measured: list[_Measured], points: FloatArray, cameras: list[Camera]) -> FloatArray:
+def _alone(measured: list[_Measured], distance: FloatArray) -> FloatArray:
     """(n, 3, 3) inverse information of the views' residuals, bounded by a share of the distance to the cameras."""
-    gradients = np.stack([m.gradient * m.used[:, None] for m in measured])
+    gradients = np.stack([m.across * m.used[:, None] for m in measured])
     information = np.einsum("kni,knj->nij", gradients, gradients)
-    bound = _UNSURE * np.min([np.linalg.norm(points - c.center, axis=1) for c in cameras], axis=0)
-    inverse: FloatArray = np.linalg.inv(information + np.eye(3) / bound[:, None, None] ** 2)
+    inverse: FloatArray = np.linalg.inv(information + np.eye(3) / (_UNSURE * distance)[:, None, None] ** 2)
     return inverse
+
+
+def _stated(
+    state: _State, parameters: FloatArray, weights: FloatArray, rough: FloatArray, measured: list[_Measured],
+    distance: FloatArray, params: RefineParams,
+) -> FloatArray:  # fmt: skip
+    """(m, 3, m, 3) covariance of the control points, of residuals across the curve and of shifts of whole views."""
+    residual = np.concatenate([np.where(m.used, m.residual, 0.0) for m in measured])
+    used = np.concatenate([m.used for m in measured])
+    robust = used / (1 + (residual / (2.5 * state.noise)) ** 2)
+    rows = np.concatenate([(weights[:, :, None] * m.across[:, None]).reshape(len(weights), -1) for m in measured])
+    weighed = rows * (robust / (state.noise**2 * _spread(state)))[:, None]
+    share = 1 / (len(weights) * (_ANYWHERE * distance) ** 2)
+    anywhere = np.kron((weights * share[:, None]).T @ weights, np.eye(3))
+    prior = state.smooth * np.kron(rough.T @ rough, np.eye(3))
+    normal = rows.T @ weighed + prior + anywhere + _held(state, parameters, weights, len(parameters))
+    covariance = np.linalg.inv(normal + 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal)))
+    normals = np.stack([m.normal for m in measured])
+    pulls = np.einsum("kna,kni->kia", weighed.reshape(*normals.shape[:2], -1), normals).reshape(-1, len(normal))
+    shifted = params.offset_px * pulls @ covariance
+    count = weights.shape[1]
+    return np.asarray(covariance + shifted.T @ shifted).reshape(count, 3, count, 3)
+
+
+def _spread(state: _State) -> float:
+    """What the information of residuals is divided by as neighbors are alike."""
+    return (1 + state.correlation) / (1 - state.correlation)
+
+
+def _held(state: _State, parameters: FloatArray, weights: FloatArray, slide: float) -> FloatArray:
+    """(3 m, 3 m) information that holds samples along the curve, where nothing is measured, to ``slide`` spacings.
+
+    That is for the steps: as information about the DLO it would be wrong, for it ties where a curve lies to how its
+    samples are spread along it.
+    """
+    tangents = state.spline.tangents(parameters)
+    steps = np.linalg.norm(np.diff(state.spline.at(parameters), axis=0), axis=1)
+    spacing = max(float(steps.mean()) * slide, 1e-9)
+    along = (weights[:, :, None] * tangents[:, None]).reshape(len(weights), -1)
+    return np.asarray(along.T @ along / spacing**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,21 +201,28 @@ def _measure(
     plane = local[:, :2] / depth[:, None]
     xy = plane * focal + middle
     if not len(seen.xy):
-        return _Measured(np.full(len(xy), np.nan), np.zeros((len(xy), 3)), np.zeros(len(xy), bool))
+        nothing = np.zeros((len(xy), 3))
+        return _Measured(np.full(len(xy), np.nan), nothing, np.zeros(len(xy), bool), nothing, nothing[:, :2])
     _, nearest = seen.tree.query(np.where(front[:, None], xy, -1e6))
     normal, off = seen.normals[nearest], xy - seen.xy[nearest]
     residual = np.einsum("ni,ni->n", normal, off)
     along = np.abs(normal[:, 0] * off[:, 1] - normal[:, 1] * off[:, 0])
-    # d xy / d local = focal / depth (I, -plane); across the strand only its normal counts
-    scaled = normal * focal / depth[:, None]
-    by_local = np.concatenate([scaled, -np.einsum("ni,ni->n", scaled, plane)[:, None]], axis=1)
-    gradient = by_local @ camera.rotation.T
     heading = tangents @ camera.rotation
     flow = (heading[:, :2] - plane * heading[:, 2:]) * focal
-    turn = np.abs(np.einsum("ni,ni->n", flow, normal)) / np.maximum(np.hypot(*flow.T), 1e-9)
+    flow /= np.maximum(np.hypot(*flow.T), 1e-9)[:, None]
+    turn = np.abs(np.einsum("ni,ni->n", flow, normal))
     used = front & (np.abs(residual) < gate) & ((along < 1.5) | ~seen.at_end[nearest])
     used &= turn < params.turn
-    return _Measured(residual, gradient, used)
+
+    def by_point(direction: FloatArray) -> FloatArray:
+        """(n, 3) derivative of the place in the picture along (n, 2) unit directions."""
+        # d xy / d local = focal / depth (I, -plane)
+        scaled = direction * focal / depth[:, None]
+        by_local = np.concatenate([scaled, -np.einsum("ni,ni->n", scaled, plane)[:, None]], axis=1)
+        return np.asarray(by_local @ camera.rotation.T)
+
+    aside = np.stack([-flow[:, 1], flow[:, 0]], axis=1)
+    return _Measured(residual, by_point(normal), used, by_point(aside), aside)
 
 
 def _step(
@@ -173,22 +232,20 @@ def _step(
     rough: FloatArray,
     measured: list[_Measured],
     params: RefineParams,
-) -> tuple[_State, FloatArray, float]:
-    """One Gauss-Newton step; new noise, correlation and smoothness; the covariance; the mean move in pixels."""
+) -> tuple[_State, float]:
+    """One Gauss-Newton step; new noise, correlation and smoothness; the mean move in pixels."""
     control = state.spline.control_m
     unknowns = control.size
     residual = np.concatenate([np.where(m.used, m.residual, 0.0) for m in measured])
     used = np.concatenate([m.used for m in measured])
     robust = used / (1 + (residual / (2.5 * state.noise)) ** 2)
     rows = np.concatenate([(weights[:, :, None] * m.gradient[:, None]).reshape(len(weights), -1) for m in measured])
-    spread = (1 + state.correlation) / (1 - state.correlation)
+    spread = _spread(state)
     scale = 1 / (state.noise**2 * spread)
     data = rows.T @ (rows * (robust * scale)[:, None])
     prior = np.kron(rough.T @ rough, np.eye(3))
-    tangents = state.spline.tangents(parameters)
-    spacing = np.linalg.norm(np.diff(state.spline.at(parameters), axis=0), axis=1).mean() * params.slide
-    slide = (weights[:, :, None] * tangents[:, None]).reshape(len(weights), -1)
-    normal = data + state.smooth * prior + slide.T @ slide / spacing**2 + 1e-9 * scale * np.eye(unknowns)
+    held = _held(state, parameters, weights, params.slide)
+    normal = data + state.smooth * prior + held + 1e-9 * scale * np.eye(unknowns)
     right = -rows.T @ (robust * scale * residual) - state.smooth * prior @ control.reshape(-1)
     covariance = np.linalg.inv(normal)
     move = covariance @ right
@@ -202,7 +259,7 @@ def _step(
     smooth = max(free, 1.0) / max(float(bend), 1e-12)
     mean_move = float(np.abs(rows @ move)[used].mean()) if used.any() else 0.0
     correlation = _correlation(left.reshape(len(measured), -1), used.reshape(len(measured), -1))
-    return _State(moved, noise, correlation, smooth), covariance, mean_move
+    return _State(moved, noise, correlation, smooth), mean_move
 
 
 def _correlation(residual: FloatArray, used: BoolArray) -> float:

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray
-from models.geometry.cameras import Camera
+from models.geometry.cameras import NEAREST_M, Camera
 from models.reconstruction.curves import Curve
 
 Optimise = Literal["fixed", "b", "z", "bz"]
@@ -24,6 +24,7 @@ Optimise = Literal["fixed", "b", "z", "bz"]
 _SINGLE_CAMERA_NOISE_PX = 0.2
 """Effective noise of a point of a refined curve, where the cameras it came from are not given."""
 
+_LEAST_BASELINE_M = 1e-5
 _FAN = 0.5
 """Tangent of the angle to either side in which a DLO may go on: the pictures have to show all of it."""
 
@@ -75,7 +76,7 @@ def plan_views(curve: Curve, cameras: list[Camera], params: PlanParams, advance:
         points, axis = _ahead(curve, now, params)
     facing = _facing(now, points, axis)
     local = facing.in_camera(points)
-    if (local[:, 2] <= 0).any():
+    if (local[:, 2] <= NEAREST_M).any():
         raise NoView("the DLO lies behind the camera")
     delta_z, baseline, inside = _best(local, facing, params)
     poses = [_moved(facing, x, -delta_z) for x in np.linspace(-baseline / 2, baseline / 2, params.views)]
@@ -103,7 +104,7 @@ def _best(local: FloatArray, camera: Camera, params: PlanParams) -> tuple[float,
             continue
         limit = min(float(room[seen].min()), params.baseline_at_most_m)
         baseline = limit if params.optimise in ("b", "bz") else params.baseline_m
-        if not 0 < baseline <= limit:
+        if not _LEAST_BASELINE_M <= baseline <= limit:
             continue
         error = depth_error(local[seen, 2] + delta, baseline, camera.focal_px)
         if best is None or error < best[0]:
@@ -176,7 +177,7 @@ def _single_point_sigma(points: FloatArray, cameras: list[Camera]) -> float:
     information = np.zeros((len(points), 3, 3))
     for camera in cameras:
         ray = points - camera.center
-        distance = np.linalg.norm(ray, axis=1)
+        distance = np.maximum(np.linalg.norm(ray, axis=1), NEAREST_M)
         unit = ray / distance[:, None]
         keep = np.eye(3) - unit[:, :, None] * unit[:, None]
         information += (camera.focal_px / distance)[:, None, None] ** 2 * keep

@@ -41,7 +41,7 @@ class SimulatedArm:
     def intrinsics(self) -> dict[str, object]:
         i = self._camera.intrinsics
         sizes = {"width": i.width, "height": i.height, "fx": i.fx, "fy": i.fy, "cx": i.cx, "cy": i.cy}
-        return {**sizes, "distortion": list(i.distortion)}
+        return {**sizes, "distortion": list(i.distortion), "distortion_model": i.model}
 
     def pose(self) -> list[list[float]]:
         """(4, 4) T_world_camera as the encoders have it."""

@@ -9,7 +9,7 @@ and given noise. Only NumPy and OpenCV; everything random comes from the generat
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import cv2
@@ -26,6 +26,7 @@ _SUPER = 2
 _SHADOW_EDGE_M = 0.0015
 _NEAREST_M = 0.02
 _MOST_SAMPLES = 20_000
+_WIDER = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +115,9 @@ def noise_texture(rng: np.random.Generator) -> ByteArray:
 
 def render(scene: Scene3D, camera: Camera, rng: np.random.Generator) -> Rendered:
     """What ``camera`` sees, lens distortion included. The camera stands over the table and looks down on it."""
-    size = (camera.intrinsics.height, camera.intrinsics.width)
-    larger = _enlarged(camera)
+    straight = _without_lens(camera)
+    size = (straight.intrinsics.height, straight.intrinsics.width)
+    larger = _enlarged(straight)
     rgb = _table(scene, larger)
     nearest = np.full(rgb.shape[:2], np.inf)
     ids = np.zeros(rgb.shape[:2], np.int64)
@@ -125,15 +127,31 @@ def render(scene: Scene3D, camera: Camera, rng: np.random.Generator) -> Rendered
     offset = _SUPER // 2
     ids, nearest = ids[offset::_SUPER, offset::_SUPER], nearest[offset::_SUPER, offset::_SUPER]
     if camera.intrinsics.distorted:
-        rgb, ids, nearest = _bend(camera, rgb, ids, nearest)
+        rgb, ids, nearest = _bend(camera, straight, rgb, ids, nearest)
     if scene.optics.blur_px > 0:
         rgb = np.asarray(cv2.GaussianBlur(rgb, (0, 0), scene.optics.blur_px), np.float32)
     noisy = rgb + scene.optics.noise * rng.standard_normal(rgb.shape, dtype=np.float32)
     return Rendered(np.rint(np.clip(noisy, 0, 1) * 255).astype(np.uint8), ids, nearest)
 
 
+def _without_lens(camera: Camera) -> Camera:
+    """The pinhole whose picture holds all that the lens shows, up to ``_WIDER`` times its size to each side."""
+    i = camera.intrinsics
+    if not i.distorted:
+        return camera
+    x, y = np.meshgrid(np.linspace(0, i.width - 1, 40), np.linspace(0, i.height - 1, 40))
+    ideal = camera.undistort(np.stack([x.ravel(), y.ravel()], axis=1))
+    limit = _WIDER * np.array([i.width, i.height])
+    ideal = np.clip(ideal[np.isfinite(ideal).all(axis=1)], -limit, 2 * limit)
+    low = np.floor(np.minimum(ideal.min(axis=0), 0)) - 1
+    high = np.ceil(np.maximum(ideal.max(axis=0), (i.width - 1, i.height - 1))) + 1
+    width, height = (high - low).astype(int) + 1
+    middle = (i.cx - float(low[0]), i.cy - float(low[1]))
+    return replace(camera, intrinsics=Intrinsics(int(width), int(height), i.fx, i.fy, *middle))
+
+
 def _enlarged(camera: Camera) -> Camera:
-    """Without distortion, ``_SUPER`` times as many pixels; pixel centers at (k + 0.5) s - 0.5."""
+    """``_SUPER`` times as many pixels; pixel centers at (k + 0.5) s - 0.5."""
     i, s = camera.intrinsics, _SUPER
     middle = ((i.cx + 0.5) * s - 0.5, (i.cy + 0.5) * s - 0.5)
     return Camera(Intrinsics(i.width * s, i.height * s, i.fx * s, i.fy * s, *middle), camera.T_world_camera)
@@ -220,12 +238,13 @@ def _shade(
 
 
 def _bend(
-    camera: Camera, rgb: Float32Array, ids: IntArray, depth: FloatArray
+    camera: Camera, straight: Camera, rgb: Float32Array, ids: IntArray, depth: FloatArray
 ) -> tuple[Float32Array, IntArray, FloatArray]:
-    """The ideal picture as the lens shows it."""
-    height, width = ids.shape
-    x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-    ideal = camera.undistort(np.stack([x.ravel(), y.ravel()], axis=1)).astype(np.float32).reshape(height, width, 2)
-    warped = cv2.remap(rgb, ideal[..., 0], ideal[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
-    near = np.rint(ideal).astype(np.int64).clip(0, (width - 1, height - 1))
+    """The picture of the pinhole ``straight`` as the lens of ``camera`` shows it."""
+    i, wide = camera.intrinsics, straight.intrinsics
+    x, y = np.meshgrid(np.arange(i.width, dtype=np.float64), np.arange(i.height, dtype=np.float64))
+    ideal = camera.undistort(np.stack([x.ravel(), y.ravel()], axis=1)) + np.array([wide.cx - i.cx, wide.cy - i.cy])
+    place = np.nan_to_num(ideal, nan=-1.0).astype(np.float32).reshape(i.height, i.width, 2)
+    warped = cv2.remap(rgb, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    near = np.rint(place).astype(np.int64).clip(0, (wide.width - 1, wide.height - 1))
     return np.asarray(warped, np.float32), ids[near[..., 1], near[..., 0]], depth[near[..., 1], near[..., 0]]

@@ -12,6 +12,8 @@ from models.geometry.cameras import Camera
 
 _COMB_M = 1e-4
 """Points of a stroke nearer to one another than this are one: a pen held still."""
+_NEAR_PX = 100.0
+"""So far outside of the picture a stroke still has a place: the smoothing needs what comes before and after."""
 
 
 class StrokeError(ValueError):
@@ -57,14 +59,12 @@ def in_robot_frame(points_m: FloatArray, T_robot_tracker: FloatArray) -> FloatAr
 def project_stroke(points_m: FloatArray, camera: Camera) -> ProjectedStroke:
     """Eq. 2.4 for (n, 3) samples, lens distortion included."""
     depth = camera.in_camera(points_m)[:, 2]
-    ideal = camera.project(points_m)
-    # Lens models fold far outside the picture: only what is seen nearby is bent.
-    near = np.isfinite(ideal).all(axis=1) & camera.sees(np.nan_to_num(ideal, nan=-1e9), margin_px=-100.0)
-    xy = np.full((len(points_m), 2), np.nan)
-    if near.any():
-        xy[near] = camera.distort(ideal[near])
-    size = np.array([camera.intrinsics.width, camera.intrinsics.height])
-    inside = near & np.all((np.nan_to_num(xy, nan=-1) >= 0) & (np.nan_to_num(xy, nan=-1) <= size - 1), axis=1)
+    xy = camera.project_to_picture(points_m)
+    size = np.array([camera.intrinsics.width, camera.intrinsics.height]) - 1
+    with np.errstate(invalid="ignore"):
+        near = np.all((xy >= -_NEAR_PX) & (xy <= size + _NEAR_PX), axis=1)
+        inside = np.all((xy >= 0) & (xy <= size), axis=1)
+    xy[~near] = np.nan
     return ProjectedStroke(xy, depth, inside)
 
 

@@ -79,8 +79,9 @@ def seen(scene: Scene3D, cameras: Sequence[Camera], held: Tools, seed: int = 0) 
     rng = np.random.default_rng([seed, 1])
     views = []
     for number, camera in enumerate(cameras):
-        found = perceive(Source(render(scene, camera, rng).rgb, None, []), held)
-        strands, _ = strands_of(found.scene, found.foreground.probability, camera)
+        rgb = render(scene, camera, rng).rgb
+        found = perceive(Source(rgb, None, []), held)
+        strands, _ = strands_of(found.scene, found.foreground.probability, rgb, camera)
         views.append(View(camera, strands, f"view {number}"))
     return [joined.view for joined in rejoin(views)]
 

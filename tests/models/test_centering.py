@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -47,3 +48,28 @@ def test_another_strand_across_does_not_pull():
 def test_nothing_to_hold_on_to():
     assert center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, np.zeros((80, 200), np.float32)) is None
     assert center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, np.ones((80, 200), np.float32)) is None
+
+
+def shadowed(own: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """A picture of a level DLO, 5 px wide about y = 40, of a color; beside it, from 42.5 down, its soft shadow. And a
+    foreground probability that takes a part of the shadow for the DLO."""
+    y = np.arange(80.0)
+    inside = np.clip(2.5 - np.abs(y - 40) + 0.5, 0, 1)
+    shade = 1 - 0.5 * np.exp(-(((y - 45) / 3.0) ** 2))
+    rows = np.array([140.0, 130.0, 120.0]) * shade[:, None] * (1 - inside[:, None]) + np.array(own) * inside[:, None]
+    rows = cv2.GaussianBlur(rows, (1, 9), 0.6)
+    picture = np.broadcast_to(np.rint(rows)[:, None], (80, 200, 3)).astype(np.uint8)
+    foreground = 1 / (1 + np.exp(-3 * (np.where(y > 40, 3.5, 2.5) - np.abs(y - 40))))
+    return np.ascontiguousarray(picture), np.broadcast_to(foreground[:, None], (80, 200)).astype(np.float32)
+
+
+@pytest.mark.parametrize("own", [(190, 40, 40), (30, 30, 35)], ids=["red", "black"])
+def test_a_soft_shadow_beside_a_dlo_does_not_move_it(own):
+    """It moved the edge of the probability in one view and not in the other: 3 mm of depth."""
+    picture, probability = shadowed(own)
+    line = np.array([[10.0, 40.0], [190.0, 40.0]])
+    without, _, _ = center(line, 5.0, probability)
+    xy, width, _ = center(line, 5.0, probability, picture)
+    assert np.abs(without[:, 1] - 40).mean() > 0.4
+    assert np.abs(xy[:, 1] - 40).mean() < 0.15
+    assert width.mean() == pytest.approx(5.0, abs=0.4)

@@ -8,7 +8,7 @@ import pytest
 from models.geometry.cameras import Camera
 from models.reconstruction import curves
 from models.reconstruction.curves import Curve
-from models.reconstruction.merging import MergeParams, NotOneDlo, merge
+from models.reconstruction.merging import MergeParams, NotMergeable, merge
 from models.reconstruction.view_planning import NoView, PlanParams, depth_error, plan_views
 from tests.models.known_cables import INTRINSICS, above, arc
 
@@ -135,6 +135,29 @@ def test_sections_that_contradict_one_another_still_give_a_curve():
 
 
 def test_sections_of_another_dlo_are_named():
-    with pytest.raises(NotOneDlo) as caught:
+    with pytest.raises(NotMergeable) as caught:
         merge([curve_through(arc()), curve_through(arc() + np.array([1.0, 0, 0]))], MergeParams())
     assert caught.value.section == 1
+
+
+def test_a_long_dlo_gets_as_many_points_as_an_answer_holds():
+    """28 m at 5 mm were an internal error."""
+    x = np.linspace(0, 30, 900)
+    parts = [np.stack([x[k : k + 320], np.sin(x[k : k + 320]), 0 * x[k : k + 320]], axis=1) for k in (0, 290, 580)]
+    sections = [curve_through(part) for part in parts]
+    merged = merge(sections, MergeParams(window_m=0.3))
+    assert len(merged.curve.points_m) == 5000
+    assert merged.curve.length_m == pytest.approx(curve_through(np.concatenate(parts)).length_m, rel=0.5)
+    with pytest.raises(NotMergeable, match="at most 5000") as caught:
+        merge(sections, MergeParams(spacing_m=0.005, coarser=False))
+    assert caught.value.about == "spacing_m"
+
+
+def test_windows_that_hold_too_much_are_refused_before_the_work():
+    one = curve_through(arc())
+    dense = Curve(one.spline, np.repeat(one.points_m, 50, axis=0), np.repeat(one.covariance_m2, 50, axis=0),
+                  np.repeat(one.radius_m, 50), one.radius_sigma_m)  # fmt: skip
+    many = [dense] * 6
+    with pytest.raises(NotMergeable) as caught:
+        merge(many, MergeParams(window_m=10.0, spacing_m=1e-5))
+    assert caught.value.about == "window_m"

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from services import validation
+from services.fields import body_problems
 from services.validation import Given, Refused
 from workers.record import REQUEST
 
@@ -98,3 +99,13 @@ def test_memory_that_runs_out_is_the_bodys_fault(client, problem, monkeypatch, i
 
     monkeypatch.setattr(validation, "check_large", greedy)
     problem(client.post("/v1/jobs", content=flood(10), headers=JSON), 413, "too_large", "body")
+
+
+def test_a_rule_between_fields_of_an_inner_object_names_the_field_within():
+    """Such an error was at the object, and its field only in the text; at the request's top it was at the field."""
+    given = {"kind": "x", "views": [{"intrinsics": {"k": [1], "width": 2}}]}
+    errors = [
+        {"loc": ("x", "views", 0, "intrinsics", "CameraInfo"), "type": "value_error", "msg": "Value error, `K` is odd"},
+        {"loc": ("x",), "type": "value_error", "msg": "Value error, `views` are odd"},
+    ]
+    assert [p.field for p in body_problems(errors, given, whole="body")] == ["views.0.intrinsics.k", "views"]

@@ -51,11 +51,11 @@ def test_the_outcome_becomes_result_files_and_timings(run, tools):
 
 def test_the_requests_fault_names_the_field(run):
     def stage(request, tools):
-        raise InvalidInput("views[1].image", "not a picture")
+        raise InvalidInput("views.1.image", "not a picture")
 
     problem = run(stage).problem
     assert (problem.code, problem.status) == ("invalid_image", 422)
-    assert [(error.field, error.message) for error in problem.errors] == [("views[1].image", "not a picture")]
+    assert [(error.field, error.message) for error in problem.errors] == [("views.1.image", "not a picture")]
 
 
 def test_our_fault_gets_an_incident_that_is_in_the_log(run, monkeypatch):

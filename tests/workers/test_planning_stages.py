@@ -27,6 +27,7 @@ from models.manipulation.simulator import Actions, Ropes, simulate, straight
 from workers import stages
 from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
+from workers.stages.table import to_table
 
 LENGTH = 0.45
 OBJECT = DloObject(mass_kg=0.05)
@@ -151,8 +152,9 @@ def test_what_was_not_trained_is_answered_with_a_warning(tools, fields, code, fi
 
 
 def test_a_long_dlo_is_planned_for_in_its_own_meters(tools):
-    """Four times as long: four times the way, the same turn."""
-    near, far = run(tools), run(tools, state_m=line(16, 1.8), target_m=target_shape("U", 1.8), object=OBJECT)
+    """Four times as long: four times the way, where so much is allowed; the same turn."""
+    wide = PlanLimits(max_displacement_m=0.4)
+    near, far = run(tools), run(tools, state_m=line(16, 1.8), target_m=target_shape("U", 1.8), limits=wide)
     assert far.action.edge == near.action.edge
     assert far.action.dtheta_rad == pytest.approx(near.action.dtheta_rad, abs=0.1)
     assert far.action.dx_m == pytest.approx(4 * near.action.dx_m, abs=0.03)
@@ -303,3 +305,58 @@ def test_a_picture_that_shows_no_dlo_on_the_table(tools, image, homography, fiel
 def test_a_picture_is_missing(tools):
     with pytest.raises(InvalidInput, match="image"):
         run(tools, state_m=None, homography=HOMOGRAPHY)
+
+
+def scaled(points, factor: float) -> list[tuple[float, float]]:
+    return [(factor * x, factor * y) for x, y in points]
+
+
+@pytest.mark.parametrize(
+    ("fields", "unit"),
+    [
+        ({"state_m": scaled(line(), 1000), "target_m": scaled(U, 1000)}, "millimeters"),
+        ({"state_m": scaled(line(), 100), "target_m": scaled(U, 100)}, "centimeters"),
+        ({"target_m": scaled(U, 30)}, "in another unit"),
+        ({"object": DloObject(mass_kg=0.05, length_m=15.0)}, "in another unit"),
+        ({"object": {"mass_kg": 0.05, "length_m": 1e-300}}, "length_m"),
+        ({"history": [{"before": line(), "after": scaled(line(), 10), "action": {"edge": 3, "dx_m": 0.05, "dy_m": 0.0,
+          "dtheta_rad": 0.0}}]}, "`after` is"),
+    ],
+)  # fmt: skip
+def test_lengths_that_no_dlo_has_are_refused_with_the_likely_unit(fields, unit):
+    """A plan in millimeters moved the gripper by 80 m."""
+    with pytest.raises(ValidationError, match=unit):
+        request(**fields)
+
+
+def test_a_long_dlo_is_moved_no_farther_than_is_stated(tools):
+    """The trained 0.1 m grew with the DLO's length, to 0.4 m here, though the limit is stated as 0.1."""
+    far = [(x, y + 1.0) for x, y in line(16, 2.0)]
+    for wish, most in ((None, 0.1), (0.3, 0.3)):
+        limits = {} if wish is None else {"max_displacement_m": wish}
+        result = run(tools, state_m=line(16, 2.0), target_m=far, limits=limits)
+        moves = [result.action, *result.alternatives]
+        assert max(max(abs(a.dx_m), abs(a.dy_m)) for a in moves) == pytest.approx(most, abs=1e-4)
+
+
+@pytest.mark.parametrize("factor", [1e-4, -1.0, 1e6])
+def test_the_scale_of_a_homography_is_free(factor):
+    """1e-4 times a valid one was refused as singular."""
+    xy, homography = np.array([[100.0, 50.0], [500.0, 300.0]]), np.array(HOMOGRAPHY)
+    assert to_table(xy, factor * homography) == pytest.approx(to_table(xy, homography))
+
+
+@pytest.mark.parametrize(
+    ("homography", "said"),
+    [
+        (np.linalg.inv(np.array([[0.001, 0, -0.32], [0, 0.001, -0.18], [0, 0, 1.0]])), "its inverse is needed"),
+        (np.array([[1.0, 0, -320], [0, 1.0, -180], [0, 0, 1.0]]), "millimeters"),
+        (np.array([[0.1, 0, -32], [0, 0.1, -18], [0, 0, 1.0]]), "centimeters"),
+    ],
+)
+def test_a_homography_to_another_unit_or_of_the_other_direction_is_refused(tools, homography, said):
+    """An inverse one moved the gripper by 82 km."""
+    picture = stored(tools, photograph())
+    with pytest.raises(InvalidInput, match=said) as caught:
+        run(tools, state_m=None, image=picture, homography=homography.tolist(), target_m=line(length=0.43))
+    assert caught.value.field == "homography"

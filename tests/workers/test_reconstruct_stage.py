@@ -175,7 +175,7 @@ def test_a_view_without_the_cable_is_dropped_by_name(tools, views, pictures):
 
 def test_a_cable_in_one_view_only_fails_clearly(tools, views, pictures):
     others = [view(tools, pictures[4], camera) for camera in ROW[1:3]]
-    with pytest.raises(InvalidInput, match=r"only in views\[0\]") as caught:
+    with pytest.raises(InvalidInput, match=r"only in views\.0") as caught:
         stages.run(ReconstructRequest(views=[views[0], *others]), tools)
     assert caught.value.field == "views"
 
@@ -187,7 +187,7 @@ def test_a_pose_wrong_by_five_centimeters_is_said(tools, pictures, truth):
     result = stages.run(ReconstructRequest(views=views), tools).result
     assert [v.status for v in result.views] == ["used", "used", "used", "dropped"]
     assert "is the pose right" in result.views[3].reason
-    assert "views[3]" in result.warnings[0]
+    assert "views.3" in result.warnings[0]
     assert 1000 * distances(np.array(result.curve.points_m), truth).mean() < 0.82
 
 
@@ -284,3 +284,22 @@ def test_a_large_picture_from_a_bent_lens(tools, truth):
     assert drawn.shape == (600, 800, 3), "reduced by two"
     column, row = (round((v + 0.5) / 2 - 0.5) for v in (x, y))
     assert np.abs(drawn[row, column].astype(int) - (255, 214, 10)).max() < 60
+
+
+def test_one_picture_from_several_poses_is_refused(tools, views):
+    """It put the DLO at infinity, without a word."""
+    copied = [views[0], views[1].model_copy(update={"image": views[0].image})]
+    with pytest.raises(InvalidInput, match="again") as caught:
+        stages.run(ReconstructRequest(views=copied), tools)
+    assert caught.value.field == "views.1.image"
+
+
+def test_poses_in_millimeters_are_refused(tools, views):
+    """They gave a cable of 277 m."""
+    asked = []
+    for given in views[:3]:
+        pose = [[*row[:3], 1000 * row[3]] for row in given.T_world_camera[:3]] + [[0, 0, 0, 1]]
+        asked.append(CameraView(image=given.image, intrinsics=given.intrinsics, T_world_camera=pose))
+    with pytest.raises(InvalidInput, match="millimeters") as caught:
+        stages.run(ReconstructRequest(views=asked), tools)
+    assert (caught.value.field, caught.value.code) == ("views", "invalid_scale")

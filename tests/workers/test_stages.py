@@ -111,8 +111,8 @@ def test_a_truncated_picture_names_its_field(tools, form):
     Image.fromarray(noise).save(buffer, form)
     ref = ImageRef(id=tools.blobs.put(buffer.getvalue()[: len(buffer.getvalue()) // 2]))
     with pytest.raises(InvalidInput, match="decoded") as caught:
-        read_picture(ref, "views[1].image", tools)
-    assert caught.value.field == "views[1].image"
+        read_picture(ref, "views.1.image", tools)
+    assert caught.value.field == "views.1.image"
 
 
 def test_too_many_pixels_are_refused_before_decoding(tools):

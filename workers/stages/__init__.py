@@ -7,12 +7,14 @@ from typing import assert_never
 
 import cv2
 import numpy as np
+import structlog
 from dlo_client.contracts import (
     AnyRequest,
     DisentangleRequest,
     DloObject,
     EstimateParametersRequest,
     InstancesRequest,
+    JobKind,
     LabelTrackedRequest,
     MergeCurvesRequest,
     NetworkInfo,
@@ -23,6 +25,7 @@ from dlo_client.contracts import (
     SegmentRequest,
     TopologyRequest,
 )
+from pydantic import ValidationError
 
 from models.weights import inference
 from models.weights.inference import NetworkSpec, Runtime
@@ -42,12 +45,36 @@ from workers.stages import (
     topology,
 )
 from workers.stages.foreground import Source
-from workers.stages.outcome import Outcome, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.perception import perceive
+
+log = structlog.get_logger(__name__)
+
+
+_ABOUT: dict[JobKind, str] = {
+    "noop": "hold_s", "segment": "image", "instances": "image", "topology": "image", "plan_disentangle": "topology",
+    "reconstruct": "views", "next_view": "cameras", "merge_curves": "curves", "label_tracked": "strokes",
+    "plan_shape": "target_m", "estimate_parameters": "history",
+}  # fmt: skip
+"""The field that the numbers of each kind come from."""
 
 
 def run(request: AnyRequest, tools: Tools) -> Outcome:
-    """Do one job; a kind without a case here is a type error."""
+    """Do one job.
+
+    Numbers that arithmetic fails on, or that lead to an answer which its contract does not allow (NaN, infinite, out of
+    range), are the request's: nothing of that kind leaves as an answer. They are also logged, as a check is missing.
+    """
+    try:
+        return _run(request, tools)
+    except (ArithmeticError, np.linalg.LinAlgError, ValidationError) as error:
+        log.exception("numbers of the request lead nowhere", kind=request.kind)
+        text = f"holds numbers that cannot be computed with ({type(error).__name__}): are scales and units right?"
+        raise InvalidInput(_ABOUT[request.kind], text, "invalid_numbers") from error
+
+
+def _run(request: AnyRequest, tools: Tools) -> Outcome:
+    """A kind without a case here is a type error."""
     match request:
         case NoopRequest():
             return noop.run(request)

@@ -10,7 +10,7 @@ from dlo_client.contracts import CameraInfo, CameraPose, Curve3D, NextView, Spli
 from dlo_client.contracts.cameras import AnyIntrinsics, Pose
 from numpy.typing import NDArray
 
-from models.geometry.cameras import Camera, CameraError, DistortionModel, Intrinsics
+from models.geometry.cameras import Camera, CameraError, Intrinsics
 from models.reconstruction.curves import DEGREE, Curve, Spline3D
 from models.reconstruction.view_planning import Plan
 from workers.stages.outcome import InvalidInput
@@ -79,13 +79,14 @@ def decode(given: Curve3D, field: str) -> Curve:
 
 
 def csv_file(curves: list[Curve]) -> tuple[str, bytes]:
-    """A row a point: curve (0 the target), x, y, z, radius, sigma in meters."""
+    """A row a point: curve (0 the target), x, y, z, radius, sigma in meters; a radius that is not known is empty."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(["curve", "x_m", "y_m", "z_m", "radius_m", "sigma_m"])
     for number, curve in enumerate(curves):
         for point, sigma in zip(curve.points_m, curve.sigma_m, strict=True):
-            rows.writerow([number, *(f"{v:.6f}" for v in point), f"{curve.mean_radius_m:.6f}", f"{sigma:.6f}"])
+            radius = f"{curve.mean_radius_m:.6f}" if np.isfinite(curve.mean_radius_m) else ""
+            rows.writerow([number, *(f"{v:.6f}" for v in point), radius, f"{sigma:.6f}"])
     return "text/csv", text.getvalue().encode()
 
 
@@ -93,7 +94,7 @@ def ply_file(curves: list[Curve]) -> tuple[str, bytes]:
     """ASCII PLY: vertices with radius and sigma, and edges that join the vertices of a curve."""
     counts = [len(c.points_m) for c in curves]
     head = [
-        "ply", "format ascii 1.0", "comment meters; curve 0 is the target",
+        "ply", "format ascii 1.0", "comment meters; curve 0 is the target; radius 0 is not known",
         f"element vertex {sum(counts)}", *(f"property float {name}" for name in ("x", "y", "z", "radius", "sigma")),
         "property int curve", f"element edge {sum(counts) - len(counts)}",
         "property int vertex1", "property int vertex2", "end_header",
@@ -102,21 +103,16 @@ def ply_file(curves: list[Curve]) -> tuple[str, bytes]:
     for number, curve in enumerate(curves):
         for point, sigma in zip(curve.points_m, curve.sigma_m, strict=True):
             x, y, z = point
-            vertices.append(f"{x:.6f} {y:.6f} {z:.6f} {curve.mean_radius_m:.6f} {sigma:.6f} {number}")
+            radius = np.nan_to_num(curve.mean_radius_m, nan=0.0)
+            vertices.append(f"{x:.6f} {y:.6f} {z:.6f} {radius:.6f} {sigma:.6f} {number}")
         edges += [f"{k} {k + 1}" for k in range(first, first + len(curve.points_m) - 1)]
         first += len(curve.points_m)
     return "application/octet-stream", "\n".join([*head, *vertices, *edges, ""]).encode()
 
 
 def _intrinsics(given: AnyIntrinsics) -> Intrinsics:
-    if isinstance(given, CameraInfo):
-        coefficients, model = tuple(given.D), given.distortion_model
-        fx, cx, fy, cy = given.K[0], given.K[2], given.K[4], given.K[5]
-    else:
-        coefficients, (fx, fy, cx, cy) = tuple(given.distortion), (given.fx, given.fy, given.cx, given.cy)
-        model = "rational_polynomial" if len(coefficients) == 8 else "plumb_bob"
-    known: DistortionModel = model if coefficients else "plumb_bob"
-    return Intrinsics(given.width, given.height, fx, fy, cx, cy, coefficients, known)
+    i = given.as_taken() if isinstance(given, CameraInfo) else given
+    return Intrinsics(i.width, i.height, i.fx, i.fy, i.cx, i.cy, tuple(i.distortion), i.lens)
 
 
 def _points(xyz: NDArray[np.float64]) -> list[tuple[float, float, float]]:

@@ -98,7 +98,7 @@ def _labels(request: LabelTrackedRequest, index: int, view: TrackedView) -> Trac
     ]
     moved = np.concatenate([c.offset_px[np.isfinite(c.offset_px)] for c in view.corrections])
     return TrackedLabels(
-        name=given.name or f"views[{index}]",
+        name=given.name or f"views.{index}",
         width=width,
         height=height,
         instances=instances,
@@ -150,7 +150,7 @@ def _warnings(request: LabelTrackedRequest, labels: list[TrackedLabels]) -> list
     for index, stroke in enumerate(request.strokes, start=1):
         scores = [i.score for view in labels for i in view.instances if i.id == index]
         if request.correct and scores and np.mean(scores) < _DOUBTFUL:
-            name = stroke.name or f"strokes[{index - 1}]"
+            name = stroke.name or f"strokes.{index - 1}"
             warnings.append(f"{name}: its corrections are doubtful (mean trust {np.mean(scores):.2f}); look at them")
     return warnings
 

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from dlo_client.contracts import MergeCurvesRequest, MergeCurvesResult
+from dataclasses import replace
 
-from models.reconstruction.merging import MergeParams, NotOneDlo, merge
+from dlo_client.contracts import MergeCurvesRequest, MergeCurvesResult
+from dlo_client.contracts.reconstruction import MOST_POINTS
+
+from models.reconstruction.merging import MergeParams, NotMergeable, merge
 from workers.stages import curves3d
 from workers.stages.outcome import InvalidInput, Outcome
 
 
 def run(request: MergeCurvesRequest) -> Outcome:
     sections = [curves3d.decode(curve, f"curves.{k}") for k, curve in enumerate(request.curves)]
+    params = MergeParams(window_m=request.window_m, points=MOST_POINTS)
+    if request.spacing_m is not None:
+        params = replace(params, spacing_m=request.spacing_m, coarser=False)
     try:
-        merged = merge(sections, MergeParams(window_m=request.window_m, spacing_m=request.spacing_m))
-    except NotOneDlo as error:
-        raise InvalidInput(f"curves.{error.section}", str(error), "invalid_curve") from error
+        merged = merge(sections, params)
+    except NotMergeable as error:
+        field = error.about if error.section is None else f"{error.about}.{error.section}"
+        raise InvalidInput(field, str(error), "invalid_curve") from error
     result = MergeCurvesResult(
         curve=curves3d.encode(merged.curve),
         disagreement_m=round(merged.disagreement_m, 6),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 from dlo_client.contracts import NextViewRequest, NextViewResult
+from dlo_client.contracts.cameras import FARTHEST_M
 
 from models.reconstruction.view_planning import NoView, PlanParams, plan_views
 from workers.stages import curves3d
@@ -26,4 +28,7 @@ def run(request: NextViewRequest) -> Outcome:
         plan = plan_views(curve, cameras, params, request.advance)
     except NoView as error:
         raise InvalidInput("cameras", str(error), "invalid_views") from error
+    if max(np.abs(pose[:3, 3]).max() for pose in plan.poses) > FARTHEST_M:
+        text = f"lead to a pose more than {FARTHEST_M:g} m away: are they in meters?"
+        raise InvalidInput("cameras", text, "invalid_scale")
     return Outcome(NextViewResult(next_view=curves3d.next_view(plan)))

@@ -46,7 +46,7 @@ class Outcome:
 
 
 class InvalidInput(Exception):
-    """The request's fault: ``field`` as in ``views[1].image``; ``code`` is ``invalid_*``."""
+    """The request's fault: ``field`` as in ``views.1.image``; ``code`` is ``invalid_*``."""
 
     def __init__(self, field: str, message: str, code: str = "invalid_image") -> None:
         super().__init__(f"{field}: {message}")

@@ -92,14 +92,19 @@ def _about_shapes(points: FloatArray, target: FloatArray, scaled: bool) -> list[
 
 
 def _limits(request: PlanShapeRequest, points: FloatArray, scale: float, warnings: list[PlanWarning]) -> Limits:
-    """In the network's scale; what it was not trained for is cut off, and said."""
+    """In the network's scale; what it was not trained for is cut off, and said.
+
+    Without a wish an action moves a long DLO no farther than the trained range, though the network, scaled, would
+    answer for more.
+    """
     given, largest = request.limits, MOVE_SCALE[[0, 2]] / np.array([scale, 1.0])
     asked = (given.max_displacement_m, given.max_rotation_rad)
     for name, value, most in zip(("max_displacement_m", "max_rotation_rad"), asked, largest, strict=True):
         if value is not None and value > most + 1e-9:
             text = f"{value:g} is more than one action may do: {most:.3g}"
             warnings.append(PlanWarning(code="limits_reduced", field=f"limits.{name}", message=text))
-    shift, turn = (float(min(v, m)) if v is not None else float(m) for v, m in zip(asked, largest, strict=True))
+    default = np.minimum(largest, MOVE_SCALE[[0, 2]])
+    shift, turn = (float(d if v is None else min(v, m)) for v, d, m in zip(asked, default, largest, strict=True))
     reach = given.reach_m or (0.0, float("inf"))
     return Limits(
         box=None if given.workspace_m is None else np.array(given.workspace_m) * scale,

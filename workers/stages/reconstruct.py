@@ -26,6 +26,7 @@ from models.reconstruction.reconstruct import (
     reconstruct_strand,
 )
 from models.reconstruction.tracking import along, overlap
+from models.reconstruction.uncertainty import depth_warning
 from models.reconstruction.view_planning import NoView, Plan, PlanParams, plan_views
 from models.reconstruction.views import View
 from models.strands.stopwatch import Stopwatch
@@ -35,6 +36,9 @@ from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.seen_views import NO_CURVE, SeenView, chosen_strand, see
 
 _BORDER_PX = 12.0
+_LONGEST_M, _THICKEST_M = 500.0, 0.5
+_ODD_THICKNESS_M = (1e-4, 0.1)
+"""DLOs are thicker and thinner than this."""
 _SUSPICIOUS_PX = 2.0
 """A mean reprojection error above this is no noise of a centerline: the poses or the intrinsics are off."""
 
@@ -46,6 +50,8 @@ def run(request: ReconstructRequest, tools: Tools) -> Outcome:
         seen, models, remarks = see(request, tools)
     with watch.step("reconstruct"):
         found = _reconstruct(request, seen, previous)
+        for each in found:
+            _check_scale(each.curve)
         first = found[0]
         if previous is not None:
             first = replace(first, curve=along(first.curve, previous))
@@ -56,6 +62,15 @@ def run(request: ReconstructRequest, tools: Tools) -> Outcome:
         files = _files(request, seen, curves)
         result = _result(request, seen, curves, previous, plan, models, remarks)
     return Outcome(result, files, watch.timings_ms)
+
+
+def _check_scale(curve: Curve) -> None:
+    """Raises InvalidInput for a DLO of a size that none has, with the unit that the poses may be in."""
+    thick = 2 * curve.mean_radius_m if np.isfinite(curve.mean_radius_m) else None
+    if curve.length_m > _LONGEST_M or (thick is not None and thick > _THICKEST_M):
+        size = f"{curve.length_m:.3g} m long" + (f" and {thick:.2g} m thick" if thick is not None else "")
+        text = f"make the DLO {size}: are the translations of `T_world_camera` in millimeters? They are in meters"
+        raise InvalidInput("views", text, "invalid_scale")
 
 
 def _reconstruct(request: ReconstructRequest, seen: list[SeenView], previous: Curve | None) -> list[Reconstruction]:
@@ -170,7 +185,8 @@ def _end(inside: bool) -> CurveEnd:
 
 
 def _warnings(found: Reconstruction, seen: list[SeenView]) -> list[str]:
-    warnings = []
+    unseen = depth_warning(found.curve, [seen[k].camera for k in found.used])
+    warnings = [] if unseen is None else [unseen]
     misfits = [seen[k].view.name for k, s in enumerate(found.supports) if s.verdict == "does_not_fit"]
     if misfits and len(found.used) == 2:
         warnings.append(
@@ -179,6 +195,9 @@ def _warnings(found: Reconstruction, seen: list[SeenView]) -> list[str]:
         )
     elif misfits:
         warnings.append(f"the pose of {', '.join(misfits)} does not fit the other {len(found.used)} views")
+    thick = 2 * found.curve.mean_radius_m
+    if thick < _ODD_THICKNESS_M[0] or thick > _ODD_THICKNESS_M[1]:
+        warnings.append(f"the DLO would be {1000 * thick:.3g} mm thick: are the translations of the poses in meters?")
     if found.reprojection_px > _SUSPICIOUS_PX:
         warnings.append(
             f"the curve misses the centerlines by {found.reprojection_px:.1f} px on average: "

@@ -55,7 +55,7 @@ class SeenView:
 
 
 def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list[ModelUsed], list[str]]:
-    """Raises InvalidInput for a picture that is missing, cannot be read, or is not of its camera's size."""
+    """Raises InvalidInput for a picture that comes twice, is missing, unreadable, or not of its camera's size."""
     seen: list[SeenView] = []
     models: list[ModelUsed] = []
     remarks: list[str] = []
@@ -64,36 +64,54 @@ def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list
         remarks += picture.remarks
         found = perceive(Source.of(picture), tools, model=request.model, threshold=request.threshold)
         scale = min(1.0, WORKING_SIDE / max(picture.rgb.shape[:2]))
-        strands, ids = strands_of(found.scene, found.foreground.probability, camera, scale)
-        view = View(working_camera(camera, scale), strands, given.name or f"views[{index}]")
+        strands, ids = strands_of(found.scene, found.foreground.probability, picture.rgb, camera, scale)
+        working = replace(camera, intrinsics=camera.intrinsics.scaled(scale))
+        view = View(working, strands, given.name or f"views.{index}")
         seen.append(SeenView(picture.rgb, camera, view, scale, ids, np.zeros((len(ids), len(ids)))))
         models.extend(m for m in found.models if m not in models)
         tools.progress(0.9 * (index + 1) / len(request.views))
+    _check_pictures(request, seen)
     joined = rejoin([s.view for s in seen])
     return [replace(s, view=r.view, share_px=r.share_px) for s, r in zip(seen, joined, strict=True)], models, remarks
 
 
+def _check_pictures(request: ReconstructRequest, seen: list[SeenView]) -> None:
+    """Raises InvalidInput for one picture of a DLO at two poses: it would put it at infinity."""
+    first: dict[str, int] = {}
+    for number, view in enumerate(request.views):
+        before = first.setdefault(str(view.image), number)
+        if seen[number].view.strands and view.T_world_camera != request.views[before].T_world_camera:
+            message = f"is the picture of views.{before} again, but from another pose"
+            raise InvalidInput(f"views.{number}.image", message, NO_CURVE)
+
+
 def strands_of(
-    scene: Scene, probability: NDArray[np.float32], camera: Camera, scale: float = 1.0
+    scene: Scene,
+    probability: NDArray[np.float32],
+    image: NDArray[np.uint8] | None,
+    camera: Camera,
+    scale: float = 1.0,
 ) -> tuple[tuple[Strand, ...], list[int]]:
     """The instances that are long enough to say anything, in ideal pixels times ``scale``, and their ids."""
     strands, ids = [], []
     for number, instance in enumerate(scene.instances, start=1):
-        centered = center(instance.centerline_xy, instance.width_px, probability)
-        if centered is not None and len(centered[0]) > _SHORTEST_PX:
-            xy, width, known = centered
-            strands.append(Strand.through(scaled(camera.undistort(xy), scale), width * scale, known))
+        centered = center(instance.centerline_xy, instance.width_px, probability, image)
+        if centered is None:
+            continue
+        xy, width, known = centered
+        ideal = camera.undistort(xy)
+        shown = _longest_run(np.isfinite(ideal).all(axis=1))
+        if len(ideal[shown]) > _SHORTEST_PX:
+            strands.append(Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown]))
             ids.append(number)
     return tuple(strands), ids
 
 
-def working_camera(camera: Camera, scale: float) -> Camera:
-    """Without a lens; pixel centers at ``(k + 0.5) s - 0.5``."""
-    i = camera.intrinsics
-    cx, cy = ((c + 0.5) * scale - 0.5 for c in (i.cx, i.cy))
-    width, height = (max(round(side * scale), 1) for side in (i.width, i.height))
-    smaller = replace(i, width=width, height=height, fx=i.fx * scale, fy=i.fy * scale, cx=cx, cy=cy, distortion=())
-    return replace(camera, intrinsics=replace(smaller, model="plumb_bob"))
+def _longest_run(flags: NDArray[np.bool_]) -> slice:
+    """The longest stretch of (n,) ``flags`` that are all true; empty where none is."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).reshape(-1, 2)
+    first, past = max(edges.tolist(), key=lambda e: e[1] - e[0], default=(0, 0))
+    return slice(first, past)
 
 
 def scaled(xy: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
@@ -116,13 +134,15 @@ def _target(target: Target, seen: SeenView) -> int:
     if target.instance is not None:
         if target.instance not in seen.ids:
             known = ", ".join(map(str, seen.ids)) or "none"
-            message = f"there is no instance {target.instance} in views[{target.view}]; there are: {known}"
+            message = f"there is no instance {target.instance} in views.{target.view}; there are: {known}"
             raise InvalidInput("target.instance", message, NO_CURVE)
         return seen.strand_of(target.instance)
     samples = seen.view.samples
     if not len(samples.xy):
-        raise InvalidInput("target.view", f"no DLO was found in views[{target.view}]", NO_CURVE)
+        raise InvalidInput("target.view", f"no DLO was found in views.{target.view}", NO_CURVE)
     pixel = seen.camera.undistort(np.array([target.xy], np.float64))
+    if not np.isfinite(pixel).all():
+        raise InvalidInput("target.xy", "lies outside of what the lens shows", NO_CURVE)
     distance, nearest = samples.tree.query(scaled(pixel, seen.scale)[0])
     if distance > _NEAR_TARGET_PX:
         raise InvalidInput("target.xy", f"the nearest DLO is {distance / seen.scale:.0f} pixels away", NO_CURVE)

@@ -6,10 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from dlo_client.contracts import ModelUsed, PlanShapeRequest
-from dlo_client.contracts.manipulation import PlanWarning
+from dlo_client.contracts.manipulation import (
+    FARTHEST_M,
+    LEAST_LENGTH_M,
+    LONGEST_M,
+    MOST_STRETCH,
+    PlanWarning,
+    in_another_unit,
+)
 from numpy.typing import NDArray
 
-from models.geometry.polylines import arc_lengths
+from models.geometry.polylines import arc_lengths, resample
 from models.manipulation.dynamics import shape_distance
 from models.manipulation.resampling import to_nodes
 from workers.stages.foreground import Source
@@ -18,6 +25,10 @@ from workers.stages.perception import perceive
 from workers.stages.pictures import read_picture
 
 FloatArray = NDArray[np.float64]
+_MOST_POINTS = 1000
+"""Of a state: as many as a request may hold have to fit."""
+_SINGULAR = 1e-10
+"""Determinant of a homography whose rows, for coordinates up to 1, are of length 1."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +61,10 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
         text = f"{len(lines)} DLOs are in the picture; planned for the one {lengths[chosen]:.3f} m long"
         warnings.append(PlanWarning(code="other_dlo", field="image", message=text))
     points = lines[chosen]
+    xy = perception.scene.instances[chosen].centerline_xy
+    _check_scale(points, xy, np.array(request.homography), None if request.scale_target else wanted)
+    if len(points) > _MOST_POINTS:
+        points = resample(points, _MOST_POINTS)
     nodes, goal = to_nodes(points), to_nodes(target)
     if shape_distance(nodes[::-1], goal) < shape_distance(nodes, goal):
         points = points[::-1]
@@ -57,10 +72,29 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
 
 
 def to_table(xy: FloatArray, homography: FloatArray) -> FloatArray:
-    """(N, 2) pixels to (N, 2) meters."""
-    if abs(np.linalg.det(homography)) < 1e-15:
+    """(N, 2) pixels to (N, 2) meters. The homography's scale is free."""
+    size = np.diag([*np.maximum(np.abs(xy).max(axis=0), 1.0), 1.0])
+    rows = np.linalg.norm(homography @ size, axis=1)
+    if rows.min() == 0 or abs(np.linalg.det(homography @ size / rows[:, None])) < _SINGULAR:
         raise InvalidInput("homography", "is singular: it takes the picture to a line", "invalid_homography")
-    mapped = np.column_stack([xy, np.ones(len(xy))]) @ homography.T
-    if np.ptp(np.sign(mapped[:, 2])) or np.abs(mapped[:, 2]).min() < 1e-12:
+    mapped = np.column_stack([xy, np.ones(len(xy))]) @ (homography / rows[2]).T
+    depth = np.abs(mapped[:, 2])
+    if np.ptp(np.sign(mapped[:, 2])) or depth.min() < 1e-9 * depth.max():
         raise InvalidInput("homography", "takes a part of the DLO behind the horizon", "invalid_homography")
     return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
+def _check_scale(points: FloatArray, xy: FloatArray, homography: FloatArray, wanted_m: float | None) -> None:
+    """Raises InvalidInput for a homography that makes the DLO a length that none has, or that is far from the one that
+    is wanted, with the likely mistake."""
+    length = float(arc_lengths(points)[-1])
+    fits = wanted_m is None or wanted_m / MOST_STRETCH <= length <= wanted_m * MOST_STRETCH
+    if fits and LEAST_LENGTH_M <= length <= LONGEST_M and np.abs(points).max() <= FARTHEST_M:
+        return
+    backwards = to_table(xy, np.linalg.inv(homography))
+    if LEAST_LENGTH_M <= float(arc_lengths(backwards)[-1]) <= LONGEST_M:
+        hint = "it seems to take the table to pixels; its inverse is needed"
+    else:
+        hint = f"is it to {in_another_unit(length)}, not to meters?"
+    else_where = "" if wanted_m is None else f", the request speaks of {wanted_m:.3g} m"
+    raise InvalidInput("homography", f"makes the DLO {length:.4g} m long{else_where}: {hint}", "invalid_homography")

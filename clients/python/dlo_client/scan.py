@@ -203,7 +203,8 @@ class Scan:
         target = None
         if previous is None:
             middle = len(poses) // 2
-            center = ((self._intrinsics.width - 1) / 2, (self._intrinsics.height - 1) / 2)
+            width, height = self._intrinsics.picture_size
+            center = ((width - 1) / 2, (height - 1) / 2)
             target = Target(view=middle, xy=self._target_xy or center)
         request = ReconstructRequest(
             views=[CameraView(intrinsics=self._intrinsics, T_world_camera=pose) for pose in reached],

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.geometry.arrays import FloatArray
+from models.geometry.arrays import BoolArray, FloatArray
+from models.geometry.cameras import NEAREST_M, Camera
 from models.geometry.polylines import arc_lengths, resample
 from models.reconstruction import curves
 from models.reconstruction.association import Support
@@ -23,8 +24,15 @@ from models.reconstruction.curves import Curve, Spline3D
 from models.reconstruction.reconstruct import NotReconstructable, Reconstruction
 from models.reconstruction.refinement import across
 from models.reconstruction.triangulation import nearest_to_rays
+from models.reconstruction.uncertainty import admitted, steepness_in_space
 from models.reconstruction.views import View
 from models.reconstruction.widths import radius_along
+
+_STEEPEST = 6.0
+"""Change of distance, in lengths across the line of sight, from one sample to the next that no DLO makes."""
+_LEAST_STEEP = 0.02
+_ANYWHERE = 2.0
+"""Standard deviation, as a share of the distance, of what no view says anything about."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +62,12 @@ def reconstruct(views: list[View], reference: int, strand: int, params: Dlo3dsPa
     if kept.sum() < 4:
         raise NotReconstructable("fewer than four samples of the DLO were matched along the image rows")
     centers = np.stack([views[k].camera.center for k in used])
-    points = nearest_to_rays(centers, np.nan_to_num(rays, nan=1.0), np.asarray(known, np.float64))[kept]
-    spline = _pseudo_inverse_fit(points, min(params.spans, int(kept.sum()) - 3))
+    points = nearest_to_rays(centers, np.nan_to_num(rays, nan=1.0), np.asarray(known, np.float64))
+    kept &= np.isfinite(points).all(axis=1) & _in_front(points, [views[k].camera for k in used])
+    if kept.sum() < 4:
+        raise NotReconstructable("the rays of the matched samples are parallel: the camera has to move farther")
+    _check_course(points[kept], centers)
+    spline = _pseudo_inverse_fit(points[kept], min(params.spans, int(kept.sum()) - 3))
     return _judge(spline, views, chosen, matched[:, kept], used, (reference, strand), params)
 
 
@@ -122,6 +134,27 @@ def _along_rows(samples: FloatArray, line: FloatArray, coarse: FloatArray) -> Fl
     return out
 
 
+def _in_front(points: FloatArray, cameras: list[Camera]) -> BoolArray:
+    """(n,) whether points lie in front of all cameras; those that are NaN do not."""
+    out: BoolArray = np.all([camera.in_camera(points)[:, 2] > NEAREST_M for camera in cameras], axis=0)
+    return out
+
+
+def _check_course(points: FloatArray, centers: FloatArray) -> None:
+    """Raises NotReconstructable where neighboring samples are so far apart in depth that a row was matched with another
+    part of the DLO, as it is for one that runs along the rows."""
+    distance = np.linalg.norm(points - centers.mean(axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if not steps.sum() > 0:
+        raise NotReconstructable("the matched samples all lie at one place")
+    leaps = np.abs(np.diff(distance)) > _STEEPEST * np.sqrt(np.maximum(steps**2 - np.diff(distance) ** 2, 0))
+    if leaps.any():
+        raise NotReconstructable(
+            "the DLO runs along the image rows, so that this method finds no depth: move the camera across the DLO, "
+            "or take the default method"
+        )
+
+
 def _pseudo_inverse_fit(points: FloatArray, spans: int) -> Spline3D:
     along = arc_lengths(points)
     knots = curves.clamped_knots(max(spans, 1))
@@ -153,22 +186,25 @@ def _judge(
         errors = curves.distances(np.pad(seen, ((0, 0), (0, 1))), np.pad(dense, ((0, 0), (0, 1))))
         supports.append(Support("used", (int(chosen[k] or 0),), 1.0, float(errors.mean())))
     noise = max(float(np.mean([supports[k].reprojection_px for k in used])), 0.5)
-    covariance = across(_ray_covariance(points, [views[k] for k in used], noise), spline.tangents(parameters))
+    covariance = across(_ray_covariance(points, [views[k].camera for k in used], noise), spline.tangents(parameters))
     radius, sigma = radius_along(points, views, strands)
     curve = Curve(spline, points, covariance, radius, sigma)
     return Reconstruction(curve, tuple(supports), source[0], source[1], noise, noise)
 
 
-def _ray_covariance(points: FloatArray, views: list[View], noise_px: float) -> FloatArray:
-    """(n, 3, 3) of single points seen with ``noise_px`` in every view."""
+def _ray_covariance(points: FloatArray, cameras: list[Camera], noise_px: float) -> FloatArray:
+    """(n, 3, 3) of single points seen with ``noise_px`` in every view; it grows as the DLO turns to the rows."""
     information = np.zeros((len(points), 3, 3))
-    for view in views:
-        ray = points - view.camera.center
-        depth = view.camera.in_camera(points)[:, 2]
-        unit = ray / np.linalg.norm(ray, axis=1, keepdims=True)
-        spread = (view.camera.focal_px / (noise_px * depth)) ** 2
+    noise = noise_px / np.maximum(steepness_in_space(points, cameras), _LEAST_STEEP)
+    for camera in cameras:
+        ray = points - camera.center
+        depth = np.maximum(camera.in_camera(points)[:, 2], NEAREST_M)
+        unit = ray / np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), NEAREST_M)
+        spread = (camera.focal_px / (noise * depth)) ** 2
         information += spread[:, None, None] * (np.eye(3) - unit[:, :, None] * unit[:, None])
-    return np.asarray(np.linalg.inv(information), np.float64)
+    distance = np.min([np.linalg.norm(points - c.center, axis=1) for c in cameras], axis=0)
+    least = np.eye(3) / (_ANYWHERE * np.maximum(distance, NEAREST_M))[:, None, None] ** 2
+    return admitted(np.linalg.inv(information + least), points, cameras)
 
 
 def _check_rig(views: list[View], params: Dlo3dsParams) -> None:

@@ -41,7 +41,7 @@ class Service:
         self.asked.append(json.loads(request.content.split(b"\r\n\r\n")[1].split(b"\r\n--")[0]))
         if self.refusal:
             return httpx.Response(self.refusal, text=samples.refused(self.refusal, "invalid").model_dump_json())
-        views = [tracked_view(f"views[{k}]") for k in range(len(self.asked[-1]["views"]))]
+        views = [tracked_view(f"views.{k}") for k in range(len(self.asked[-1]["views"]))]
         result = LabelTrackedResult(views=views, warnings=["red: its corrections are doubtful"], models=[])
         job = samples.job(kind="label_tracked", result=result)
         return httpx.Response(200, text=Job[LabelTrackedResult].model_validate(job.model_dump()).model_dump_json())

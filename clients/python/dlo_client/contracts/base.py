@@ -6,7 +6,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-Point = tuple[float, float]
+PixelCoordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Point = tuple[PixelCoordinate, PixelCoordinate]
 """``(x, y)`` in pixels of the upright image; the center of the top-left pixel is ``(0, 0)``."""
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -30,6 +31,13 @@ class Contract(BaseModel):
     request are refused, so that a misspelled one is not silently without effect."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Taken(Contract):
+    """Base of the parts of a request that are found in answers too: the answer's own object fits, as JSON and as an
+    object of the SDK. What it has beyond is passed over; so all fields that matter are required."""
+
+    model_config = ConfigDict(extra="ignore", from_attributes=True)
 
 
 class Reply(Contract):

@@ -10,13 +10,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from dlo_client.contracts.base import Contract, Reply
+from dlo_client.contracts.base import Contract, Reply, Taken
 
 BlobId = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the bytes, lower-case hex")]
 
 
-class ImageRef(Contract):
-    """A picture uploaded before with ``POST /v1/images``."""
+class ImageRef(Taken):
+    """A picture uploaded before with ``POST /v1/images``; what that answered fits."""
 
     id: BlobId
 

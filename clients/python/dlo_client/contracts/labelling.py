@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -12,6 +14,7 @@ from dlo_client.contracts.objects import Crossing, Endpoint, MaskRLE
 from dlo_client.contracts.submission import JobRequest, ModelUsed
 
 _Meters = Annotated[float, Field(ge=-1e4, le=1e4)]
+_SHORTEST_M = 1e-3
 LabelFile = Literal["labels", "overlay"]
 
 
@@ -21,13 +24,13 @@ class Stroke(Contract):
     points_m: Annotated[list[tuple[_Meters, _Meters, _Meters]], Numbers] = Field(
         min_length=2, max_length=5000, description="x, y, z of the pen's tip, in the tracker's frame"
     )
-    thickness_m: float = Field(gt=0, le=1, description="diameter of the DLO")
+    thickness_m: float = Field(ge=1e-5, le=1, description="diameter of the DLO")
     name: str | None = Field(default=None, max_length=100, description="what the labels call it")
 
     @model_validator(mode="after")
     def _a_line(self) -> Stroke:
-        if len(set(self.points_m)) < 2:
-            raise ValueError("points_m holds one place only")
+        if sum(math.dist(a, b) for a, b in pairwise(self.points_m)) < _SHORTEST_M:
+            raise ValueError("`points_m` holds one place only: a stroke is longer than 1 mm")
         return self
 
 

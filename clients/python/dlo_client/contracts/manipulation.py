@@ -6,26 +6,46 @@ x to y. Points of a DLO are ordered from one end to the other; edge k joins poin
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from dlo_client.contracts.base import Contract, Numbers, Reply
+from dlo_client.contracts.base import Contract, Numbers, Reply, Taken
 from dlo_client.contracts.images import ImageSource
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 
-Meters = Annotated[float, Field(ge=-1e3, le=1e3)]
+FARTHEST_M = 1e3
+Meters = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Point2 = tuple[Meters, Meters]
-Row3 = tuple[Meters, Meters, Meters]
+_Entry = Annotated[float, Field(ge=-1e12, le=1e12)]
+Row3 = tuple[_Entry, _Entry, _Entry]
 
-_LEAST_LENGTH_M = 1e-3
+LEAST_LENGTH_M = 1e-3
+LONGEST_M = 20.0
+"""Of a DLO that is handled on a table."""
+MOST_STRETCH = 5.0
+"""What is stated about one DLO's length does not differ by more than this factor."""
+
+
+def length_of(points: list[Point2]) -> float:
+    """Meters from end to end along a DLO."""
+    return sum(math.dist(a, b) for a, b in pairwise(points))
+
+
+def in_another_unit(length_m: float) -> str:
+    """The unit that a length may be in which no DLO on a table has in meters."""
+    return "millimeters" if length_m > 5 * LONGEST_M else "centimeters"
 
 
 def _is_a_line(points: list[Point2]) -> list[Point2]:
-    steps = [((bx - ax) ** 2 + (by - ay) ** 2) ** 0.5 for (ax, ay), (bx, by) in pairwise(points)]
-    if sum(steps) < _LEAST_LENGTH_M:
+    length = length_of(points)
+    if length < LEAST_LENGTH_M:
         raise ValueError("the points all lie at one place: a DLO is longer than 1 mm")
+    if length > LONGEST_M:
+        unit = in_another_unit(length)
+        raise ValueError(f"is {length:.4g} m long, a DLO on a table at most {LONGEST_M:g} m: are these {unit}?")
     return points
 
 
@@ -33,19 +53,33 @@ Shape = Annotated[list[Point2], Field(min_length=2, max_length=2000), AfterValid
 """A DLO on the table, end to end; any number of points."""
 
 
+def _check_length(name: str, length_m: float, other_m: float) -> None:
+    """Raises ValueError for the length of another DLO than the one that is ``other_m`` long, or in another unit."""
+    ratio = length_m / other_m
+    if not 1 / MOST_STRETCH <= ratio <= MOST_STRETCH:
+        text = f"{ratio:.3g} times as long as the DLO is elsewhere in the request: is one of both in another unit?"
+        raise ValueError(f"`{name}` is {length_m:.4g} m long, {text}")
+
+
 class DloObject(Contract):
     """What is known of the DLO: its mass, and its length if it is not to be taken from its state."""
 
     mass_kg: float = Field(gt=0, le=10, description="of the whole DLO")
-    length_m: float | None = Field(default=None, gt=0, le=100, description="default: that of its state")
+    length_m: float | None = Field(
+        default=None, ge=LEAST_LENGTH_M, le=LONGEST_M, description="default: that of its state"
+    )
 
 
-class MoveAction(Contract):
-    """Grip the middle of an edge, move it by dx, dy, turn it about its middle by dtheta, let go."""
+_Shift = Annotated[float, Field(ge=-LONGEST_M, le=LONGEST_M)]
+
+
+class MoveAction(Taken):
+    """Grip the middle of an edge, move it by dx, dy, turn it about its middle by dtheta, let go. An action that
+    ``plan_shape`` answered fits."""
 
     edge: int = Field(ge=0, lt=2000, description="joins points `edge` and `edge` + 1 of the DLO")
-    dx_m: Meters = Field(description="of the edge's middle")
-    dy_m: Meters = Field(description="of the edge's middle")
+    dx_m: _Shift = Field(description="of the edge's middle")
+    dy_m: _Shift = Field(description="of the edge's middle")
     dtheta_rad: float = Field(ge=-3.15, le=3.15, description="turn of the edge about its middle, from x to y")
 
 
@@ -56,9 +90,17 @@ class Experience(Contract):
     action: MoveAction = Field(description="what was done")
     after: Shape = Field(description="the DLO after the action, the same end first, meters")
 
+    @model_validator(mode="after")
+    def _one_dlo(self) -> Experience:
+        _check_length("after", length_of(self.after), length_of(self.before))
+        return self
 
-class RopeParameters(Contract):
-    """Bending k_b (N m/rad a joint) and damping k_d (N s/m a node) of the model of 16 nodes (eq. 5.1 to 5.3)."""
+
+class RopeParameters(Taken):
+    """Bending k_b (N m/rad a joint) and damping k_d (N s/m a node) of the model of 16 nodes (eq. 5.1 to 5.3).
+
+    Those that ``plan_shape`` used or ``estimate_parameters`` found fit.
+    """
 
     k_b: float = Field(gt=0, le=100, description="bending, N m/rad a joint")
     k_d: float = Field(gt=0, le=1000, description="damping, N s/m a node")
@@ -75,8 +117,12 @@ class PlanLimits(Contract):
     reach_m: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]] | None = Field(
         default=None, description="least and largest distance of pick and place to the base"
     )
-    max_displacement_m: float | None = Field(default=None, gt=0, description="along x and along y; at most 0.1")
-    max_rotation_rad: float | None = Field(default=None, ge=0, description="at most 0.785")
+    max_displacement_m: float | None = Field(
+        default=None, gt=0, le=LONGEST_M,
+        description="along x and along y; default and at most 0.1 for DLOs of 0.15 to 0.5 m. For a shorter one in "
+        "proportion less; for a longer one more may be asked for, in proportion",
+    )  # fmt: skip
+    max_rotation_rad: float | None = Field(default=None, ge=0, le=7, description="default and at most 0.785")
     no_grasp_edges: list[Annotated[int, Field(ge=0, lt=2000)]] = Field(
         default_factory=list, max_length=2000, description="edges of the state that may not be gripped, from 0"
     )
@@ -84,11 +130,11 @@ class PlanLimits(Contract):
     @model_validator(mode="after")
     def _consistent(self) -> PlanLimits:
         if self.workspace_m and any(a >= b for a, b in zip(*self.workspace_m, strict=True)):
-            raise ValueError("workspace_m: the first corner is the lower one in x and in y")
+            raise ValueError("`workspace_m`: the first corner is the lower one in x and in y")
         if (self.base_xy_m is None) != (self.reach_m is None):
-            raise ValueError("base_xy_m and reach_m belong together")
+            raise ValueError("`reach_m` and base_xy_m belong together")
         if self.reach_m and self.reach_m[0] >= self.reach_m[1]:
-            raise ValueError("reach_m: the least distance comes first")
+            raise ValueError("`reach_m`: the least distance comes first")
         return self
 
 
@@ -218,6 +264,18 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
             raise ValueError("`model` has no meaning beside state_m: there is no picture")
         return self
 
+    @model_validator(mode="after")
+    def _one_unit(self) -> PlanShapeRequest:
+        """Checked where a length is known without the picture."""
+        length = self.object.length_m or (length_of(self.state_m) if self.state_m else None)
+        if length is not None and self.state_m is not None:
+            _check_length("state_m", length_of(self.state_m), length)
+        if length is not None and not self.scale_target:
+            _check_length("target_m", length_of(self.target_m), length)
+        for item in self.history:
+            _check_length("history", length_of(item.before), length or length_of(self.target_m))
+        return self
+
 
 class EstimateParametersResult(Reply):
     kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="kind of the job")
@@ -238,6 +296,13 @@ class EstimateParametersRequest(JobRequest[EstimateParametersResult]):
     kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="of the job")
     history: list[Experience] = Field(min_length=1, max_length=100, description="actions and what they did")
     object: DloObject = Field(description="what is known of the DLO")
+
+    @model_validator(mode="after")
+    def _one_unit(self) -> EstimateParametersRequest:
+        length = self.object.length_m or length_of(self.history[0].before)
+        for item in self.history:
+            _check_length("history", length_of(item.before), length)
+        return self
 
 
 PlannedAction.model_rebuild()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -14,8 +16,10 @@ Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
 """``(x, y, z)`` in meters in the world."""
 
-Covariance = tuple[float, float, float, float, float, float]
+_Entry = Annotated[float, Field(ge=-1e8, le=1e8)]
+Covariance = tuple[_Entry, _Entry, _Entry, _Entry, _Entry, _Entry]
 """``xx, xy, xz, yy, yz, zz`` in square meters."""
+Sigma = Annotated[float, Field(ge=0, le=1e4)]
 
 ReconstructMethod = Literal["spline_bundle", "dlo3ds"]
 ReconstructFile = Literal["curve", "overlay"]
@@ -23,6 +27,12 @@ Optimise = Literal["fixed", "b", "z", "bz"]
 CurveEnd = Literal["free", "border"]
 """``border``: at the edge of a picture, the DLO may go on; ``free``: it ends in view, or is hidden from there on."""
 _SAME_PLACE_M = 1e-4
+_AT_THE_END = 1e-3
+_SHORTEST_M = 1e-6
+"""Of a curve: what the coordinates are rounded to."""
+MOST_POINTS = 5000
+_MOST_MERGED = 40_000
+"""Points of all sections together: the cost of merging grows with their square where they lie close."""
 
 
 class Spline3(Reply):
@@ -37,9 +47,15 @@ class Spline3(Reply):
     @model_validator(mode="after")
     def _consistent(self) -> Spline3:
         if len(self.knots) != len(self.control_m) + self.degree + 1:
-            raise ValueError("there are len(control_m) + degree + 1 knots")
-        if any(b < a for a, b in zip(self.knots, self.knots[1:], strict=False)):
-            raise ValueError("knots do not decrease")
+            raise ValueError("`knots` are as many as len(control_m) + degree + 1")
+        if any(b < a for a, b in pairwise(self.knots)):
+            raise ValueError("`knots` do not decrease")
+        ends = self.knots[: self.degree + 1] + [1 - k for k in self.knots[-self.degree - 1 :]]
+        if max(map(abs, ends)) > _AT_THE_END:
+            raise ValueError("`knots` begin with degree + 1 times 0 and end with degree + 1 times 1")
+        inner = self.knots[1:-1]
+        if any(b <= a for a, b in zip(inner, inner[self.degree :], strict=False)):
+            raise ValueError("`knots` between the ends are repeated up to degree times: the curve would break")
         return self
 
 
@@ -49,22 +65,22 @@ class Curve3D(Reply):
     The covariance is that of the position across the curve; how far along it a point lies is a matter of convention.
     """
 
-    points_m: list[Point3] = Field(min_length=2, max_length=5000, description="ordered, at equal arc length")
-    covariance_m2: list[Covariance] = Field(max_length=5000, description="one a point, across the curve")
-    sigma_m: list[Annotated[float, Field(ge=0)]] = Field(
-        max_length=5000, description="one a point: standard deviation in its worst direction"
+    points_m: list[Point3] = Field(min_length=2, max_length=MOST_POINTS, description="ordered, at equal arc length")
+    covariance_m2: list[Covariance] = Field(max_length=MOST_POINTS, description="one a point, across the curve")
+    sigma_m: list[Sigma] = Field(
+        max_length=MOST_POINTS, description="one a point: standard deviation in its worst direction"
     )
     spline: Spline3 = Field(description="the same curve as a B-spline")
-    radius_m: float | None = Field(default=None, ge=0, description="median along the DLO; None if not known")
-    radius_sigma_m: float | None = Field(default=None, ge=0, description="standard deviation of `radius_m`")
-    length_m: float = Field(ge=0, description="arc length")
+    radius_m: Sigma | None = Field(default=None, description="median along the DLO; None if not known")
+    radius_sigma_m: Sigma | None = Field(default=None, description="standard deviation of `radius_m`")
+    length_m: float = Field(ge=0, le=1e9, description="arc length")
 
     @model_validator(mode="after")
     def _one_each(self) -> Curve3D:
         if not len(self.points_m) == len(self.covariance_m2) == len(self.sigma_m):
-            raise ValueError("points_m, covariance_m2 and sigma_m have one entry a point each")
-        if len(set(self.points_m)) < 2:
-            raise ValueError("points_m holds one place only")
+            raise ValueError("`covariance_m2` and `sigma_m` have one entry for each of `points_m`")
+        if sum(math.dist(a, b) for a, b in pairwise(self.points_m)) < _SHORTEST_M:
+            raise ValueError("`points_m` holds one place only")
         return self
 
 
@@ -177,9 +193,9 @@ class NextViewRequest(JobRequest[NextViewResult]):
     )
     pictures: int = Field(default=3, ge=2, le=16, description="how many will be taken")
     optimise: Optimise = Field(default="bz", description="baseline, distance, both, or neither")
-    baseline_m: float = Field(default=0.05, gt=0, le=10, description="where it is not optimised, first to last pose")
-    baseline_at_most_m: float = Field(default=1.0, gt=0, le=10, description="longest baseline that the cell allows")
-    nearest_m: float = Field(default=0.1, gt=0, le=100, description="z_min: the camera comes no nearer to the DLO")
+    baseline_m: float = Field(default=0.05, ge=1e-5, le=10, description="where it is not optimised, first to last pose")
+    baseline_at_most_m: float = Field(default=1.0, ge=1e-5, le=10, description="longest baseline that the cell allows")
+    nearest_m: float = Field(default=0.1, ge=1e-3, le=100, description="z_min: the camera comes no nearer to the DLO")
     delta_z_m: tuple[float, float] = Field(default=(-0.5, 0.5), description="least and largest change of distance")
     margin_px: float = Field(default=20, ge=0, le=10_000, description="sigma: kept free at the picture's border")
     advance: bool = Field(default=False, description="move on to the end of the curve, to continue a scan")
@@ -204,7 +220,19 @@ class MergeCurvesRequest(JobRequest[MergeCurvesResult]):
 
     kind: Literal["merge_curves"] = Field(default="merge_curves", description="of the job")
     curves: list[Curve3D] = Field(
-        min_length=1, max_length=64, description="sections of one DLO, in the order of the scan"
+        min_length=1,
+        max_length=64,
+        description=f"sections of one DLO, in the order of the scan, of at most {_MOST_MERGED} points together",
     )
-    window_m: float = Field(default=0.03, gt=0, le=10, description="length of DLO that a local line is fitted to")
-    spacing_m: float = Field(default=0.005, gt=0, le=1, description="between the points of the result")
+    window_m: float = Field(default=0.03, ge=1e-4, le=10, description="length of DLO that a local line is fitted to")
+    spacing_m: float | None = Field(
+        default=None, ge=1e-4, le=1,
+        description=f"between the points of the result; default 0.005, or what makes it {MOST_POINTS} points",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> MergeCurvesRequest:
+        count = sum(len(curve.points_m) for curve in self.curves)
+        if count > _MOST_MERGED:
+            raise ValueError(f"`curves` hold {count} points together, at most {_MOST_MERGED} are merged")
+        return self

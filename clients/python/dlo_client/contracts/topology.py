@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from dlo_client.contracts.base import Contract, Point, Probability, Reply
+from dlo_client.contracts.base import Contract, Point, Probability, Reply, Taken
 from dlo_client.contracts.images import ImageSource, PictureWarnings
 from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
 
@@ -17,14 +17,17 @@ Name = Annotated[str, Field(min_length=1, max_length=100)]
 LengthUnit = Literal["px", "mm", "cm", "m", "in"]
 EndKind = Literal["branch", "free", "border"]
 TopologyStatus = Literal["branched", "plain", "closed", "empty", "unsure", "too_complex"]
-_COORDINATE = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Pixels = Annotated[float, Field(ge=0, le=1e6)]
+_MOST_PIXELS = 100_000_000
+_MOST_UNLIKE = 1e6
+"""Factor between the lengths of two branches of one drawing."""
 
 
 class SeenPoint(Contract):
     """A point in space as it appears in the picture: where, and how far from the camera."""
 
-    xy: tuple[_COORDINATE, _COORDINATE] = Field(description="in the picture, pixels")
-    depth_m: float = Field(gt=0, le=1000, description="distance to the camera along its axis")
+    xy: Point = Field(description="in the picture, pixels")
+    depth_m: float = Field(ge=1e-3, le=1000, description="distance to the camera along its axis")
 
 
 class DrawnBranch(Contract):
@@ -33,7 +36,7 @@ class DrawnBranch(Contract):
     name: Name = Field(description="what the answer calls the sections that are it")
     a: Name = Field(description="name of the point at one end")
     b: Name = Field(description="name of the point at the other end")
-    length: float = Field(gt=0, le=1e9, description="in the drawing's unit")
+    length: float = Field(ge=1e-6, le=1e9, description="in the drawing's unit")
 
 
 class HarnessDrawing(Contract):
@@ -46,13 +49,16 @@ class HarnessDrawing(Contract):
     connectors: list[Name] = Field(
         default_factory=list, max_length=65, description="names of the points that carry one"
     )
-    px_per_unit: float | None = Field(default=None, gt=0, le=1e6, description="default: estimated from the match")
+    px_per_unit: float | None = Field(default=None, ge=1e-6, le=1e6, description="default: estimated from the match")
 
     @model_validator(mode="after")
     def _is_a_tree(self) -> HarnessDrawing:
         names = [b.name for b in self.branches]
         if len(set(names)) < len(names):
             raise ValueError("`branches`: two branches have the same name")
+        lengths = [b.length for b in self.branches]
+        if max(lengths) > _MOST_UNLIKE * min(lengths):
+            raise ValueError(f"`branches`: their lengths, {min(lengths):g} to {max(lengths):g}, are not of one drawing")
         group = {p: p for b in self.branches for p in (b.a, b.b)}
 
         def root(point: str) -> str:
@@ -92,9 +98,9 @@ class Section(Reply):
 
     id: int = Field(ge=1, description="from 1, in the order of the list")
     points_xy: list[Point] = Field(description="ordered, at equal arc length")
-    width_px: float = Field(gt=0, description="typical width along it")
-    length_px: float = Field(ge=0, description="arc length")
-    end_widths_px: tuple[float, float] = Field(description="widest near either end: a connector shows there")
+    width_px: float = Field(gt=0, le=1e6, description="typical width along it")
+    length_px: float = Field(ge=0, le=1e9, description="arc length")
+    end_widths_px: tuple[_Pixels, _Pixels] = Field(description="widest near either end: a connector shows there")
     ends: tuple[EndKind, EndKind] = Field(description="at the first and at the last point")
     branch_points: tuple[int | None, int | None] = Field(description="ids of the branch-points at its ends")
     closed: bool = Field(description="a ring: the last point joins the first")
@@ -207,16 +213,12 @@ class ArmBase(Contract):
     """A robot arm's base in the picture's plane; it may lie outside the picture."""
 
     name: Name = Field(description="what actions call it")
-    xy: tuple[_COORDINATE, _COORDINATE] = Field(
-        description="in the picture's plane, pixels; may be outside the picture"
-    )
-    reach_px: float | None = Field(default=None, gt=0, description="default: it reaches everything")
+    xy: Point = Field(description="in the picture's plane, pixels; may be outside the picture")
+    reach_px: float | None = Field(default=None, gt=0, le=1e9, description="default: it reaches everything")
 
 
-class HarnessState(Contract):
-    """What planning needs of a ``topology`` result; the result itself fits, its other fields are passed over."""
-
-    model_config = ConfigDict(extra="ignore")
+class HarnessState(Taken):
+    """What planning needs of a ``topology`` result; the result itself fits."""
 
     width: int = Field(gt=0, le=100_000, description="of the picture, pixels")
     height: int = Field(gt=0, le=100_000, description="of the picture, pixels")
@@ -226,6 +228,8 @@ class HarnessState(Contract):
 
     @model_validator(mode="after")
     def _ids_fit(self) -> HarnessState:
+        if self.width * self.height > _MOST_PIXELS:
+            raise ValueError(f"`width` and height are of a picture of more than {_MOST_PIXELS} pixels")
         for what, items in (("sections", self.sections), ("branch_points", self.branch_points)):
             if [i.id for i in items] != list(range(1, len(items) + 1)):
                 raise ValueError(f"`{what}`: ids count from 1 in order")
