@@ -86,7 +86,7 @@ def _onto_edges(
     normal = _normals(line)
     reach = max(params.reach_px, params.reach * float(np.median(width)))
     half = int(np.ceil((float(width.max()) / 2 + reach + 1.0) / _PROFILE_PX))
-    across = np.arange(-half, half + 1) * _PROFILE_PX
+    across: FloatArray = np.asarray(np.arange(-half, half + 1) * _PROFILE_PX, np.float64)
     if len(line) * len(across) > _MOST_PLACES:
         return line, width
     at = line[:, None] + across[:, None] * normal[:, None]
@@ -95,8 +95,7 @@ def _onto_edges(
     colors = gaussian_filter1d(read.astype(np.float64), params.colors_px, axis=0, mode="nearest")
     colors = gaussian_filter1d(colors, 0.5 / _PROFILE_PX, axis=1, mode="nearest")
     index, sure = np.arange(len(line)), np.flatnonzero(known)
-    half_width = np.asarray(width / 2, np.float64)
-    steepest = [_steepest(_change(colors, half, side), across, side * half_width, reach) for side in (-1, 1)]
+    steepest = [_steepest(_change(colors, half, side), across, width, side, reach) for side in (-1, 1)]
     low, high = (np.interp(index, sure, places[sure]) for places in steepest)
     low, high = _smooth(low, params.smooth_px), _smooth(high, params.smooth_px)
     return line + ((low + high) / 2)[:, None] * normal, np.maximum(high - low, _PROFILE_PX)
@@ -120,12 +119,12 @@ def _change(colors: FloatArray, middle: int, side: int) -> FloatArray:
     return np.asarray(np.abs(slope @ (hue / size)))
 
 
-def _steepest(change: FloatArray, across: FloatArray, around: FloatArray, reach: float) -> FloatArray:
-    """(n,) where (n, a) ``change`` at the places ``across`` (a,) is largest within ``reach`` of (n,) ``around``: the
-    top of the parabola through three values."""
-    near = np.where(np.abs(across[None] - around[:, None]) <= reach, change, -1.0)
+def _steepest(change: FloatArray, across: FloatArray, width: FloatArray, side: int, reach: float) -> FloatArray:
+    """(n,) where (n, a) ``change`` at the places ``across`` (a,) is largest within ``reach`` of half the (n,) ``width``
+    to the ``side``: the top of the parabola through three values."""
+    near = np.where(np.abs(across[None] - side * width[:, None] / 2) <= reach, change, -1.0)
     top = np.clip(np.argmax(near, axis=1), 1, len(across) - 2)
-    rows = np.arange(len(around))
+    rows = np.arange(len(width))
     before, here, after = (change[rows, top + k] for k in (-1, 0, 1))
     bend = before - 2 * here + after
     share = np.where(bend < 0, 0.5 * (before - after) / np.minimum(bend, -1e-9), 0.0)

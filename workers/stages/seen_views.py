@@ -100,7 +100,7 @@ def strands_of(
             continue
         xy, width, known = centered
         ideal = camera.undistort(xy)
-        shown = _longest_run(np.isfinite(ideal).all(axis=1))
+        shown = _longest_run(np.asarray(np.isfinite(ideal).all(axis=1)))
         if len(ideal[shown]) > _SHORTEST_PX:
             strands.append(Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown]))
             ids.append(number)

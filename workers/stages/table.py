@@ -91,7 +91,7 @@ def _check_scale(points: FloatArray, xy: FloatArray, homography: FloatArray, wan
     fits = wanted_m is None or wanted_m / MOST_STRETCH <= length <= wanted_m * MOST_STRETCH
     if fits and LEAST_LENGTH_M <= length <= LONGEST_M and np.abs(points).max() <= FARTHEST_M:
         return
-    backwards = to_table(xy, np.linalg.inv(homography))
+    backwards = to_table(xy, np.asarray(np.linalg.inv(homography), np.float64))
     if LEAST_LENGTH_M <= float(arc_lengths(backwards)[-1]) <= LONGEST_M:
         hint = "it seems to take the table to pixels; its inverse is needed"
     else:
