@@ -14,18 +14,13 @@ from models.instances.published.rt_dlo import RtDloParams
 from models.instances.scene import Crossing, Endpoint, Instance, Scene
 from models.instances.section_matching import SectionMatchingParams
 from models.library.arguments import ArgumentError
-from models.library.handling import (
-    Estimate,
-    ShapeAction,
-    estimate_parameters,
-    plan_disentangle,
-    plan_shape,
-)
+from models.library.handling import ShapeAction, estimate_parameters, plan_disentangle, plan_shape
 from models.library.loading import configure, networks
 from models.library.perception import Foreground, instances, segment, topology
 from models.library.space import Curve, NotReconstructable, label_tracked, reconstruct
 from models.library.version import __version__
 from models.manipulation.limits import Limits
+from models.manipulation.parameters import Estimate
 from models.topology.scene import Topology
 from models.tracked_labels.strokes import StrokeError
 from models.tracked_labels.tracked import TrackedView
