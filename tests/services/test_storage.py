@@ -12,8 +12,8 @@ from workers.blobs import FolderBlobs
 
 @pytest.fixture
 def stored(service_settings):
-    """Everything in the folder of blobs."""
-    return lambda: [path for path in service_settings.blobs_dir.rglob("*") if path.is_file()]
+    """Every blob, whole or half written."""
+    return lambda: list(service_settings.blobs_dir.glob("??/*"))
 
 
 @pytest.fixture
