@@ -23,4 +23,5 @@ HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \
     CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/healthz', timeout=2)"]
 # The settings refuse a host that is not loopback unless DLO_API_KEY_HASHES is set.
 ENV DLO_HOST=0.0.0.0
-CMD ["uvicorn", "--factory", "services.app:create_app", "--host", "0.0.0.0", "--port", "8000"]
+CMD ["uvicorn", "--factory", "services.app:create_app", "--host", "0.0.0.0", "--port", "8000", \
+     "--http", "services.http_protocol:BoundedHttp"]

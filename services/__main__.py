@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ def _arguments() -> argparse.Namespace:
 
 def main() -> int:
     """Exit code of the service, or of the command that it ran."""
+    os.umask(0o077)  # pictures and results are nobody else's
     arguments = vars(_arguments())
     then: list[str] = arguments.pop("then")
     given: dict[str, Any] = {name: value for name, value in arguments.items() if value is not None}

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
-import hmac
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from prometheus_client import CollectorRegistry
 
+from services.keys import Key, KeyRing, Scope
 from services.preview import Previews
 from services.problems import ProblemError
 from services.settings import ServiceSettings
@@ -32,6 +33,9 @@ class Backend:
     submissions: Submissions
     previews: Previews
     registry: CollectorRegistry
+    keys: KeyRing
+    under_way: Counter[str] = field(default_factory=Counter)
+    """Requests that this replica answers now, by owner."""
 
 
 async def _backend(request: Request) -> Backend:
@@ -44,18 +48,66 @@ BackendDep = Annotated[Backend, Depends(_backend)]
 _bearer = HTTPBearer(auto_error=False, description="An API key; not asked for when the service has none.")
 
 
-async def _authorize(
-    backend: BackendDep, bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
-) -> None:
-    """Let only holders of a key through; with no keys configured the service listens on loopback only."""
-    hashes = backend.settings.api_key_hashes
-    if not hashes:
-        return
-    digest = hashlib.sha256(bearer.credentials.encode()).hexdigest() if bearer else ""
-    matches = [hmac.compare_digest(digest, known) for known in hashes]  # all, so that time tells nothing
-    if not any(matches):
-        detail = "send a valid API key as `Authorization: Bearer …`"
-        raise ProblemError(401, "unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})
+@dataclass(frozen=True)
+class Caller:
+    """Who calls: the holder of ``key``, or anybody on this machine where the service has none."""
+
+    key: Key | None
+
+    @property
+    def owner(self) -> str:
+        return self.key.name if self.key else ""
+
+    @property
+    def sees(self) -> str | None:
+        """The owner whose jobs the caller sees; None for everybody's."""
+        return self.key.name if self.key and not self.key.allows("admin") else None
+
+    @property
+    def most_jobs(self) -> int | None:
+        return self.key.jobs if self.key else None
+
+    @property
+    def most_bytes(self) -> int | None:
+        return self.key.stored_bytes if self.key else None
 
 
-Authorized = Depends(_authorize)
+def _needs(scope: Scope) -> Callable[..., AsyncIterator[Caller]]:
+    """A dependency that lets only holders of a key with ``scope`` through, within the limits of their key."""
+
+    async def authorize(
+        backend: BackendDep, bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+    ) -> AsyncIterator[Caller]:
+        if not backend.settings.has_keys:
+            yield Caller(None)
+            return
+        key = backend.keys.find(bearer.credentials) if bearer else None
+        if key is None:
+            detail = "send a valid API key as `Authorization: Bearer …`"
+            raise ProblemError(401, "unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})
+        if not key.allows(scope):
+            raise ProblemError(403, "forbidden", f"this API key does not have the scope `{scope}`")
+        await _check_pace(backend, key)
+        backend.under_way[key.name] += 1
+        try:
+            yield Caller(key)
+        finally:
+            backend.under_way[key.name] -= 1
+
+    return authorize
+
+
+async def _check_pace(backend: Backend, key: Key) -> None:
+    if key.requests_at_once and backend.under_way[key.name] >= key.requests_at_once:
+        raise _too_many("too many requests of this API key are under way", 1.0)
+    if key.requests_per_minute and (wait_s := await backend.waiting.pace(key.name, key.requests_per_minute)):
+        raise _too_many(f"this API key may send {key.requests_per_minute} requests a minute", wait_s)
+
+
+def _too_many(detail: str, after_s: float) -> ProblemError:
+    return ProblemError(429, "too_many_requests", detail, headers={"Retry-After": str(max(1, round(after_s)))})
+
+
+Reader = Annotated[Caller, Depends(_needs("read"))]
+Submitter = Annotated[Caller, Depends(_needs("submit"))]
+Admin = Annotated[Caller, Depends(_needs("admin"))]

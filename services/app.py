@@ -6,10 +6,12 @@ Imports: contracts, the queue's door, the blobs and the settings; nothing that c
 from __future__ import annotations
 
 import asyncio
+import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
 import redis
+import structlog
 from anyio import to_thread
 from dlo_client.version import __version__
 from fastapi import FastAPI
@@ -17,10 +19,13 @@ from prometheus_client import CollectorRegistry
 
 from services import documents, problems, validation
 from services.access import Backend
+from services.exposure import exposed
+from services.gate import Gate
+from services.keys import KeyRing
 from services.metrics import QueueCollector, RequestDurations
 from services.middleware import Requests
 from services.preview import Previews
-from services.routes import docs, health, images, jobs, metrics, viewer
+from services.routes import docs, health, images, jobs, metrics, viewer, webhooks
 from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
@@ -34,6 +39,9 @@ Every error is an RFC 9457 problem (`application/problem+json`) that names the f
 
 
 _REAP_EVERY_S = 2.0
+_LISTENS_AFTER_S = 0.3
+
+log = structlog.get_logger(__name__)
 
 
 def create_app(settings: ServiceSettings | None = None) -> FastAPI:
@@ -49,9 +57,10 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
         redoc_url=None,
     )
     app.state.backend = backend
+    app.add_middleware(Gate, settings=settings)
     app.add_middleware(Requests, durations=RequestDurations(backend.registry))
     problems.install(app)
-    for module in (images, jobs, health, metrics):
+    for module in (images, jobs, health, metrics, webhooks):
         app.include_router(module.router)
     viewer.mount(app)
     docs.mount(app)
@@ -74,6 +83,7 @@ def _assemble(settings: ServiceSettings) -> Backend:
         submissions=Submissions(settings, uploads, validation.limiter(), queue.foreground_networks),
         previews=Previews(),
         registry=registry,
+        keys=KeyRing(settings.api_key_hashes, settings.api_keys_file),
     )
 
 
@@ -82,13 +92,24 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     backend: Backend = app.state.backend
     with suppress(redis.RedisError, OSError):
         await to_thread.run_sync(backend.queue.claim_folder)
-    reaping = asyncio.create_task(_reap_forever(backend.queue))
+    tasks = [asyncio.create_task(_reap_forever(backend.queue))]
+    if not backend.settings.has_keys:
+        tasks.append(asyncio.create_task(_stop_if_exposed()))
     yield
-    reaping.cancel()
-    with suppress(asyncio.CancelledError):
-        await reaping
+    for task in tasks:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
     await backend.waiting.close()
     await to_thread.run_sync(backend.queue.close)
+
+
+async def _stop_if_exposed() -> None:
+    """End a server that listens to a network although there are no keys; by then it has begun to listen."""
+    await asyncio.sleep(_LISTENS_AFTER_S)
+    if addresses := exposed():
+        log.error("refusing to listen to a network without API keys", addresses=addresses)
+        signal.raise_signal(signal.SIGTERM)
 
 
 async def _reap_forever(queue: JobQueue) -> None:

@@ -11,6 +11,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from services.headers import secure
 from services.metrics import RequestDurations
 from services.problems import problem_of, response_of
 
@@ -39,7 +40,9 @@ class Requests:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                MutableHeaders(scope=message)["X-Request-ID"] = request_id
+                headers = MutableHeaders(scope=message)
+                headers["X-Request-ID"] = request_id
+                secure(headers, scope["path"])
             await send(message)
 
         with structlog.contextvars.bound_contextvars(request_id=request_id):

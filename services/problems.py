@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import uuid
 from collections.abc import Mapping
 from http import HTTPStatus
@@ -16,6 +17,7 @@ from starlette.exceptions import HTTPException
 from services.fields import parameter_problems
 from workers.blobs import BlobMissing, NoRoomError
 from workers.queue import IdempotencyConflict, JobGone, JobUnknown, QueueFull
+from workers.quota import QuotaExceededError
 
 MEDIA_TYPE = "application/problem+json"
 MOST_ERRORS, _FIELD_LENGTH, _MESSAGE_LENGTH = 20, 100, 250
@@ -95,8 +97,13 @@ def problem_of(error: Exception) -> ProblemError:
         case NoRoomError():
             log.warning("no room on the disk", error=str(error))
             return _retry(507, "storage_full", "the disk of the service is too full for this; try again later", 60.0)
+        case QuotaExceededError():
+            return _retry(507, "quota_exceeded", "this API key keeps as many bytes as it may; try again later", 3600.0)
+        case OSError() if error.errno in (errno.EMFILE, errno.ENFILE):
+            log.warning("out of file descriptors")
+            return _retry(503, "overloaded", "the service does too much at once; try again later", 2.0)
         case QueueFull():
-            return _retry(429, "queue_full", "too many jobs wait; try again later", error.retry_after_s)
+            return _retry(429, "queue_full", f"{error}; try again later", error.retry_after_s)
         case RedisError():
             log.warning("queue not reachable", error=str(error))
             return _retry(503, "queue_unavailable", "the queue cannot be reached; try again later", 1.0)
@@ -138,6 +145,7 @@ def install(app: FastAPI) -> None:
         JobGone,
         BlobMissing,
         NoRoomError,
+        QuotaExceededError,
         IdempotencyConflict,
         QueueFull,
         RedisError,

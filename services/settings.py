@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -22,9 +23,18 @@ class ServiceSettings(Settings):
     api_key_hashes: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(), description="SHA-256 of each API key, lower-case hex, separated by commas"
     )
+    api_keys_file: Path | None = Field(default=None, description="see services.keys; read again when it changes")
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="names under which the service may be reached, separated by commas; always: this machine's own",
+    )
     max_request_bytes: int = Field(default=4 * MEBIBYTE, gt=0, description="the JSON of one request")
 
-    @field_validator("api_key_hashes", mode="before")
+    @property
+    def has_keys(self) -> bool:
+        return bool(self.api_key_hashes or self.api_keys_file)
+
+    @field_validator("api_key_hashes", "allowed_hosts", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         return comma_separated(value)
@@ -38,9 +48,9 @@ class ServiceSettings(Settings):
 
     @model_validator(mode="after")
     def _keys_unless_loopback(self) -> Self:
-        if not self.api_key_hashes and not is_loopback(self.host):
+        if not self.has_keys and not is_loopback(self.host):
             raise ValueError(
-                f"refusing to listen on {self.host} without API keys: set DLO_API_KEY_HASHES "
+                f"refusing to listen on {self.host} without API keys: set DLO_API_KEYS_FILE, or DLO_API_KEY_HASHES "
                 "(printf %s KEY | sha256sum), or listen on 127.0.0.1"
             )
         return self

@@ -36,6 +36,10 @@ class Submission:
     entry: Entry
     staged: list[Staged]
 
+    def sizes(self) -> dict[str, int]:
+        """Bytes of its pictures, by id."""
+        return {staged.blob_id: staged.bytes for staged in self.staged}
+
     def keep(self) -> None:
         """Keep its pictures; may be called again."""
         for staged in self.staged:

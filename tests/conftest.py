@@ -28,7 +28,7 @@ def settings(valkey_url, tmp_path) -> Settings:
     """For a queue that is empty and a blob folder that is new."""
     with redis.Redis.from_url(valkey_url) as client:
         client.flushall()
-    return Settings(redis_url=valkey_url, data_dir=tmp_path / "data")
+    return Settings(redis_url=valkey_url, data_dir=tmp_path / "data", spare_child=False)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parent.parent
 T = TypeVar("T")
 
 
-def wait_until(condition: Callable[[], T], timeout_s: float = 20.0) -> T:
+def wait_until(condition: Callable[[], T], timeout_s: float = 120.0) -> T:
     """The first true value of ``condition``; AssertionError if there is none in time."""
     give_up = time.monotonic() + timeout_s
     while not (value := condition()):
@@ -75,13 +75,17 @@ class WorkerProcess:
             info = self.info()
             return info is not None and info.ready
 
-        wait_until(ready, 60.0)
+        wait_until(ready, 240.0)
 
     def child_pid(self) -> int:
         """Of its warm child."""
-        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
-        assert len(children) == 1, children
-        return int(children[0])
+        (child,) = self.child_pids()
+        return child
+
+    def child_pids(self) -> list[int]:
+        """Of its warm child and of the next one."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        return [int(pid) for pid in children.read_text().split()]
 
     def kill(self) -> None:
         """As the out-of-memory killer does it; the kernel takes the child along."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import socket
 import sys
@@ -22,6 +23,7 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.with_parent:
         die_with_parent(signal.SIGTERM, arguments.with_parent)
+    os.umask(0o077)  # pictures and results are nobody else's
     settings = Settings()
     logs.configure(settings.log_level)
     with connect(settings, patient=True) as client:

@@ -130,6 +130,7 @@ class FolderBlobs:
             raise NoRoomError(f"{len(data)} bytes would leave less than the reserve free")
         beside = place.with_name(f"{place.name}.{uuid4().hex}")
         try:
+            self._root.mkdir(parents=True, exist_ok=True, mode=0o700)
             place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             beside.write_bytes(data)
         except OSError as error:

@@ -1,7 +1,7 @@
 """What runs in the warm child: load the networks once, then one job after another as the parent says.
 
 Started by :mod:`workers.child_process`, with a socket to the parent: settings come in, the list of networks
-goes out, then a claim in and the memory in use out for each job. Messages are JSON.
+goes out, then for each job a claim in, at once a word that it is begun out, at its end the memory in use.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from workers import jobs, logs, stages
+from workers import jobs, logs, memory, stages
 from workers.connection import connect
 from workers.ledger import Claim, Ledger
 from workers.lifeline import die_with_parent
@@ -31,7 +31,9 @@ def main(socket: int, parent: int) -> None:
         tools = stages.warm(settings)
         ledger = Ledger(connect(settings, patient=True), settings)
         connection.send_bytes(json.dumps([network.model_dump() for network in tools.networks]).encode())
+        memory.limit(settings)
         while message := _receive(connection):
+            connection.send_bytes(b"begun")
             jobs.run(Claim(**json.loads(message)), ledger, tools)
             connection.send_bytes(json.dumps({"rss_mb": _rss_mb()}).encode())
 

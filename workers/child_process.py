@@ -1,4 +1,4 @@
-"""The warm child as its parent sees it: a process that can be given a job, watched, killed and replaced."""
+"""A warm child as its parent sees it: a process that can be given a job, watched and killed."""
 
 from __future__ import annotations
 
@@ -9,15 +9,22 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from dataclasses import asdict
 from multiprocessing.connection import Connection
 
 from dlo_client.contracts import NetworkInfo
 
+from workers import memory
 from workers.ledger import Claim
 from workers.settings import Settings
 
 _LOAD_LIMIT_S = 300.0
+_BEGIN_WITHIN_S = 10.0
+"""A child that has not taken up its job by then is frozen."""
+
+_GONE_WITHIN_S = 2.0
+_NEAR_ITS_LIMIT = 0.6
 
 
 class ChildDied(Exception):
@@ -33,6 +40,9 @@ class ChildProcess:
         self._connection: Connection | None = None
         self._jobs = 0
         self._rss_mb = 0.0
+        self._largest_mb = 0.0
+        self._started = self._given = 0.0
+        self._begun = True
         self.networks: list[NetworkInfo] = []
         """What it has loaded; stays when it dies."""
         self.ready = False
@@ -47,8 +57,23 @@ class ChildProcess:
         """Whether it has done so many jobs, or grown so large, that it should be replaced."""
         return self._jobs >= self._settings.recycle_after_jobs or self._rss_mb > self._settings.recycle_rss_mb
 
-    def start(self) -> None:
-        """Start one and return once it is warm; raises ChildDied.
+    @property
+    def frozen(self) -> bool:
+        """Whether it was given a job and does not take it up."""
+        return not self._begun and time.monotonic() - self._given > _BEGIN_WITHIN_S
+
+    @property
+    def died_of_memory(self) -> bool:
+        """Whether it gave up, as native code does that is refused memory, when it had taken most of its share."""
+        limit_mb = memory.limit_mb(self._settings)
+        if self._process is None:
+            return False
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_GONE_WITHIN_S)  # its socket is closed a moment before it is gone
+        return self._process.returncode == -signal.SIGABRT and self._largest_mb > _NEAR_ITS_LIMIT * limit_mb
+
+    def begin(self) -> None:
+        """Start one; it warms up by itself.
 
         Only from a thread that lives on: the child dies with it.
         """
@@ -62,20 +87,48 @@ class ChildProcess:
                 stdin=subprocess.DEVNULL,
             )
         self._connection = Connection(ours.detach())
-        self._jobs, self._rss_mb = 0, 0.0
+        self._jobs, self._rss_mb, self._largest_mb, self._begun = 0, 0.0, 0.0, True
+        self._started = time.monotonic()
         self._send(self._settings.model_dump_json())
-        if not self.wait(_LOAD_LIMIT_S):
-            raise ChildDied(f"not warm within {_LOAD_LIMIT_S:g} s")
-        self.networks = [NetworkInfo(**network) for network in json.loads(self._receive())]
-        self.ready = True
+
+    def warm(self, wait_s: float = 0.0) -> bool:
+        """Whether, within ``wait_s``, it is warm; raises ChildDied."""
+        if not self.ready:
+            if not self._open().poll(wait_s):
+                if time.monotonic() - self._started > _LOAD_LIMIT_S:
+                    raise ChildDied(f"not warm within {_LOAD_LIMIT_S:g} s")
+                return False
+            self.networks = [NetworkInfo(**network) for network in json.loads(self._receive())]
+            self.ready = True
+        return True
+
+    def start(self) -> None:
+        """Start one and return once it is warm; raises ChildDied. As :meth:`begin`, from a thread that lives on."""
+        self.begin()
+        while not self.warm(1.0):
+            pass
 
     def give(self, claim: Claim) -> None:
         """Hand it a job; raises ChildDied."""
+        self._begun, self._given = False, time.monotonic()
         self._send(json.dumps(asdict(claim)))
 
     def wait(self, seconds: float) -> bool:
-        """Whether, within ``seconds``, it has something to say or has died."""
-        return self._connection is None or self._connection.poll(seconds)
+        """Whether, within ``seconds``, it is done with its job or has died."""
+        until = time.monotonic() + seconds
+        while self._connection is not None:
+            if not self._connection.poll(max(until - time.monotonic(), 0.0)):
+                if self._process is not None:
+                    self._largest_mb = max(self._largest_mb, memory.taken_mb(self._process.pid))
+                return False
+            if self._begun:
+                return True
+            try:
+                self._receive()
+            except ChildDied:
+                return True
+            self._begun = True
+        return True
 
     def finish(self) -> None:
         """Take its word that the job is over; raises ChildDied."""

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import argparse
 import fcntl
+import json
 import os
+import secrets
 import shutil
 import signal
 import socket
@@ -24,7 +26,11 @@ from redis.retry import Retry
 from workers.lifeline import die_with_parent
 
 HOST = "127.0.0.1"
+PASSWORD = "DLO_QUEUE_PASSWORD"
+"""The variable that the server's password comes in: a command line is for everybody on the machine to read."""
+
 _LOG = "server.log"
+_CONFIGURATION = "server.conf"
 
 
 class EmbeddedQueue:
@@ -33,7 +39,8 @@ class EmbeddedQueue:
     def __init__(self, folder: Path, port: int | None = None) -> None:
         self.folder = folder
         self.port = port or free_port()
-        self.url = f"redis://{HOST}:{self.port}/0"
+        self._password = secrets.token_urlsafe(24)
+        self.url = url(self.port, self._password)
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, timeout_s: float = 20.0) -> EmbeddedQueue:
@@ -41,7 +48,8 @@ class EmbeddedQueue:
         command = [sys.executable, "-m", "workers.embedded", "--with-parent", str(os.getpid())]
         command += ["--dir", str(self.folder), "--port", str(self.port)]
         # Its own group: Ctrl-C must not take the queue away under workers that finish their jobs.
-        self._process = subprocess.Popen(command, process_group=0, stdin=subprocess.DEVNULL)
+        environment = os.environ | {PASSWORD: self._password}
+        self._process = subprocess.Popen(command, process_group=0, stdin=subprocess.DEVNULL, env=environment)
         give_up = time.monotonic() + timeout_s
         while not self._answers():
             if self._process.poll() is not None or time.monotonic() > give_up:
@@ -66,7 +74,7 @@ class EmbeddedQueue:
 
     def _answers(self) -> bool:
         """Whether it, and not another server on the same port, answers."""
-        with redis.Redis(HOST, self.port, socket_timeout=1.0, retry=Retry(NoBackoff(), 0)) as client:
+        with redis.Redis.from_url(self.url, socket_timeout=1.0, retry=Retry(NoBackoff(), 0)) as client:
             try:
                 return bool(self._process and client.info("server")["process_id"] == self._process.pid)
             except redis.RedisError:
@@ -82,6 +90,11 @@ class EmbeddedQueue:
             self._process.kill()
             self._process.wait()
         self._process = None
+
+
+def url(port: int, password: str) -> str:
+    """Of a server on this machine."""
+    return f"redis://:{password}@{HOST}:{port}/0"
 
 
 def free_port() -> int:
@@ -129,24 +142,33 @@ def main() -> None:
     parser.add_argument("--with-parent", type=int, metavar="PID", help="end when this parent ends")
     arguments = parser.parse_args()
 
+    password = os.environ.pop(PASSWORD, "")
+    if not password:
+        sys.exit(f"set {PASSWORD}: every program of this machine can reach the server")
+    os.umask(0o077)
     arguments.dir.mkdir(parents=True, exist_ok=True)
+    arguments.dir.chmod(0o700)
     _lock(arguments.dir)
     if arguments.with_parent:
         die_with_parent(signal.SIGTERM, arguments.with_parent)
     options = {
         "bind": HOST,
         "port": arguments.port,
-        "dir": arguments.dir,
+        "dir": arguments.dir.absolute(),
         "appendonly": "yes",
         "appendfsync": "everysec",
         "maxmemory-policy": "noeviction",
         "save": "",
         "loglevel": "warning",
         "logfile": _LOG,
+        "requirepass": password,
     }
+    configuration = arguments.dir / _CONFIGURATION
+    configuration.unlink(missing_ok=True)
+    lines = [f"{name} {json.dumps(str(value), ensure_ascii=False)}\n" for name, value in options.items()]
+    configuration.write_text("".join(lines), encoding="utf-8")
     program = server_program()
-    flags = [part for name, value in options.items() for part in (f"--{name}", str(value))]
-    os.execv(program, [program, *flags])
+    os.execv(program, [program, str(configuration)])
 
 
 if __name__ == "__main__":

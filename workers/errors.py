@@ -3,7 +3,7 @@
 QueueError
 ├── JobUnknown           no such job
 ├── JobGone              there was one; its record has expired
-├── QueueFull            too many jobs wait; come back after ``retry_after_s``
+├── QueueFull            too much waits; come back after ``retry_after_s``
 └── IdempotencyConflict  the key was used for another request
 """
 
@@ -27,6 +27,6 @@ class IdempotencyConflict(QueueError):
 
 
 class QueueFull(QueueError):
-    def __init__(self, depth: int, retry_after_s: float) -> None:
-        super().__init__(f"{depth} jobs are waiting")
+    def __init__(self, why: str, retry_after_s: float) -> None:
+        super().__init__(why)
         self.retry_after_s = retry_after_s

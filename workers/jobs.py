@@ -9,8 +9,8 @@ from uuid import uuid4
 import structlog
 from dlo_client.contracts import FileRef
 
-from workers import problems, stages
-from workers.blobs import FolderBlobs
+from workers import memory, problems, stages
+from workers.blobs import FolderBlobs, NoRoomError
 from workers.ledger import Claim, Ledger
 from workers.record import REQUEST
 from workers.stages.outcome import InvalidInput, Outcome, Tools
@@ -25,7 +25,8 @@ def run(claim: Claim, ledger: Ledger, tools: Tools) -> None:
     say = log.bind(job_id=claim.job_id, attempt=claim.attempt)
     started = time.perf_counter()
     try:
-        request = REQUEST.validate_json(claim.request)
+        text = tools.blobs.get(claim.request_blob) if claim.request_blob else claim.request
+        request = REQUEST.validate_json(text)
         say = say.bind(kind=request.kind)
         tools.progress = _reporter(claim, ledger)
         outcome = stages.run(request, tools)
@@ -39,7 +40,14 @@ def run(claim: Claim, ledger: Ledger, tools: Tools) -> None:
     except InvalidInput as error:
         held = ledger.fail(claim, problems.invalid(error.field, error.message, error.code))
         say.info("job failed: invalid input", field=error.field, code=error.code, held=held)
-    except Exception:
+    except NoRoomError as error:
+        held = ledger.fail(claim, problems.storage_full())
+        say.error("job failed: no room", error=str(error), held=held)
+    except Exception as error:
+        if memory.ran_out(error):
+            held = ledger.fail(claim, problems.too_large())
+            say.warning("job failed: too large", error=str(error)[:200], held=held)
+            return
         incident = uuid4().hex
         say.exception("job failed: internal", incident=incident)
         ledger.fail(claim, problems.internal(incident))

@@ -23,7 +23,18 @@ from rq.job import Job as RQJob
 from rq.queue import Queue
 
 from workers import problems
-from workers.record import ACTIVE, COUNTS, RECENT, WEBHOOKS, Entry, alive_key, events_key, job_key, tombstone_key
+from workers.record import (
+    ACTIVE,
+    COUNTS,
+    RECENT,
+    WEBHOOKS,
+    Entry,
+    alive_key,
+    events_key,
+    job_key,
+    owned_key,
+    tombstone_key,
+)
 from workers.settings import Settings
 
 ALIVE_MS = 5000
@@ -52,6 +63,8 @@ local function count(state) redis.call('HINCRBY', '{COUNTS}', get('kind') .. '|'
 
 local function conclude(state)
   count(state)
+  redis.call('HDEL', job, 'request', 'request_blob')
+  redis.call('SREM', '{owned_key("")}' .. (get('owner') or ''), id)
   set('state', state, 'ended_at', text(now), 'expires_at', text(now + keep_ms / 1000))
   redis.call('LREM', queue(), 0, id)
   redis.call('SREM', '{ACTIVE}', id)
@@ -90,10 +103,13 @@ local function mine(attempt) return get('state') == 'running' and get('attempts'
 
 _OPEN = f"""
 local kind, priority, label, timeout_s, request = ARGV[7], ARGV[8], ARGV[9], tonumber(ARGV[10]), ARGV[11]
-if ARGV[12] ~= '' then set('webhook_url', ARGV[12]) end
+for place, field in pairs({{[12] = 'webhook_url', [13] = 'request_blob', [14] = 'owner'}}) do
+  if ARGV[place] ~= '' then set(field, ARGV[place]) end
+end
 set('id', id, 'kind', kind, 'priority', priority, 'label', label, 'request', request, 'state', 'queued',
     'progress', '0', 'attempts', '0', 'created_at', text(now), 'deadline', text(now + timeout_s))
 redis.call('SADD', '{ACTIVE}', id)
+redis.call('SADD', '{owned_key("")}' .. ARGV[14], id)
 redis.call('ZADD', '{RECENT}', redis.call('INCR', '{RECENT}:number'), id)
 count('queued')
 tell()
@@ -108,7 +124,7 @@ redis.call('SET', alive, ARGV[7], 'PX', ARGV[8])
 set('state', 'running', 'started_at', text(now), 'progress', '0')
 tell()
 return {get('attempts'), get('request'), text(tonumber(get('deadline')) - now),
-        text(now - tonumber(get('created_at')))}
+        text(now - tonumber(get('created_at'))), get('request_blob') or ''}
 """
 
 _RENEW = """
@@ -169,10 +185,12 @@ class Claim:
     job_id: str
     attempt: int
     request: str
-    """JSON of the request."""
+    """JSON of the request, if it is not in a blob."""
     remaining_s: float
     """Until the deadline, when the claim was made."""
     queue_wait_ms: float
+    request_blob: str = ""
+    """Id of the blob with the JSON of a large request."""
 
 
 class Ledger:
@@ -191,18 +209,25 @@ class Ledger:
         steps |= {"end": _END, "cancel": _CANCEL, "lost": _LOST, "reap": _REAP}
         self._scripts = {name: client.register_script(_LIBRARY + body) for name, body in steps.items()}
 
-    def open(self, pipeline: redis.client.Pipeline, job_id: str, entry: Entry) -> None:
-        """Begin a record, as part of the transaction that also puts the id into a queue."""
+    def open(
+        self, pipeline: redis.client.Pipeline, job_id: str, entry: Entry, *, request_blob: str = "", owner: str = ""
+    ) -> None:
+        """Begin a record, as part of the transaction that also puts the id into a queue.
+
+        The request is in the blob ``request_blob`` if there is one, else in the record.
+        """
         texts = (entry.kind, entry.priority, entry.label or "")
-        self._step("open", job_id, *texts, entry.timeout_s, entry.request, entry.webhook_url or "", client=pipeline)
+        request = "" if request_blob else entry.request
+        more = (entry.timeout_s, request, entry.webhook_url or "", request_blob, owner)
+        self._step("open", job_id, *texts, *more, client=pipeline)
 
     def claim(self, job_id: str, worker: str) -> Claim | None:
         """Make a queued job running; None if it is not queued, or too late (it then has failed)."""
         answer = self._step("claim", job_id, worker, ALIVE_MS)
         if answer is None:
             return None
-        attempt, request, remaining_s, waited_s = answer
-        return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000)
+        attempt, request, remaining_s, waited_s, blob_id = answer
+        return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, blob_id)
 
     def renew(self, claim: Claim, worker: str) -> bool:
         """Say that the job is still being worked on; False if the claim is no longer held."""

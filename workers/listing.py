@@ -22,10 +22,12 @@ def recent_page(
     cursor: str | None,
     state: JobState | None,
     kind: JobKind | None,
+    owner: str | None = None,
 ) -> JobPage:
-    """At most ``limit`` jobs older than ``cursor``, without results; raises ValueError on a foreign cursor.
+    """At most ``limit`` jobs older than ``cursor``, of ``owner`` if one is named, without results.
 
-    A page may hold fewer jobs and still name a ``next_cursor``: only a page without one is the last.
+    Raises ValueError on a foreign cursor. A page may hold fewer jobs and still name a ``next_cursor``: only a
+    page without one is the last.
     """
     if cursor is not None and not (cursor.isascii() and cursor.isdecimal()):
         raise ValueError(f"not a cursor: {cursor!r}")
@@ -34,7 +36,7 @@ def recent_page(
     for _ in range(_MAX_BATCHES):
         answer = client.zrevrangebyscore(RECENT, below, "-inf", start=0, num=_BATCH, withscores=True)
         batch = cast(list[tuple[str, float]], answer)
-        for (_, number), job in zip(batch, _jobs(client, [job_id for job_id, _ in batch]), strict=True):
+        for (_, number), job in zip(batch, _jobs(client, [job_id for job_id, _ in batch], owner), strict=True):
             below = f"({int(number)}"
             if job and state in (None, job.state) and kind in (None, job.kind):
                 found.append(job)
@@ -58,14 +60,15 @@ def trim(client: redis.Redis) -> int:
     return trimmed
 
 
-def _jobs(client: redis.Redis, job_ids: Iterable[str]) -> list[AnyJob | None]:
-    """The jobs without their results; None where the record has expired."""
+def _jobs(client: redis.Redis, job_ids: Iterable[str], owner: str | None) -> list[AnyJob | None]:
+    """The jobs without their results; None where the record has expired, or is not ``owner``'s if one is named."""
     with client.pipeline(transaction=False) as pipeline:
         for job_id in job_ids:
-            pipeline.hmget(job_key(job_id), LISTED)
+            pipeline.hmget(job_key(job_id), (*LISTED, "owner"))
         rows = pipeline.execute()
-    records = [{name: value for name, value in zip(LISTED, row, strict=True) if value} for row in rows]
-    return [read_job(record) if record else None for record in records]
+    names = (*LISTED, "owner")
+    records = [{name: value for name, value in zip(names, row, strict=True) if value} for row in rows]
+    return [read_job(record) if record and owner in (None, record.get("owner", "")) else None for record in records]
 
 
 def _exist(client: redis.Redis, job_ids: Iterable[str]) -> list[int]:

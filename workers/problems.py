@@ -61,3 +61,21 @@ def refused() -> Problem:
         detail="The queue entry of this job calls something that workers do not run.",
         code="refused",
     )
+
+
+def too_large() -> Problem:
+    return Problem(
+        title="Too large",
+        status=413,
+        detail="The job needs more memory than a job may take (DLO_CHILD_MEMORY_MB). Send less, or smaller pictures.",
+        code="too_large",
+    )
+
+
+def storage_full() -> Problem:
+    return Problem(
+        title="No room on the disk",
+        status=507,
+        detail="The files of the result could not be written down: the disk of the service is too full.",
+        code="storage_full",
+    )

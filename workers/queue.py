@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 from uuid import uuid4
 
@@ -18,9 +18,10 @@ from dlo_client.contracts import AnyJob, AnyRequest, JobEvent, JobKind, JobPage,
 from rq.queue import Queue
 from rq.serializers import JSONSerializer
 
-from workers import shared_folder
+from workers import quota, shared_folder
 from workers.blobs import FolderBlobs
 from workers.connection import LONGEST_BLOCK_MS, connect, connect_async
+from workers.dead_letters import DeadLetters
 from workers.errors import IdempotencyConflict, JobGone, JobUnknown, QueueError, QueueFull
 from workers.ledger import Ledger
 from workers.listing import recent_page
@@ -34,6 +35,7 @@ from workers.record import (
     JobRecord,
     events_key,
     job_key,
+    owned_key,
     read_event,
     read_job,
     tombstone_key,
@@ -56,6 +58,8 @@ RUN = "workers.jobs.run"
 """The one function that a queue entry may name."""
 
 _RETRY_AFTER_S = 5.0
+_LARGE_REQUEST = 32 * 1024
+"""Characters; a larger request waits in a blob, not in the memory of the queue server."""
 _EVENT_ID = re.compile(r"\d{1,20}(-\d{1,20})?")
 
 
@@ -69,8 +73,10 @@ class JobQueue:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._client = connect(settings)
-        self._blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s)
+        self._blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s, settings.disk_reserve_bytes)
         self._ledger = Ledger(self._client, settings)
+        self.dead_letters = DeadLetters(self._client)
+        self._charge = self._client.register_script(quota.CHARGE)
         self._queues: dict[str, Queue] = {
             name: Queue(name, connection=self._client, serializer=JSONSerializer) for name in QUEUES
         }
@@ -82,25 +88,29 @@ class JobQueue:
         idempotency_key: str | None = None,
         request_digest: str | None = None,
         keep: Callable[[], None] = _nothing,
+        owner: str = "",
+        most_jobs: int | None = None,
     ) -> tuple[AnyJob, bool]:
         """Put a request, its pictures all uploaded, into the queue; the job, and whether it is a new one.
 
         With a key that was used within ``idempotency_ttl_s`` for a request of the same digest the job of
         then is returned. ``keep`` is called, perhaps again, once there is room and before a worker can see
-        the job. Raises QueueFull, IdempotencyConflict, and JobGone when the job of then has expired.
+        the job. The job is ``owner``'s, who may have ``most_jobs`` under way. Raises QueueFull, NoRoomError,
+        IdempotencyConflict, and JobGone when the job of then has expired.
         """
         entry = request if isinstance(request, Entry) else Entry.of(request)
-        key = _idempotency_key(idempotency_key)
+        key = _idempotency_key(idempotency_key, owner)
         digest = request_digest or ""
         job_id = uuid4().hex
 
         def put(pipeline: redis.client.Pipeline) -> str:
             if key and (known := _known(cast(str | None, pipeline.get(key)), digest)):
                 return known
-            self._make_room()
+            self._make_room(owner, most_jobs)
             keep()
+            blob_id = self._blobs.put(entry.request.encode()) if len(entry.request) > _LARGE_REQUEST else ""
             pipeline.multi()
-            self._put(pipeline, job_id, entry)
+            self._put(pipeline, job_id, entry, blob_id, owner)
             if key:
                 ttl_ms = round(self._settings.idempotency_ttl_s * 1000)
                 pipeline.set(key, f"{digest} {job_id}", px=ttl_ms)
@@ -146,9 +156,18 @@ class JobQueue:
         cursor: str | None = None,
         state: JobState | None = None,
         kind: JobKind | None = None,
+        owner: str | None = None,
     ) -> JobPage:
-        """Jobs newest first, without their results. Raises ValueError on a cursor that is not one."""
-        return recent_page(self._client, limit=limit, cursor=cursor, state=state, kind=kind)
+        """Jobs (of ``owner``, if given) newest first, without their results. ValueError on a cursor that is none."""
+        return recent_page(self._client, limit=limit, cursor=cursor, state=state, kind=kind, owner=owner)
+
+    def charge(self, owner: str, most_bytes: int | None, sizes: Mapping[str, int]) -> None:
+        """Note that ``owner`` keeps these blobs; raises QuotaExceededError if it may not keep so much."""
+        if most_bytes is None or not sizes:
+            return
+        arguments = quota.charge_arguments(most_bytes, self._settings.blob_ttl_s, sizes)
+        if not self._charge(keys=quota.stored_keys(owner), args=arguments):
+            raise quota.QuotaExceededError(owner)
 
     def workers(self) -> list[WorkerInfo]:
         """The live workers."""
@@ -205,21 +224,30 @@ class JobQueue:
     def close(self) -> None:
         self._client.close()
 
-    def check_room(self, idempotency_key: str | None = None) -> None:
-        """Raise QueueFull now if a submission with this key would, before its body is read."""
-        key = _idempotency_key(idempotency_key)
+    def check_room(self, idempotency_key: str | None = None, owner: str = "", most_jobs: int | None = None) -> None:
+        """Raise QueueFull now if a submission like this would, before its body is read."""
+        key = _idempotency_key(idempotency_key, owner)
         if not (key and self._client.exists(key)):
-            self._make_room()
+            self._make_room(owner, most_jobs)
 
-    def _put(self, pipeline: redis.client.Pipeline, job_id: str, entry: Entry) -> None:
-        self._ledger.open(pipeline, job_id, entry)
+    def _put(self, pipeline: redis.client.Pipeline, job_id: str, entry: Entry, blob_id: str, owner: str) -> None:
+        self._ledger.open(pipeline, job_id, entry, request_blob=blob_id, owner=owner)
         queue = self._queues[entry.priority]
         queue.enqueue_job(queue.create_job(RUN, args=(job_id,), job_id=job_id), pipeline=pipeline)
 
-    def _make_room(self) -> None:
-        waiting = sum(self.depth().values())
-        if waiting >= self._settings.max_queue_depth:
-            raise QueueFull(waiting, _RETRY_AFTER_S)
+    def _make_room(self, owner: str, most_jobs: int | None) -> None:
+        with self._client.pipeline(transaction=False) as pipeline:
+            for queue in self._queues.values():
+                pipeline.llen(queue.key)
+            pipeline.scard(owned_key(owner))
+            pipeline.info("memory")
+            *depths, owned, memory = pipeline.execute()
+        if sum(depths) >= self._settings.max_queue_depth:
+            raise QueueFull("too many jobs wait", _RETRY_AFTER_S)
+        if memory["used_memory"] >= self._settings.max_queue_bytes:
+            raise QueueFull("the queue server holds as much as it may", _RETRY_AFTER_S)
+        if most_jobs is not None and owned >= most_jobs:
+            raise QueueFull(f"this key has {owned} jobs under way, as many as it may", _RETRY_AFTER_S)
 
 
 class AsyncJobQueue:
@@ -227,6 +255,7 @@ class AsyncJobQueue:
 
     def __init__(self, settings: Settings) -> None:
         self._client = connect_async(settings)
+        self._pace = self._client.register_script(quota.PACE)
 
     async def get(self, job_id: str) -> JobRecord:
         """See :meth:`JobQueue.get`."""
@@ -242,12 +271,17 @@ class AsyncJobQueue:
             raise _absent(await self._client.exists(tombstone_key(job_id)), job_id)
         return _events(answer)
 
+    async def pace(self, owner: str, per_minute: int) -> float:
+        """Seconds that ``owner`` has to wait before its next request; 0 for one that may go on, and counts."""
+        return float(await self._pace(keys=[quota.pace_key(owner)], args=[per_minute]))
+
     async def close(self) -> None:
         await self._client.aclose()
 
 
-def _idempotency_key(given: str | None) -> str | None:
-    return given and f"dlo:idempotency:{hashlib.sha256(given.encode()).hexdigest()}"
+def _idempotency_key(given: str | None, owner: str) -> str | None:
+    """Two owners may use the same one."""
+    return given and f"dlo:idempotency:{hashlib.sha256(f'{owner}|{given}'.encode()).hexdigest()}"
 
 
 def _known(value: str | None, digest: str) -> str | None:

@@ -90,6 +90,11 @@ def alive_key(job_id: str) -> str:
     return f"dlo:alive:{job_id}"
 
 
+def owned_key(owner: str) -> str:
+    """Of the set of the ids of an owner's jobs that are queued or running."""
+    return f"dlo:owned:{owner}"
+
+
 def worker_key(name: str) -> str:
     return f"dlo:worker:{name}"
 
@@ -101,10 +106,11 @@ class JobRecord:
     job: AnyJob
     """Without its result."""
     result: str | None
+    owner: str
 
     @classmethod
     def read(cls, record: Mapping[str, str]) -> JobRecord:
-        return cls(read_job({**record, "result": ""}), record.get("result") or None)
+        return cls(read_job({**record, "result": ""}), record.get("result") or None, record.get("owner", ""))
 
     def json(self) -> str:
         """What ``model_dump_json`` of the whole job gives."""

@@ -38,6 +38,9 @@ class Settings(BaseSettings):
     )
 
     max_queue_depth: PositiveInt = 1000
+    max_queue_bytes: PositiveInt = Field(
+        default=2 * 1024**3, description="memory of the queue server above which nothing more is accepted"
+    )
     max_attempts: PositiveInt = Field(default=2, description="times a job whose worker dies is taken up")
     max_images_per_job: PositiveInt = 64
     max_image_bytes: PositiveInt = 32 * 1024 * 1024
@@ -47,6 +50,10 @@ class Settings(BaseSettings):
     onnx_providers: list[str] = ["CPUExecutionProvider"]
     onnx_threads: int = Field(default=0, ge=0, description="a session; 0 = cores // workers")
     recycle_after_jobs: PositiveInt = Field(default=2000, description="then the warm child is replaced")
+    child_memory_mb: int = Field(
+        default=0, ge=0, description="a job that needs more fails as too_large; 0 = 3/4 of the memory // workers"
+    )
+    spare_child: bool = Field(default=True, description="keep the next warm child ready: no pauses, twice the memory")
     recycle_rss_mb: PositiveInt = Field(default=4096, description="a larger warm child is replaced after its job")
 
     webhook_hosts: Annotated[tuple[str, ...], NoDecode] = Field(

@@ -2,10 +2,10 @@
 
 Strategy: of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are
 used. What a job is and how it stands is in its record (:mod:`workers.ledger`). The worker claims the job,
-hands the claim to its child, and until the child is done renews the claim every half second. A claim that
+hands the claim to its child, and until the child is done renews the claim five times a second. A claim that
 is gone — cancelled, or taken by a reaper — or a deadline that has come means: kill the child, whatever
-native code it is in. A child that dies by itself ends the wait at once. A new child is started before the
-next job is taken.
+native code it is in. A child that dies by itself ends the wait at once. The next child is warm by then
+(:mod:`workers.children`) and takes the next job.
 """
 
 from __future__ import annotations
@@ -28,21 +28,24 @@ from rq.worker import Worker
 from rq.worker.base import WorkerStatus
 from rq.worker_registration import clean_worker_registry
 
-from workers import presence, problems, reaper, webhooks
+from workers import presence, problems, reaper, watchdog, webhooks
 from workers.allowed import AllowedJob
 from workers.blobs import FolderBlobs
 from workers.child_process import ChildDied, ChildProcess
+from workers.children import Children
 from workers.connection import connect
 from workers.ledger import Claim, Ledger
 from workers.record import QUEUES
 from workers.repeater import Repeater
 from workers.settings import Settings
 
-_RENEW_S = 0.5
+_RENEW_S = 0.2
 _ANNOUNCE_S = 1.0
 _SWEEP_S = 300.0
 _LOOK_AFTER_CHILD_S = 3
 _RQ_WORKER_TTL_S = 30
+_STUCK_S = 60.0
+"""A worker whose main thread has not turned for so long no longer gives signs of life."""
 
 log = structlog.get_logger(__name__)
 
@@ -60,7 +63,8 @@ class WarmWorker(Worker):
             worker_ttl=_RQ_WORKER_TTL_S,
             log_job_description=False,
         )
-        self._child = ChildProcess(settings)
+        self._children = Children(settings, self._turned)
+        self._turn = time.monotonic()
         self._patient = connect(settings, patient=True)
         self._impatient = connect(settings)
         self._ledger = Ledger(self._patient, settings)
@@ -82,7 +86,7 @@ class WarmWorker(Worker):
         try:
             self.work(logging_level="WARNING")
         finally:
-            self._child.kill()
+            self._children.kill()
             for repeater in self._upkeep:
                 repeater.stop()
             with contextlib.suppress(redis.RedisError):
@@ -96,8 +100,8 @@ class WarmWorker(Worker):
     ) -> tuple[Job, Queue] | None:
         """The next job, taken only by a worker whose child is warm."""
         while not self._stop_requested:
-            if not self._child.alive:
-                self._start_child()
+            self._turned()
+            self._ready_child()
             if entry := super().dequeue_job_and_maintain_ttl(timeout, _LOOK_AFTER_CHILD_S):
                 return entry
         return None
@@ -141,33 +145,45 @@ class WarmWorker(Worker):
         with contextlib.suppress(redis.RedisError):
             super().register_death()  # type: ignore[no-untyped-call]
 
-    def _start_child(self) -> None:
-        self._child.start()
-        log.info("child warm", worker=self.name)
-        with contextlib.suppress(redis.RedisError):
-            self._announce()
+    def _ready_child(self) -> None:
+        """Have a warm child; the first time, and when it is another than before, everybody is told at once."""
+        before = self._children.current.ready
+        self._children.ready()
+        self._children.tend()
+        if not before:
+            with contextlib.suppress(redis.RedisError):
+                self._announce()
+
+    def _turned(self) -> None:
+        self._turn = time.monotonic()
 
     def _run(self, claim: Claim) -> None:
         """See the claimed job through to one of its ends."""
+        child = self._children.current
         try:
-            self._child.give(claim)
-            if not self._watch(claim):
-                self._child.kill()
-                return
-            self._child.finish()
+            child.give(claim)
+            if self._watch(child, claim):
+                child.finish()
+            else:
+                child.kill()
         except ChildDied:
-            self._child.kill()
-            log.error("child died", job_id=claim.job_id, then=self._ledger.lost(claim))
-            return
-        if self._child.worn:
-            self._child.kill()
+            too_large = child.died_of_memory
+            child.kill()
+            if too_large:
+                self._ledger.fail(claim, problems.too_large())
+                log.error("child died of memory", job_id=claim.job_id)
+            else:
+                log.error("child died", job_id=claim.job_id, then=self._ledger.lost(claim))
 
-    def _watch(self, claim: Claim) -> bool:
+    def _watch(self, child: ChildProcess, claim: Claim) -> bool:
         """Wait for the child while the claim is held and time is left; False if it has to be killed."""
         limit = time.monotonic() + claim.remaining_s
-        while not self._child.wait(min(_RENEW_S, max(limit - time.monotonic(), 0.0))):
+        while not child.wait(min(_RENEW_S, max(limit - time.monotonic(), 0.0))):
+            self._turned()
+            if child.frozen:
+                raise ChildDied("it does not take up its job")
             if time.monotonic() >= limit:
-                self._child.kill()  # first, so that it cannot end the job behind our back
+                child.kill()  # first, so that it cannot end the job behind our back
                 self._ledger.fail(claim, problems.timed_out())
                 log.warning("job stopped at its time limit", job_id=claim.job_id)
                 return False
@@ -183,14 +199,18 @@ class WarmWorker(Worker):
             return True  # the queue server is away: go on, and ask again
 
     def _announce(self) -> None:
+        """Tell the queue server that we are there, and whoever supervises us that we are alive."""
+        if time.monotonic() - self._turn < _STUCK_S:
+            watchdog.beat()
+        child = self._children.current
         presence.announce(
             self._impatient,
             presence.WorkerInfo(
                 name=self.name,
-                ready=self._child.ready and self._child.alive,
+                ready=child.ready and child.alive,
                 busy=self.get_state() == WorkerStatus.BUSY,
                 queues=list(QUEUES),
                 started_at=self._started_at,
-                networks=self._child.networks,
+                networks=child.networks,
             ),
         )

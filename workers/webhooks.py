@@ -2,32 +2,46 @@
 
 Strategy: the script that ends a job also puts its id into :data:`workers.record.WEBHOOKS`, with the time as
 score. Any worker may call :meth:`Courier.deliver`: it takes what is due and in the same step moves it on by
-a lease, so that of two couriers one delivers, and a courier that dies is followed by another. Delivery is at
-least once; a receiver tells repeats by the header ``DLO-Job``.
+a lease, so that of two couriers one delivers, and a courier that dies is followed by another. Many are under
+way at once, each with a deadline for the whole call, and few to one receiver: a slow one holds up nobody else.
+What is never heard becomes a dead letter (:mod:`workers.dead_letters`).
+
+Delivery is at least once; a receiver tells repeats by ``webhook-id``. Headers and signature are those of
+Standard Webhooks (standardwebhooks.com).
 """
 
 from __future__ import annotations
 
+import asyncio
+import base64
 import hashlib
 import hmac
 import time
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import cast
+from urllib.parse import urlsplit
 
 import httpx
 import redis
 import structlog
 
-from workers.record import WEBHOOKS, job_key, read_job
+from workers.dead_letters import DeadLetters, letter_key
+from workers.record import WEBHOOKS, JobRecord, job_key
 from workers.settings import Settings
 
 DELAYS_S = (2.0, 10.0, 60.0, 300.0, 900.0)
 """After the first attempt fails, the second …; then it is given up. All within a job's default lifetime."""
 
 INTERVAL_S = 1.0
-_TIMEOUT_S = 5.0
+_DEADLINE_S = 5.0
 _LEASE_MS = 60_000
 _AT_ONCE = 20
+_AT_ONCE_EACH = 4
+_ROUND_S = 30.0
+_LOOK_S = 0.2
+_SECRET_PREFIX = "whsec_"
 
 _TAKE = f"""
 local time = redis.call('TIME')
@@ -47,10 +61,29 @@ redis.call('ZADD', '{WEBHOOKS}', 'XX', now + tonumber(ARGV[2]), ARGV[1])
 log = structlog.get_logger(__name__)
 
 
-def signature(secret: str, timestamp: int, body: bytes) -> str:
-    """The header ``DLO-Signature``: HMAC-SHA256 of ``timestamp.body`` in hex, and the timestamp it covers."""
-    digest = hmac.new(secret.encode(), f"{timestamp}.".encode() + body, hashlib.sha256).hexdigest()
-    return f"t={timestamp},v1={digest}"
+def signed_headers(secret: str, job_id: str, timestamp: int, body: bytes) -> dict[str, str]:
+    """``webhook-id``, ``-timestamp`` and ``-signature`` of a message."""
+    signed = f"{job_id}.{timestamp}.".encode() + body
+    digest = hmac.new(_key(secret), signed, hashlib.sha256).digest()
+    signature = f"v1,{base64.b64encode(digest).decode()}"
+    return {"webhook-id": job_id, "webhook-timestamp": str(timestamp), "webhook-signature": signature}
+
+
+def _key(secret: str) -> bytes:
+    """A secret as the standard writes it is base64 after a prefix; any other is taken as it stands."""
+    if secret.startswith(_SECRET_PREFIX):
+        return base64.b64decode(secret.removeprefix(_SECRET_PREFIX))
+    return secret.encode()
+
+
+@dataclass(frozen=True)
+class _Message:
+    url: str
+    body: bytes
+    attempt: int
+    """From 1."""
+    key: str
+    """Of the hash that counts the attempts."""
 
 
 class Courier:
@@ -62,47 +95,83 @@ class Courier:
         self._clock = clock
         self._take = client.register_script(_TAKE)
         self._later = client.register_script(_LATER)
+        self._dead = DeadLetters(client)
+        self._under_way: Counter[str] = Counter()
 
     def deliver(self) -> int:
-        """Try what is due, at most 20; returns how many were heard."""
-        heard = 0
-        for _ in range(_AT_ONCE):
-            job_id = cast(str | None, self._take(args=[_LEASE_MS]))
-            if job_id is None:
-                break
-            heard += self._try(job_id)
+        """Try what is due now, and what becomes due meanwhile; returns how many were heard."""
+        first = self._next()
+        return asyncio.run(self._round(first)) if first else 0
+
+    async def _round(self, first: str) -> int:
+        heard, until = 0, time.monotonic() + _ROUND_S
+        async with httpx.AsyncClient(timeout=_DEADLINE_S) as http:
+            pending = {asyncio.create_task(self._try(http, first))}
+            while pending:
+                while len(pending) < _AT_ONCE and time.monotonic() < until and (job_id := self._next()):
+                    pending.add(asyncio.create_task(self._try(http, job_id)))
+                done, pending = await asyncio.wait(pending, timeout=_LOOK_S, return_when=asyncio.FIRST_COMPLETED)
+                heard += sum(task.result() for task in done)
         return heard
 
-    def _try(self, job_id: str) -> bool:
-        key = job_key(job_id)
-        record = cast(dict[str, str], self._client.hgetall(key))
-        if not record:
+    def _next(self) -> str | None:
+        return cast(str | None, self._take(args=[_LEASE_MS]))
+
+    async def _try(self, http: httpx.AsyncClient, job_id: str) -> bool:
+        message = self._message(job_id)
+        if message is None:
             self._client.zrem(WEBHOOKS, job_id)
             return False
-        attempt = int(record.get("webhook_attempts", 0)) + 1
-        error = self._post(record, attempt)
-        say = log.bind(job_id=job_id, attempt=attempt)
-        if error is None or attempt > len(DELAYS_S):
-            self._client.zrem(WEBHOOKS, job_id)
-            say.info("webhook heard") if error is None else say.error("webhook given up", error=error)
-            return error is None
-        say.warning("webhook not heard", error=error)
-        if self._client.exists(key):  # it may have expired meanwhile: do not leave a record without an end
-            self._client.hset(key, "webhook_attempts", str(attempt))
-        self._later(args=[job_id, DELAYS_S[attempt - 1]])
-        return False
-
-    def _post(self, record: dict[str, str], attempt: int) -> str | None:
-        """None when the receiver answered 2xx; redirects are not followed: they could lead anywhere."""
-        body = read_job(record).model_dump_json().encode()
-        headers = {
-            "Content-Type": "application/json",
-            "DLO-Job": record["id"],
-            "DLO-Attempt": str(attempt),
-            "DLO-Signature": signature(self._secret, int(self._clock()), body),
-        }
+        receiver = urlsplit(message.url).netloc
+        if self._under_way[receiver] >= _AT_ONCE_EACH:
+            self._later(args=[job_id, INTERVAL_S])
+            return False
+        self._under_way[receiver] += 1
         try:
-            reply = httpx.post(record["webhook_url"], content=body, headers=headers, timeout=_TIMEOUT_S)
+            error = await self._post(http, job_id, message)
+        finally:
+            self._under_way[receiver] -= 1
+        self._conclude(job_id, message, error)
+        return error is None
+
+    def _message(self, job_id: str) -> _Message | None:
+        """Of a dead letter that is sent again, else of the job; None if neither is kept any more."""
+        if letter := self._dead.get(job_id):
+            return _Message(letter.url, letter.body.encode(), letter.attempts + 1, letter_key(job_id))
+        record = cast(dict[str, str], self._client.hgetall(job_key(job_id)))
+        if not record:
+            return None
+        body = JobRecord.read(record).json().encode()
+        return _Message(record["webhook_url"], body, int(record.get("webhook_attempts", 0)) + 1, job_key(job_id))
+
+    async def _post(self, http: httpx.AsyncClient, job_id: str, message: _Message) -> str | None:
+        """None when the receiver answered 2xx. Redirects could lead anywhere, and are not followed; what it
+        answers beyond its status is not read."""
+        headers = signed_headers(self._secret, job_id, int(self._clock()), message.body)
+        headers |= {"Content-Type": "application/json", "DLO-Attempt": str(message.attempt)}
+        try:
+            async with (
+                asyncio.timeout(_DEADLINE_S),
+                http.stream("POST", message.url, content=message.body, headers=headers) as reply,
+            ):
+                return None if reply.is_success else f"answered {reply.status_code}"
+        except TimeoutError:
+            return f"no answer within {_DEADLINE_S:g} s"
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             return f"{type(error).__name__}: {error}"
-        return None if reply.is_success else f"answered {reply.status_code}"
+
+    def _conclude(self, job_id: str, message: _Message, error: str | None) -> None:
+        say = log.bind(job_id=job_id, attempt=message.attempt)
+        if error is None:
+            self._client.zrem(WEBHOOKS, job_id)
+            self._dead.forget(job_id)
+            say.info("webhook heard")
+        elif message.attempt > len(DELAYS_S):
+            self._client.zrem(WEBHOOKS, job_id)
+            self._dead.bury(job_id, message.url, message.body.decode(), error)
+            say.error("webhook given up", error=error)
+        else:
+            say.warning("webhook not heard", error=error)
+            if self._client.exists(message.key):  # it may have expired meanwhile: leave no record without an end
+                self._client.hset(message.key, "webhook_attempts", str(message.attempt))
+            self._later(args=[job_id, DELAYS_S[message.attempt - 1]])

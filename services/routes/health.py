@@ -10,7 +10,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
 from services import documents
-from services.access import Authorized, BackendDep
+from services.access import BackendDep, Reader
 from services.problems import ProblemError
 from services.readiness import hindrance
 
@@ -49,7 +49,7 @@ def ready(backend: BackendDep) -> Health:
     return Health()
 
 
-@router.get("/v1/models", dependencies=[Authorized], responses=documents.problems())
-def list_models(backend: BackendDep) -> list[NetworkInfo]:
+@router.get("/v1/models", responses=documents.problems(403, 429))
+def list_models(_: Reader, backend: BackendDep) -> list[NetworkInfo]:
     """The networks of the live workers: those that requests may name, and those that are used without being named."""
     return backend.queue.networks()

@@ -10,31 +10,31 @@ from dlo_client.contracts import ImageInfo
 from fastapi import APIRouter, Path, Request, Response
 
 from services import documents, preview
-from services.access import Authorized, Backend, BackendDep
+from services.access import Backend, BackendDep, Caller, Reader, Submitter
 from services.multipart import Allowed, media_type, parts, whole
 from services.problems import ProblemError, field_error
 from workers.blobs import BlobMissing
 from workers.pictures.headers import PictureError
 
-router = APIRouter(prefix="/v1/images", tags=["images"], dependencies=[Authorized])
+router = APIRouter(prefix="/v1/images", tags=["images"])
 
 
 @router.post(
     "",
     status_code=201,
-    responses=documents.problems(413, 415),
+    responses=documents.problems(403, 408, 413, 415, 429, 507),
     openapi_extra={"requestBody": documents.PICTURE},
 )
-async def upload_image(request: Request, backend: BackendDep) -> ImageInfo:
+async def upload_image(request: Request, caller: Submitter, backend: BackendDep) -> ImageInfo:
     """Keep a picture, to be named by its id in requests. The same bytes give the same id."""
     limit = backend.settings.max_image_bytes
     kind = media_type(request)
     if kind == "multipart/form-data":
-        return await _keep_part(request, backend)
+        return await _keep_part(request, caller, backend)
     if kind and kind != "application/octet-stream" and not kind.startswith("image/"):
         detail = f"send the picture as image/*, application/octet-stream or multipart/form-data, not {kind}"
         raise ProblemError(415, "unsupported_media_type", detail)
-    return await _keep(await whole(request, field="image", max_bytes=limit), "image", backend)
+    return await _keep(await whole(request, field="image", max_bytes=limit), "image", caller, backend)
 
 
 @router.get(
@@ -43,7 +43,7 @@ async def upload_image(request: Request, backend: BackendDep) -> ImageInfo:
     responses={200: {"content": {preview.MEDIA_TYPE: {}}, "description": "PNG"}, **documents.problems(404)},
 )
 async def read_preview(
-    image_id: Annotated[str, Path(description="as `POST /v1/images` gave it")], backend: BackendDep
+    image_id: Annotated[str, Path(description="as `POST /v1/images` gave it")], _: Reader, backend: BackendDep
 ) -> Response:
     """An uploaded picture, upright, in 8 bits and at most 2048 pixels wide and high, for a browser to show."""
     try:
@@ -58,17 +58,21 @@ async def read_preview(
     return Response(png, media_type=preview.MEDIA_TYPE, headers=headers)
 
 
-async def _keep_part(request: Request, backend: Backend) -> ImageInfo:
+async def _keep_part(request: Request, caller: Caller, backend: Backend) -> ImageInfo:
     kept = None
     async with aclosing(parts(request, {"file": Allowed(1, backend.settings.max_image_bytes)})) as stream:
         async for part in stream:
-            kept = await _keep(part.data, part.name, backend)
+            kept = await _keep(part.data, part.name, caller, backend)
     if kept is None:
         raise field_error("file", "this part is missing: it holds the picture")
     return kept
 
 
-async def _keep(data: bytes, field: str, backend: Backend) -> ImageInfo:
+async def _keep(data: bytes, field: str, caller: Caller, backend: Backend) -> ImageInfo:
     info, staged = await backend.uploads.stage(data, field=field)
-    await to_thread.run_sync(staged.keep)
+    try:
+        await to_thread.run_sync(backend.queue.charge, caller.owner, caller.most_bytes, {info.id: info.bytes})
+        await to_thread.run_sync(staged.keep)
+    finally:
+        await to_thread.run_sync(staged.drop)
     return info

@@ -14,12 +14,12 @@ from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from services import documents, waiting
-from services.access import Authorized, BackendDep
+from services.access import BackendDep, Reader, Submitter
 from services.problems import ProblemError
 from workers.queue import JobUnknown
 from workers.record import JobRecord
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=[Authorized])
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
 IdempotencyKey = Annotated[
@@ -47,11 +47,19 @@ async def _job_id(job_id: Annotated[str, Path(description="as in the job")]) -> 
 JobId = Annotated[str, Depends(_job_id)]
 
 
-async def _record(job_id: JobId, backend: BackendDep) -> JobRecord:
-    return await backend.waiting.get(job_id)
+async def _record(job_id: JobId, caller: Reader, backend: BackendDep) -> JobRecord:
+    record = await backend.waiting.get(job_id)
+    if caller.sees not in (None, record.owner):
+        raise JobUnknown(job_id)
+    return record
+
+
+async def _own_record(job_id: JobId, caller: Submitter, backend: BackendDep) -> JobRecord:
+    return await _record(job_id, caller, backend)
 
 
 Existing = Annotated[JobRecord, Depends(_record)]
+Cancellable = Annotated[JobRecord, Depends(_own_record)]
 
 
 def _answer(record: JobRecord, status: int = 200, **headers: str) -> Response:
@@ -65,29 +73,43 @@ def _answer(record: JobRecord, status: int = 200, **headers: str) -> Response:
     response_model=AnyJob,
     responses={
         200: {"model": AnyJob, "description": "It ended within `wait`"},
-        **documents.problems(409, 410, 413, 415, 429),
+        **documents.problems(403, 408, 409, 410, 413, 415, 429, 507),
     },
     openapi_extra={"requestBody": documents.SUBMISSION},
 )
 async def submit_job(
     request: Request,
+    caller: Submitter,
     backend: BackendDep,
     wait: Wait = 0.0,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in time."""
-    await to_thread.run_sync(backend.queue.check_room, idempotency_key)
+    await to_thread.run_sync(backend.queue.check_room, idempotency_key, caller.owner, caller.most_jobs)
     async with backend.submissions.read(request) as submission:
-        digest = hashlib.sha256(submission.entry.request.encode()).hexdigest()
-        submit = partial(backend.queue.submit, submission.entry, keep=submission.keep)
-        job, _ = await to_thread.run_sync(partial(submit, idempotency_key=idempotency_key, request_digest=digest))
+
+        def keep() -> None:
+            backend.queue.charge(caller.owner, caller.most_bytes, submission.sizes())
+            submission.keep()
+
+        submit = partial(
+            backend.queue.submit,
+            submission.entry,
+            idempotency_key=idempotency_key,
+            request_digest=hashlib.sha256(submission.entry.request.encode()).hexdigest(),
+            keep=keep,
+            owner=caller.owner,
+            most_jobs=caller.most_jobs,
+        )
+        job, _ = await to_thread.run_sync(submit)
     record = await waiting.ended(backend.waiting, await backend.waiting.get(job.id), wait)
     status = 200 if wait and record.job.state.final else 202
     return _answer(record, status, Location=request.app.url_path_for("read_job", job_id=job.id))
 
 
-@router.get("", responses=documents.problems())
+@router.get("", responses=documents.problems(403, 429))
 def list_jobs(
+    caller: Reader,
     backend: BackendDep,
     limit: Annotated[int, Query(ge=1, le=200, description="jobs a page")] = 50,
     cursor: Cursor = None,
@@ -95,24 +117,24 @@ def list_jobs(
     kind: Annotated[JobKind | None, Query(description="only jobs of this kind")] = None,
 ) -> JobPage:
     """Jobs newest first, without their results. Only a page without `next_cursor` is the last."""
-    return backend.queue.recent(limit=limit, cursor=cursor, state=state, kind=kind)
+    return backend.queue.recent(limit=limit, cursor=cursor, state=state, kind=kind, owner=caller.sees)
 
 
-@router.get("/{job_id}", response_model=AnyJob, responses=documents.problems(404, 410))
+@router.get("/{job_id}", response_model=AnyJob, responses=documents.problems(403, 404, 410, 429))
 async def read_job(record: Existing, backend: BackendDep, wait: Wait = 0.0) -> Response:
     """The job; with `wait`, as soon as it has ended or the seconds are over."""
     return _answer(await waiting.ended(backend.waiting, record, wait))
 
 
-@router.delete("/{job_id}", response_model=AnyJob, responses=documents.problems(404, 410))
-async def cancel_job(record: Existing, backend: BackendDep) -> Response:
+@router.delete("/{job_id}", response_model=AnyJob, responses=documents.problems(403, 404, 410, 429))
+async def cancel_job(record: Cancellable, backend: BackendDep) -> Response:
     """Cancel a queued or running job; one that has ended stays as it is."""
     job_id = record.job.id
     await to_thread.run_sync(backend.queue.cancel, job_id)
     return _answer(await backend.waiting.get(job_id))
 
 
-@router.get("/{job_id}/events", response_class=EventSourceResponse, responses=documents.problems(404, 410))
+@router.get("/{job_id}/events", response_class=EventSourceResponse, responses=documents.problems(403, 404, 410, 429))
 async def follow_job(
     record: Existing, backend: BackendDep, last_event_id: EventId = "0"
 ) -> AsyncIterator[ServerSentEvent]:
@@ -126,7 +148,7 @@ async def follow_job(
     response_class=FileResponse,
     responses={
         304: {"description": "`If-None-Match` names the file's ETag"},
-        **documents.problems(404, 410),
+        **documents.problems(403, 404, 410, 429),
     },
 )
 async def read_file(

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import fcntl
 import os
+import secrets
 import shutil
 import signal
 import socket
@@ -17,9 +18,11 @@ from pathlib import Path
 import uvicorn
 
 from services.app import create_app
+from services.http_protocol import BoundedHttp
 from services.readiness import hindrance
 from services.settings import ServiceSettings
 from services.standalone.supervised import Child
+from workers import embedded
 from workers.queue import JobQueue
 
 _READY_WITHIN_S = 120.0
@@ -29,7 +32,6 @@ _COMMAND_GRACE_S = 5.0
 _WORKER_GRACE_S = 5.0
 _QUEUE_GRACE_S = 10.0
 _INTERRUPTED = 130
-_LOOPBACK = "127.0.0.1"
 
 
 class CannotServeError(Exception):
@@ -51,9 +53,9 @@ def serve(settings: ServiceSettings, then: Sequence[str] = ()) -> int:
         if "redis_url" in settings.model_fields_set:
             return asyncio.run(_Service(settings, listener, queue_port=None).run(then))
         held.enter_context(_lock(settings.data_dir))
-        queue_port = _free_port()
-        settings = settings.model_copy(update={"redis_url": f"redis://{_LOOPBACK}:{queue_port}/0"})
-        return asyncio.run(_Service(settings, listener, queue_port).run(then))
+        queue_port, password = embedded.free_port(), secrets.token_urlsafe(24)
+        settings = settings.model_copy(update={"redis_url": embedded.url(queue_port, password)})
+        return asyncio.run(_Service(settings, listener, queue_port, password).run(then))
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -73,7 +75,7 @@ def _listen(host: str, port: int) -> socket.socket:
 @contextmanager
 def _lock(data_dir: Path) -> Iterator[None]:
     """Hold the data folder: two queue servers on one folder would destroy each other's data."""
-    data_dir.mkdir(parents=True, exist_ok=True)
+    data_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     with (data_dir / "serve.lock").open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -81,12 +83,6 @@ def _lock(data_dir: Path) -> Iterator[None]:
             message = f"another service works on the data folder {data_dir}; stop it or name another folder"
             raise CannotServeError(message) from None
         yield
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((_LOOPBACK, 0))
-        return int(probe.getsockname()[1])
 
 
 class _Server(uvicorn.Server):
@@ -100,11 +96,14 @@ class _Server(uvicorn.Server):
 class _Service:
     """The processes of one service."""
 
-    def __init__(self, settings: ServiceSettings, listener: socket.socket, queue_port: int | None) -> None:
+    def __init__(
+        self, settings: ServiceSettings, listener: socket.socket, queue_port: int | None, password: str = ""
+    ) -> None:
         self._settings = settings
         self._listener = listener
         self._url = _url(settings.host, listener)
         self._queue_port = queue_port
+        self._password = password
 
     async def run(self, then: Sequence[str]) -> int:
         stop = asyncio.Event()
@@ -116,6 +115,7 @@ class _Service:
                 create_app(self._settings),
                 log_config=None,
                 access_log=False,
+                http=BoundedHttp,
                 timeout_graceful_shutdown=_HTTP_GRACE_S,
             )
         )
@@ -143,7 +143,8 @@ class _Service:
         if self._queue_port is None:
             return [], workers
         place = ("--dir", str(settings.queue_dir), "--port", str(self._queue_port))
-        return [Child("workers.embedded", (*place, *tie), environment)], workers
+        with_password = environment | {embedded.PASSWORD: self._password}
+        return [Child("workers.embedded", (*place, *tie), with_password)], workers
 
     async def _work(self, then: Sequence[str], stop: asyncio.Event) -> int:
         why_not = await self._until_ready(stop)

@@ -6,15 +6,22 @@ import asyncio
 import contextlib
 import os
 import signal
+import socket
 import sys
 from collections.abc import Mapping, Sequence
+from uuid import uuid4
 
 import structlog
+
+from workers import watchdog
 
 log = structlog.get_logger(__name__)
 
 _PAUSE_S = 1.0
 """Before a child that has ended is started again."""
+
+_SILENT_S = 15.0
+"""A child that has given signs of life (:mod:`workers.watchdog`) and stops is frozen."""
 
 
 class Child:
@@ -23,7 +30,9 @@ class Child:
     def __init__(self, module: str, arguments: Sequence[str], environment: Mapping[str, str]) -> None:
         self._command = (sys.executable, "-m", module, *arguments)
         self._name = module
-        self._environment = environment
+        self._address = f"@dlo-{uuid4().hex}"
+        self._environment = {**environment, watchdog.VARIABLE: self._address}
+        self._beats = False
         self._process: asyncio.subprocess.Process | None = None
         self._stopping = asyncio.Event()
         self._keeping: asyncio.Task[None] | None = None
@@ -43,6 +52,28 @@ class Child:
         await self._keeping
 
     async def _keep(self) -> None:
+        watching = asyncio.create_task(self._watch())
+        try:
+            await self._keep_running()
+        finally:
+            watching.cancel()
+
+    async def _watch(self) -> None:
+        """Kill the child once it has fallen silent."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+            listener.bind(f"\0{self._address[1:]}")
+            listener.setblocking(False)
+            while True:
+                try:
+                    await asyncio.wait_for(asyncio.get_running_loop().sock_recv(listener, 64), _SILENT_S)
+                    self._beats = True
+                except TimeoutError:
+                    if self._beats:
+                        log.error("child is frozen; killing it", child=self._name)
+                        self._beats = False
+                        self._signal(signal.SIGKILL)
+
+    async def _keep_running(self) -> None:
         while not self._stopping.is_set():
             self._process = await asyncio.create_subprocess_exec(
                 *self._command, env=self._environment, start_new_session=True

@@ -10,6 +10,7 @@ import uvicorn
 from starlette.testclient import TestClient
 
 from services.app import create_app
+from services.http_protocol import BoundedHttp
 from services.settings import ServiceSettings
 from tests.processes import wait_until
 from workers.ledger import Ledger
@@ -17,7 +18,8 @@ from workers.ledger import Ledger
 
 @pytest.fixture
 def service_settings(settings) -> ServiceSettings:
-    return ServiceSettings(redis_url=settings.redis_url, data_dir=settings.data_dir)
+    names = ("testserver", "service")  # what the clients of the tests call it
+    return ServiceSettings(redis_url=settings.redis_url, data_dir=settings.data_dir, allowed_hosts=names)
 
 
 @pytest.fixture
@@ -62,7 +64,7 @@ def address(app):
     """Of the application behind a real HTTP server on a port of its own."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
-        server = uvicorn.Server(uvicorn.Config(app, log_config=None, access_log=False))
+        server = uvicorn.Server(uvicorn.Config(app, http=BoundedHttp, log_config=None, access_log=False))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()
         wait_until(lambda: server.started)

@@ -97,3 +97,8 @@ def test_the_reserve_stays_free(tmp_path):
     with pytest.raises(NoRoomError):
         FolderBlobs(tmp_path, HOUR, reserve_bytes=free * 2).put(b"cable")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_nobody_else_on_the_machine_reads_them(blobs, tmp_path):
+    blobs.put(b"cable")
+    assert oct((tmp_path / "blobs").stat().st_mode)[-3:] == "700"

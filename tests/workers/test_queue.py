@@ -3,7 +3,7 @@ import os
 from datetime import UTC, datetime
 
 import pytest
-from dlo_client.contracts import AnyJob, ImageRef, JobState, NoopRequest, NoopResult, SegmentRequest
+from dlo_client.contracts import AnyJob, ImageRef, JobState, NoopRequest, NoopResult, PlanShapeRequest, SegmentRequest
 
 from tests.processes import wait_until
 from workers.blobs import FolderBlobs
@@ -12,6 +12,7 @@ from workers.ledger import Ledger
 from workers.listing import trim
 from workers.presence import WorkerInfo, announce, depart
 from workers.queue import AsyncJobQueue, IdempotencyConflict, JobGone, JobQueue, JobUnknown, QueueFull
+from workers.record import REQUEST
 from workers.settings import Settings
 
 
@@ -193,3 +194,34 @@ def test_workers_announce_themselves_and_depart(job_queue, settings):
 def test_ping(job_queue, settings):
     assert job_queue.ping()
     assert not with_settings(settings, redis_url="redis://127.0.0.1:1/0").ping()
+
+
+def test_a_large_request_waits_in_a_blob(job_queue, settings, ledger):
+    line = [(0.001 * x, 0.0) for x in range(2000)]
+    request = PlanShapeRequest(state_m=line, target_m=line, object={"mass_kg": 0.05})
+    job, _ = job_queue.submit(request)
+    claim = ledger.claim(job.id, "w")
+    assert claim.request == ""
+    stored = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s).get(claim.request_blob)
+    assert REQUEST.validate_json(stored) == request
+    with connect(settings) as client:
+        assert client.memory_usage(f"dlo:job:{job.id}") < 4096
+
+
+def test_a_queue_server_that_holds_enough_takes_no_more(settings):
+    with pytest.raises(QueueFull, match="holds as much"):
+        with_settings(settings, max_queue_bytes=1).submit(NoopRequest())
+
+
+def test_an_owner_may_have_so_many_jobs_under_way(job_queue, ledger):
+    job, _ = job_queue.submit(NoopRequest(), owner="cell", most_jobs=1)
+    with pytest.raises(QueueFull, match="1 jobs under way"):
+        job_queue.submit(NoopRequest(), owner="cell", most_jobs=1)
+    job_queue.submit(NoopRequest(), owner="other", most_jobs=1)
+    finish(ledger, job.id)
+    job_queue.submit(NoopRequest(), owner="cell", most_jobs=1)
+
+
+def test_two_owners_may_use_the_same_idempotency_key(job_queue):
+    made = [job_queue.submit(NoopRequest(), idempotency_key="k", owner=owner)[1] for owner in ("a", "b", "a")]
+    assert made == [True, True, False]

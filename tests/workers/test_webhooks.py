@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -88,11 +90,11 @@ def test_the_ended_job_arrives_signed_and_once(receiver, courier, end, job_queue
     assert courier.deliver() == 1
     assert courier.deliver() == 0
     ((headers, body),) = receiver.calls
-    job = read_webhook(body, headers["DLO-Signature"], SECRET)
+    job = read_webhook(body, headers, SECRET)
     assert job == job_queue.get(job_id)
     assert job.state is JobState.SUCCEEDED
     assert job.result.held_s == 0.25
-    assert headers["DLO-Job"] == job_id
+    assert headers["webhook-id"] == job_id
 
 
 def test_a_cancelled_job_is_told_of_too(receiver, courier, job_queue):
@@ -101,7 +103,7 @@ def test_a_cancelled_job_is_told_of_too(receiver, courier, job_queue):
     job_queue.cancel(job_id)
     assert courier.deliver() == 1
     headers, body = receiver.calls[0]
-    assert read_webhook(body, headers["DLO-Signature"], SECRET).state is JobState.CANCELLED
+    assert read_webhook(body, headers, SECRET).state is JobState.CANCELLED
 
 
 def test_a_job_without_a_webhook_is_not_told_of(courier, job_queue, client):
@@ -159,23 +161,121 @@ def test_a_job_that_has_expired_is_forgotten(courier, end, client, receiver):
     assert receiver.calls == []
 
 
+def again(secret: str, age_s: int, body: bytes) -> dict[str, str]:
+    return webhooks.signed_headers(secret, "id", int(time.time()) - age_s, body)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda body, mark: (body + b" ", mark), "not of this secret"),
-        (lambda body, mark: (body, mark.replace("v1=", "v2=")), "no DLO-Signature"),
-        (lambda body, mark: (b"{}", webhooks.signature(SECRET, int(time.time()), b"{}")), "no job"),
-        (lambda body, mark: (body, webhooks.signature(SECRET, int(time.time()) - 1000, body)), "too old"),
-        (lambda body, mark: (body, webhooks.signature("another", int(time.time()), body)), "not of this secret"),
+        (lambda body, headers: (body + b" ", headers), "not of this secret"),
+        (lambda body, headers: (body, headers | {"webhook-id": "other"}), "not of this secret"),
+        (lambda body, headers: (body, headers | {"webhook-signature": "v2,abc"}), "not of this secret"),
+        (lambda body, headers: (body, {}), "no webhook-id"),
+        (lambda body, headers: (b"{}", again(SECRET, 0, b"{}")), "no job"),
+        (lambda body, headers: (body, again(SECRET, 1000, body)), "too old"),
+        (lambda body, headers: (body, again("another", 0, body)), "not of this secret"),
+        (lambda body, headers: (body, headers | {"webhook-timestamp": "now"}), "timestamp"),
     ],
 )
 def test_a_forged_webhook_is_refused(receiver, courier, end, change, said):
     end(receiver.url)
     courier.deliver()
     headers, body = receiver.calls[0]
-    body, mark = change(body, headers["DLO-Signature"])
+    body, headers = change(body, {name.lower(): value for name, value in headers.items()})
     with pytest.raises(UnexpectedReply, match=said):
-        read_webhook(body, mark, SECRET)
+        read_webhook(body, headers, SECRET)
+
+
+def test_signatures_are_those_of_the_standard():
+    """The example of the specification of Standard Webhooks."""
+    headers = webhooks.signed_headers(
+        "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw",
+        "msg_p5jXN8AQM9LWM0D4loKWxJek",
+        1614265330,
+        b'{"test": 2432232314}',
+    )
+    assert headers["webhook-signature"] == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
+
+
+def test_of_several_signatures_one_has_to_fit(receiver, courier, end):
+    end(receiver.url)
+    courier.deliver()
+    headers, body = receiver.calls[0]
+    both = {**headers, "webhook-signature": f"v1,b2xk {headers['webhook-signature']}"}
+    assert read_webhook(body, both, SECRET).state is JobState.SUCCEEDED
+
+
+@pytest.fixture
+def dripping():
+    """The address of a receiver that answers one byte now and then, for ever."""
+    stop = threading.Event()
+    listener = socket.create_server(("127.0.0.1", 0))
+    listener.settimeout(0.05)
+
+    def drip(connection: socket.socket) -> None:
+        with contextlib.suppress(OSError), connection:
+            while not stop.wait(0.02):
+                connection.sendall(b"H")
+
+    def listen() -> None:
+        while not stop.is_set():
+            with contextlib.suppress(TimeoutError):
+                threading.Thread(target=drip, args=[listener.accept()[0]], daemon=True).start()
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
+    stop.set()
+    thread.join()
+    listener.close()
+
+
+def test_a_receiver_that_drips_is_left_and_holds_up_nobody(receiver, courier, end, client, dripping, monkeypatch):
+    """Its every byte began a new time limit, and all webhooks of the worker waited for it."""
+    monkeypatch.setattr(webhooks, "_DEADLINE_S", 3.0)
+    slow = [end(dripping) for _ in range(6)]
+    for _ in range(3):
+        end(receiver.url)
+    assert courier.deliver() == 3
+    assert len(receiver.calls) == 3
+    assert all(client.zscore(WEBHOOKS, job_id) > time.time() - 1 for job_id in slow)
+
+
+def give_up(courier, receiver, client, job_id) -> None:
+    receiver.status = 503
+    for _ in range(20):
+        courier.deliver()
+        if client.zscore(WEBHOOKS, job_id) is None:
+            return
+        make_due(client, job_id)
+    raise AssertionError("never given up")
+
+
+def test_what_was_given_up_can_be_sent_again(receiver, courier, end, client, job_queue):
+    """It was gone, with one line in a log."""
+    job_id = end(receiver.url)
+    give_up(courier, receiver, client, job_id)
+    (letter,) = job_queue.dead_letters.all()
+    assert (letter.job_id, letter.url, letter.error) == (job_id, receiver.url, "answered 503")
+    client.delete(job_key(job_id))  # as by expiry
+    receiver.status = 200
+    del receiver.calls[:]
+    assert job_queue.dead_letters.resend(job_id)
+    assert courier.deliver() == 1
+    headers, body = receiver.calls[0]
+    assert read_webhook(body, headers, SECRET).id == job_id
+    assert job_queue.dead_letters.all() == []
+    assert not job_queue.dead_letters.resend(job_id)
+
+
+def test_what_is_given_up_again_stays_a_dead_letter(receiver, courier, end, client, job_queue):
+    job_id = end(receiver.url)
+    give_up(courier, receiver, client, job_id)
+    job_queue.dead_letters.resend(job_id)
+    give_up(courier, receiver, client, job_id)
+    (letter,) = job_queue.dead_letters.all()
+    assert letter.attempts == 0
 
 
 def test_a_worker_delivers(settings, start_worker, job_queue, receiver):
@@ -186,7 +286,7 @@ def test_a_worker_delivers(settings, start_worker, job_queue, receiver):
     while not receiver.calls and time.monotonic() < deadline:
         time.sleep(0.05)
     headers, body = receiver.calls[0]
-    assert read_webhook(body, headers["DLO-Signature"], SECRET).state is JobState.SUCCEEDED
+    assert read_webhook(body, headers, SECRET).state is JobState.SUCCEEDED
 
 
 def test_hosts_need_a_secret(monkeypatch):

@@ -108,7 +108,7 @@ def warm(settings: Settings) -> Tools:
     threads = settings.onnx_threads or max(1, (os.cpu_count() or 1) // settings.workers)
     cv2.setNumThreads(threads)
     tools = Tools(
-        blobs=FolderBlobs(settings.blobs_dir, settings.blob_ttl_s),
+        blobs=FolderBlobs(settings.blobs_dir, settings.blob_ttl_s, settings.disk_reserve_bytes // 2),
         max_image_pixels=settings.max_image_pixels,
         runtime=Runtime(settings.onnx_providers, threads, spinning=settings.workers == 1),
     )

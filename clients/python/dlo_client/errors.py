@@ -12,6 +12,8 @@ DLOError
 │   ├── Gone              410: it has expired
 │   ├── QueueFull         429: try again in ``.retry_after_s``
 │   └── ServiceFault      5xx: not the request's fault; ``.problem.incident`` is in the service's log
+│       ├── Unavailable   503: its queue is away, or it has too much to do; try again in ``.retry_after_s``
+│       └── StorageFull   507: its disk is too full, or this key keeps as many bytes as it may
 ├── JobFailed             the job was accepted and ended badly: ``.problem`` says why
 ├── JobCancelled          the job was cancelled
 └── WaitTimeout           the job goes on, only the waiting ended: ``.job`` is its last known state
@@ -87,6 +89,14 @@ class ServiceFault(APIError):
     """5xx: the service is at fault."""
 
 
+class Unavailable(ServiceFault):
+    """503."""
+
+
+class StorageFull(ServiceFault):
+    """507."""
+
+
 class JobFailed(DLOError):
     """The job ended in state ``failed``."""
 
@@ -143,6 +153,8 @@ _BY_STATUS: dict[int, type[APIError]] = {
     HTTPStatus.CONFLICT: Conflict,
     HTTPStatus.GONE: Gone,
     HTTPStatus.TOO_MANY_REQUESTS: QueueFull,
+    HTTPStatus.SERVICE_UNAVAILABLE: Unavailable,
+    HTTPStatus.INSUFFICIENT_STORAGE: StorageFull,
 }
 
 

@@ -1,0 +1,111 @@
+"""The next child is warm before the old one goes."""
+
+import pytest
+
+from workers import children as children_module
+from workers.child_process import ChildDied
+from workers.children import Children
+
+
+class Child:
+    """Warm once it has been asked ``asked`` times; never a process."""
+
+    made: list["Child"] = []
+    asked = 1
+
+    def __init__(self, settings) -> None:
+        self.alive = self.ready = self.worn = self.dies = False
+        self.left = self.asked
+        self.made.append(self)
+
+    def begin(self) -> None:
+        self.alive = True
+
+    def warm(self, wait_s: float = 0.0) -> bool:
+        if self.dies:
+            raise ChildDied("unlucky")
+        self.left -= 1
+        self.ready = self.left <= 0
+        return self.ready
+
+    def kill(self) -> None:
+        self.alive = self.ready = False
+
+
+@pytest.fixture
+def turns():
+    return []
+
+
+@pytest.fixture
+def children(settings, monkeypatch, turns):
+    monkeypatch.setattr(children_module, "ChildProcess", Child)
+    monkeypatch.setattr(Child, "made", [])
+    monkeypatch.setattr(Child, "asked", 3)
+    return Children(settings.model_copy(update={"spare_child": True}), lambda: turns.append(1))
+
+
+@pytest.fixture
+def pair(children):
+    """Both warm."""
+    children.ready()
+    for _ in range(4):
+        children.tend()
+    return children
+
+
+def test_while_a_child_is_waited_for_it_takes_turns(children, turns):
+    children.ready()
+    assert children.current.ready
+    assert len(turns) == 2
+
+
+def test_a_child_that_was_killed_is_followed_without_a_wait(pair, turns):
+    """Every cancel stopped the worker for the 6 to 13 seconds that loading the networks takes."""
+    first, second = Child.made
+    del turns[:]
+    first.kill()
+    pair.ready()
+    assert pair.current is second
+    assert turns == []
+    pair.tend()
+    assert Child.made[2].alive
+
+
+def test_a_worn_child_goes_on_until_the_next_is_warm(children):
+    children.ready()
+    first = children.current
+    first.worn = True
+    children.tend()
+    assert (children.current, first.alive) == (first, True)
+    for _ in range(3):
+        children.tend()
+    assert children.current is Child.made[1]
+    assert children.current.ready
+    assert not first.alive
+
+
+def test_a_next_child_that_dies_is_started_again(pair):
+    pair.tend()
+    second = Child.made[1]
+    second.dies = True
+    pair.tend()
+    assert not second.alive
+    pair.tend()
+    assert Child.made[2].alive
+    assert pair.current is Child.made[0]
+
+
+def test_without_a_next_child_a_worn_one_is_replaced_all_the_same(children, settings):
+    children._settings = settings
+    children.ready()
+    children.current.worn = True
+    children.tend()
+    assert not children.current.alive
+    children.ready()
+    assert children.current.ready
+
+
+def test_the_end_of_the_worker_ends_both(pair):
+    pair.kill()
+    assert not any(child.alive for child in Child.made)
