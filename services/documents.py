@@ -77,7 +77,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The ``responses`` of a route that may answer with these problems, or with those that any route may."""
     return {
         status: {"description": HTTPStatus(status).phrase, "content": _PROBLEM}
-        for status in sorted({*statuses, 401, 422, 500, 503})
+        for status in sorted({*statuses, 401, 403, 421, 422, 429, 500, 503})
     }
 
 

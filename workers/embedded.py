@@ -43,7 +43,7 @@ class EmbeddedQueue:
         self.url = url(self.port, self._password)
         self._process: subprocess.Popen[bytes] | None = None
 
-    def start(self, timeout_s: float = 20.0) -> EmbeddedQueue:
+    def start(self, timeout_s: float = 120.0) -> EmbeddedQueue:
         """Start, and return once it answers; raises RuntimeError if it does not come up."""
         command = [sys.executable, "-m", "workers.embedded", "--with-parent", str(os.getpid())]
         command += ["--dir", str(self.folder), "--port", str(self.port)]
