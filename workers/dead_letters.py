@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import redis
 
@@ -42,7 +42,7 @@ class DeadLetters:
     def bury(self, job_id: str, url: str, body: str, error: str) -> None:
         """Keep a webhook that was given up; the oldest go when there are too many."""
         now = time.time()
-        letter: dict[str | bytes, str] = {"url": url, "body": body, "error": error, "given_up_at": repr(now)}
+        letter: dict[Any, str] = {"url": url, "body": body, "error": error, "given_up_at": repr(now)}
         with self._client.pipeline() as pipeline:
             pipeline.delete(letter_key(job_id))
             pipeline.hset(letter_key(job_id), mapping=letter)
