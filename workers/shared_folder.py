@@ -32,7 +32,7 @@ def mark_of(folder: Path) -> str:
     """The folder's mark; made with the folder when there is none yet."""
     if known := _found(folder):
         return known
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     beside = folder / f"{_MARK}.{uuid4().hex}"
     beside.write_text(uuid4().hex)
     with contextlib.suppress(FileExistsError):
