@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -26,8 +25,8 @@ from models.geometry.polylines import bridge
 from models.reconstruction.matching import MatchParams
 from models.reconstruction.piece_ends import PieceEnds, piece_ends
 from models.reconstruction.views import Strand, View
-
-_FORBIDDEN = 1e3
+from models.strands.pairing import match
+from models.strands.walks import follow
 
 
 @dataclass(frozen=True)
@@ -200,29 +199,17 @@ def _sure_partners(cost: FloatArray, params: JoinParams) -> IntArray:
 
 
 def _cheapest(cost: FloatArray, stop: float) -> tuple[IntArray, float]:
-    """Partners with the least total; two ends that stop cost as much as a join of ``stop``.
-
-    The assignment problem on the symmetric table is a relaxation: what it leaves as cycles of more than two ends
-    is paired greedily.
-    """
+    """Partners with the least total; two ends that stop cost as much as a join of ``stop``."""
+    pairs = np.argwhere(np.triu(cost < stop, 1))
+    partner = match(len(cost), pairs, cost[tuple(pairs.T)], np.full(len(cost), stop / 2))
     alone = np.arange(len(cost))
-    table = np.where(cost < stop, cost, _FORBIDDEN)
-    np.fill_diagonal(table, stop)
-    _, following = linear_sum_assignment(table)
-    mutual = following[following] == alone
-    partner = np.where(mutual, following, alone)
-    left = np.flatnonzero(~mutual)
-    for flat in np.argsort(table[np.ix_(left, left)], axis=None):
-        a, b = left[flat // len(left)], left[flat % len(left)]
-        if partner[a] == a and partner[b] == b and table[a, b] < stop:
-            partner[a], partner[b] = b, a
-    return partner, float(table[alone, partner].sum()) / 2
+    return partner, float(np.where(partner == alone, stop, cost[alone, partner]).sum()) / 2
 
 
 def _joined(
     own: _Pieces, ends: PieceEnds, partner: IntArray, width_px: float, count: int, params: JoinParams
 ) -> Rejoined:
-    chains = _chains(partner)
+    chains = [entered for entered, _ in follow(partner)]
     share = np.zeros((len(chains), count))
     for row, chain in enumerate(chains):
         for end in chain:
@@ -230,22 +217,6 @@ def _joined(
     short = params.short_widths * width_px
     strands = tuple(_strand(own.view.strands, chain, ends, short) for chain in chains)
     return Rejoined(replace(own.view, strands=strands), share)
-
-
-def _chains(partner: IntArray) -> list[list[int]]:
-    """The ends at which the pieces of each DLO are entered, in order; a ring is opened somewhere."""
-    chains: list[list[int]] = []
-    done: set[int] = set()
-    alone = np.flatnonzero(partner == np.arange(len(partner))).tolist()
-    for start in [*alone, *range(0, len(partner), 2)]:
-        chain, end = [], start
-        while end // 2 not in done:
-            done.add(end // 2)
-            chain.append(end)
-            end = int(partner[end ^ 1]) if partner[end ^ 1] != end ^ 1 else end
-        if chain:
-            chains.append(chain)
-    return chains
 
 
 def _strand(pieces: tuple[Strand, ...], chain: list[int], ends: PieceEnds, short_px: float) -> Strand:

@@ -34,6 +34,27 @@ Joints = Mapping[tuple[int, int], Joint]
 _PLAIN = Joint()
 
 
+def follow(partner: IntArray, done: BoolArray | None = None) -> list[tuple[list[int], bool]]:
+    """Sections strung together: the ends at which each is entered, in order, and whether that is a ring.
+
+    ``partner``: ``(E,)`` of ends ``2 s`` and ``2 s + 1`` of section ``s``, itself for an end that stops. ``done``:
+    ``(S,)`` sections to leave out. Strings with free ends come first; a ring is opened at its first section.
+    """
+    left = np.zeros(len(partner) // 2, dtype=bool) if done is None else done.copy()
+    found = []
+    stops = np.flatnonzero(partner == np.arange(len(partner)))
+    for start in [*stops.tolist(), *range(0, len(partner), 2)]:
+        entered: list[int] = []
+        end = start
+        while not left[end >> 1]:
+            left[end >> 1] = True
+            entered.append(end)
+            end = int(partner[end ^ 1]) if partner[end ^ 1] != end ^ 1 else end
+        if entered:
+            found.append((entered, end == start and partner[start] != start))
+    return found
+
+
 def strands_of(sections: Sections, partner: IntArray, joints: Joints) -> list[Chain]:
     """The centerlines that follow from the partners ``(E,)`` of all ends; an end that stops is its own partner.
 
@@ -41,33 +62,24 @@ def strands_of(sections: Sections, partner: IntArray, joints: Joints) -> list[Ch
     are joined as shared is no strand of its own.
     """
     done = sections.closed.copy()
-    shared = [k for k in range(len(sections)) if joints.get((2 * k, 2 * k + 1), _PLAIN).via == k]
-    done[shared] = True
-    chains = [Chain(sections.points(k), True) for k in np.flatnonzero(sections.closed).tolist()]
-    stops = np.flatnonzero(partner == np.arange(len(partner)))
-    for start in [*stops.tolist(), *range(0, 2 * len(sections), 2)]:
-        chains += [] if done[start >> 1] else [_walk(sections, partner, joints, start, done)]
-    return chains
+    done[[k for k in range(len(sections)) if joints.get((2 * k, 2 * k + 1), _PLAIN).via == k]] = True
+    rings = [Chain(sections.points(k), True) for k in np.flatnonzero(sections.closed).tolist()]
+    return rings + [_chain(sections, entered, ring, joints) for entered, ring in follow(partner, done)]
 
 
-def _walk(sections: Sections, partner: IntArray, joints: Joints, start: int, done: BoolArray) -> Chain:
-    """The strand that begins at this end; a ring ends where it begins."""
-    pieces, end, doubt = [], start, 0.0
-    while True:
-        done[end >> 1] = True
+def _chain(sections: Sections, entered: list[int], ring: bool, joints: Joints) -> Chain:
+    """The strand through sections that are entered at these ends."""
+    pieces, doubt = [], 0.0
+    for place, end in enumerate(entered):
         points = sections.points(end >> 1)
         pieces.append(points if end % 2 == 0 else points[::-1])
-        leaving = end ^ 1
-        onward = int(partner[leaving])
-        closed = onward == start
-        if onward == leaving or (done[onward >> 1] and not closed):
-            return Chain(_between_tips(np.concatenate(pieces), sections, start, leaving), False, doubt)
-        joint = joints.get((min(leaving, onward), max(leaving, onward)), _PLAIN)
-        pieces.append(_connection(sections, leaving, onward, joint.via))
-        doubt += joint.doubt
-        if closed:
-            return Chain(np.concatenate(pieces), True, doubt)
-        end = onward
+        if place + 1 < len(entered) or ring:
+            onward = entered[(place + 1) % len(entered)]
+            joint = joints.get((min(end ^ 1, onward), max(end ^ 1, onward)), _PLAIN)
+            pieces.append(_connection(sections, end ^ 1, onward, joint.via))
+            doubt += joint.doubt
+    points = np.concatenate(pieces)
+    return Chain(points if ring else _between_tips(points, sections, entered[0], entered[-1] ^ 1), ring, doubt)
 
 
 def _between_tips(points: FloatArray, sections: Sections, first: int, last: int) -> FloatArray:

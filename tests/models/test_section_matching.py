@@ -11,9 +11,9 @@ import pytest
 from models.instances.section_matching import SectionMatchingParams, extract
 from models.instances.section_matching.extraction import _stops
 from models.instances.section_matching.links import FEATURES, GAP, candidate_links
-from models.instances.section_matching.matching import match
 from models.strands.cleaning import clean
 from models.strands.foreground import Foreground, distance_map
+from models.strands.pairing import match
 from models.strands.pixel_graph import trace
 from models.strands.sections import sections_of
 from tests.models.drawn_masks import circle, colored, drawn, loop

@@ -12,9 +12,9 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
 from models.instances.scene import Scene
 from models.instances.section_matching.links import SHARED, Links, candidate_links, costs_of
-from models.instances.section_matching.matching import match
 from models.instances.working_size import at_working_size
 from models.strands.cleaning import clean
+from models.strands.pairing import match
 from models.strands.pixel_graph import FREE, trace
 from models.strands.sections import Sections, sections_of
 from models.strands.stopwatch import Stopwatch

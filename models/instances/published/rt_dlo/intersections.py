@@ -1,8 +1,8 @@
 """Algorithm 4 of the thesis (3.5.4): vertices with more than two edges are taken out, their neighbors paired.
 
 Beyond the thesis: the direction of a strand is read over several vertices before the intersection, strands
-whose tangents, widths or (with a picture) colors disagree score less, up to six strands are paired by
-comparing every way to do it, and the two forks that a shallow crossing leaves are one intersection.
+whose tangents, widths or (with a picture) colors disagree score less, strands are paired so that
+the sum of their scores is largest, and the two forks that a shallow crossing leaves are one intersection.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import combinations
 
+import numpy as np
+
 from models.geometry.polylines import arc_lengths
 from models.instances.published.rt_dlo.arms import ARM_VERTICES, Arm, arm_of, continuation
 from models.instances.published.rt_dlo.graph import Vertices
+from models.strands.pairing import match
 
 Graph = dict[int, set[int]]
 """Vertex to its neighbors, both ways."""
@@ -21,8 +24,6 @@ _SHARED_RADII = 14.0
 """Longest foreground that two strands of a shallow crossing share."""
 _LONGEST_CHAIN = 64
 """No chain of more vertices is that short."""
-_MAX_EXACT = 6
-"""Most strands for which every way to pair them is compared."""
 
 
 def graph_of(edges: Iterable[tuple[int, int]]) -> Graph:
@@ -106,31 +107,9 @@ def _is_short(chain: list[int], vertices: Vertices) -> bool:
 
 
 def _paired(arms: list[Arm]) -> list[tuple[int, int]]:
-    """Disjoint pairs with the largest sum of scores; many arms are paired greedily (lines 9 to 19)."""
-    if len(arms) > _MAX_EXACT:
-        return _greedy_pairs(arms)
-    return _best_pairs(tuple(arms))[1]
-
-
-def _greedy_pairs(arms: list[Arm]) -> list[tuple[int, int]]:
-    scored = [(-continuation(a, b), a.vertex, b.vertex) for a, b in combinations(arms, 2)]
-    done: set[int] = set()
-    pairs = []
-    for score, a, b in sorted(scored):
-        if score < 0 and a not in done and b not in done:
-            done |= {a, b}
-            pairs.append((a, b))
-    return pairs
-
-
-def _best_pairs(arms: tuple[Arm, ...]) -> tuple[float, list[tuple[int, int]]]:
-    if len(arms) < 2:
-        return 0.0, []
-    first, rest = arms[0], arms[1:]
-    best = _best_pairs(rest)
-    for index, partner in enumerate(rest):
-        score = continuation(first, partner)
-        if score > 0:
-            total, pairs = _best_pairs(rest[:index] + rest[index + 1 :])
-            best = max(best, (total + score, [(first.vertex, partner.vertex), *pairs]))
-    return best
+    """Disjoint pairs with the largest sum of scores (lines 9 to 19)."""
+    scored = [(a, b, continuation(arms[a], arms[b])) for a, b in combinations(range(len(arms)), 2)]
+    able = [row for row in scored if row[2] > 0]
+    pairs = np.array([row[:2] for row in able], dtype=np.int64).reshape(-1, 2)
+    partner = match(len(arms), pairs, np.array([-score for _, _, score in able]), np.zeros(len(arms)))
+    return [(arms[k].vertex, arms[p].vertex) for k, p in enumerate(partner.tolist()) if k < p]

@@ -13,6 +13,7 @@ from models.geometry.sampling import read_nearest
 from models.instances.published.rt_dlo.arms import Arm, arm_of, continuation
 from models.instances.published.rt_dlo.graph import Vertices
 from models.instances.published.rt_dlo.intersections import Graph, chain_from
+from models.strands.walks import follow
 
 _MAX_PATHS = 400
 _GAP_RADII = 12.0
@@ -92,11 +93,11 @@ def join_paths(paths: list[Path], vertices: Vertices, mask: BoolArray) -> list[P
     """
     open_paths = [path for path in paths if not path.closed]
     arms = [arm_of(chain, vertices) for p in open_paths for chain in (p.vertices, p.vertices[::-1])]
-    joints: dict[int, int] = {}
+    partner = np.arange(len(arms))
     for _, a, b in sorted(_scored_joints(arms, mask)):
-        if a not in joints and b not in joints:
-            joints[a], joints[b] = b, a
-    return [path for path in paths if path.closed] + _follow(open_paths, joints)
+        if partner[a] == a and partner[b] == b:
+            partner[a], partner[b] = b, a
+    return [path for path in paths if path.closed] + _joined(open_paths, partner)
 
 
 def _scored_joints(arms: list[Arm], mask: BoolArray) -> list[tuple[float, int, int]]:
@@ -125,20 +126,10 @@ def _scored_joints(arms: list[Arm], mask: BoolArray) -> list[tuple[float, int, i
     return scored
 
 
-def _follow(paths: list[Path], joints: dict[int, int]) -> list[Path]:
-    """The paths strung together along the joints; open strings from their free ends first, then the rings."""
-    done: set[int] = set()
-    joined: list[Path] = []
-    free = [end for end in range(2 * len(paths)) if end not in joints]
-    for start in [*free, *sorted(joints)]:
-        if start // 2 in done:
-            continue
-        chain: list[int] = []
-        end = start
-        while end // 2 not in done:
-            done.add(end // 2)
-            piece = paths[end // 2].vertices
-            chain.extend(piece if end % 2 == 0 else piece[::-1])
-            end = joints.get(end ^ 1, end)
-        joined.append(Path(tuple(chain), closed=start in joints))
+def _joined(paths: list[Path], partner: IntArray) -> list[Path]:
+    """The paths strung together."""
+    joined = []
+    for entered, ring in follow(partner):
+        pieces = [paths[end // 2].vertices[:: -1 if end % 2 else 1] for end in entered]
+        joined.append(Path(tuple(v for piece in pieces for v in piece), ring))
     return joined
