@@ -12,19 +12,25 @@ from itertools import pairwise
 
 import numpy as np
 
+from models.disentangling.hands import allowance
 from models.disentangling.rigid_piece import Body, Pivot, body_of
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Place, Topology
 
-HAND_PX = 12.0
-"""What a gripper needs beside the strand that it closes on."""
 _MOST_CROSSINGS = 24
-_LONG_HANDS = 6.0
-"""Longer stretches are held at several places."""
+"""Crossings that are looked at: more take too long, and those nearest to a free end come first anyway."""
+_LONG = 6.0
+"""Hands; longer stretches are held at several places."""
+_HOLD_SHARES = (0.15, 0.4, 0.6, 0.85)
+"""The several places, as shares of a stretch."""
+_PICK_SHARES = np.linspace(0.25, 0.95, 15)
+_USUAL_PICK = 5
+"""Places to pick, as shares of what is beyond the crossing, and the one that is taken where room does not decide."""
 _ENOUGH_ROOM = 0.8
+"""With so much of the room that a hand needs beyond the crossing, other places need not be looked at."""
 _LEAST_CERTAINTY = 0.1
-"""A piece that more probably lies under something is left alone: it would drag that along."""
+"""A piece that is more probably under something is left alone: it would drag that along."""
 
 
 Pick = tuple[int, float]
@@ -34,7 +40,7 @@ Pick = tuple[int, float]
 @dataclass(frozen=True, eq=False)
 class Held:
     """A place that is held and what it lets turn. ``parted``: the crossings of which one pass moves and the other
-    rests, with the one that moves; ``certainty``: probability that the piece lies on top at all of them; ``pick``:
+    rests, with the one that moves; ``certainty``: probability that the piece is on top at all of them; ``pick``:
     where the piece is grasped; ``room``: shares of what the hands need there and at the pivot."""
 
     pivot: Pivot
@@ -59,7 +65,7 @@ def find_holds(topology: Topology, most: int) -> list[Held]:
 def _depth(topology: Topology, k: int) -> float:
     """Length from a crossing to the nearest free end along its sections; large where there is none."""
     crossing = topology.crossings[k]
-    found = [1e9]
+    found = [np.inf]
     for place in (crossing.over, crossing.under):
         section = topology.sections[place.section]
         for end, share in ((0, place.u), (1, 1 - place.u)):
@@ -94,19 +100,20 @@ def _inner_pivots(topology: Topology, k: int) -> list[Pivot]:
         free = end - start - before - after
         if free <= 0:
             continue
-        for share in (0.15, 0.4, 0.6, 0.85) if free > _LONG_HANDS * HAND_PX else (0.5,):
-            at = round(start + before + share * free, 3)
+        for share in _HOLD_SHARES if free > _LONG else (0.5,):
+            at = start + before + share * free
             pivots += [Pivot(k, at, side, -1) for side in (1, -1)]
     return pivots
 
 
 def _gap(topology: Topology, place: Place, other: Place) -> float:
     """How far from a crossing a hand may hold."""
-    return 1.5 * max(topology.sections[place.section].width, topology.sections[other.section].width) + HAND_PX / 2
+    wider = max(topology.sections[place.section].width, topology.sections[other.section].width)
+    return float(allowance(wider, 1.5, 0.5))
 
 
 def _held(topology: Topology, order: Sequence[int], pivot: Pivot) -> Held | None:
-    """None where the piece is held elsewhere too, or by what lies on it."""
+    """None where the piece is held elsewhere too, or by what is on it."""
     body = body_of(topology, pivot)
     if body is None:
         return None
@@ -138,7 +145,7 @@ def moves_with(topology: Topology, place: Place, body: Body, pivot: Pivot) -> bo
 
 
 def _certainty(topology: Topology, body: Body, pivot: Pivot) -> float:
-    """Probability that the body lies on top at all crossings with what rests; a lower strand would be dragged."""
+    """Probability that the body is on top at all crossings with what rests; a lower strand would be dragged."""
     certainty = 1.0
     for crossing in topology.crossings:
         over, under = (moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under))
@@ -167,9 +174,9 @@ def _free_place(topology: Topology, body: Body, pivot: Pivot, crossed: Place) ->
 
 
 def _roomiest(topology: Topology, section: int, start: float, end: float) -> tuple[Pick, float]:
-    places = start + np.linspace(0.25, 0.95, 15) * (end - start)
+    places = start + _PICK_SHARES * (end - start)
     room = room_at(topology, section, places)
-    best = int(np.argmax(room - 1e-3 * np.abs(places - places[5]) / max(abs(end - start), 1e-9)))
+    best = int(np.argmax(room - 1e-3 * np.abs(places - places[_USUAL_PICK]) / max(abs(end - start), 1e-9)))
     return (section, float(places[best])), float(room[best])
 
 
@@ -179,12 +186,11 @@ def room_at(topology: Topology, section: int, places: FloatArray) -> FloatArray:
     own = topology.sections[section]
     lengths = arc_lengths(own.xy)
     xy = point_at(own.xy, lengths, places)
-    needed = own.width / 2 + HAND_PX
+    needed = allowance(own.width, 0.5, 1.0)
     away = np.full(len(places), np.inf)
     for k, other in enumerate(topology.sections):
         apart = np.hypot(*np.moveaxis(xy[:, None] - other.xy[None], -1, 0)) - other.width / 2
         if k == section:
-            apart[np.abs(lengths[None] - places[:, None]) < 3 * own.width + HAND_PX] = np.inf
+            apart[np.abs(lengths[None] - places[:, None]) < allowance(own.width, 3.0, 1.0)] = np.inf
         away = np.minimum(away, apart.min(axis=1))
-    out: FloatArray = np.clip(away / needed, 0.0, 1.0)
-    return out
+    return np.clip(away / needed, 0.0, 1.0)

@@ -1,8 +1,9 @@
 """The dual-arm move that removes a crossing (thesis Algorithm 7, section 6.7), simulated before it is proposed.
 
 Strategy: one arm holds a place of the harness, the other takes the piece beyond it and turns it about that place. A
-small network, which has seen many turns work and fail in a simulated world, says how likely each turn is to do what the
-simulation says; that, how many crossings go at once and how much of the piece stays in view make the ranking.
+small network, which has seen many turns work and fail in a simulated world, gives how likely each turn is to do what
+the simulation foresees; that, how many crossings go at once and how much of the piece stays in view make the ranking.
+All lengths are in hands, so the picture's resolution changes nothing.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.disentangling.hands import Frame, in_hands, usual_hand_px
 from models.disentangling.result_of_turn import after_turn
 from models.disentangling.rigid_piece import Pivot, as_pair, turned
 from models.disentangling.supposed_touches import loosened
@@ -25,9 +27,11 @@ from models.topology.scene import Topology
 
 @dataclass(frozen=True)
 class DisentangleParams:
-    """``clearance_widths``: wished distance to other sections after the move; ``margin_px``: how far outside the
-    picture the piece may end; ``at_most``: actions proposed."""
+    """``hand_px``: what the gripper needs beside the strand that it closes on, None for what a typical strand of the
+    topology takes; ``clearance_widths``: wished distance to other sections after the move; ``margin_px``: how far
+    outside the picture the piece may end; ``at_most``: actions proposed."""
 
+    hand_px: float | None = None
     clearance_widths: float = 1.0
     margin_px: float = 0.0
     at_most: int = 5
@@ -40,12 +44,15 @@ class Grasp:
     xy: tuple[float, float]
     angle: float
 
+    def scaled(self, factor: float) -> Grasp:
+        return replace(self, xy=(factor * self.xy[0], factor * self.xy[1]))
+
 
 @dataclass(frozen=True, eq=False)
 class Action:
     """``crossing`` and ``section``: indices; ``turn`` radians about ``hold``; ``trajectory``: ``(n, 2)`` arc from
     ``pick`` to ``place``; ``after``: crossings that the simulation counts then, of ``before``; ``passed``: sections
-    that the piece is lifted over; ``certainty``: probability that it lies on top wherever it crosses something;
+    that the piece is lifted over; ``certainty``: probability that it is on top wherever it crosses something;
     ``score``: probability that it does so and leaves the place easy to read, learned in a simulated world;
     ``touching``: the branch-point that is supposed to be a mere touch, or -1."""
 
@@ -66,10 +73,22 @@ class Action:
     leaves_view: bool
     touching: int
 
+    def scaled(self, factor: float) -> Action:
+        """The same action with all lengths in another unit."""
+        return replace(
+            self,
+            hold=self.hold.scaled(factor),
+            pick=self.pick.scaled(factor),
+            place=self.place.scaled(factor),
+            trajectory=factor * self.trajectory,
+            clearance=factor * self.clearance,
+        )
+
 
 _MOST_HOLDS, _MOST_HOLDS_AHEAD = 120, 40
-"""Places to hold that are looked at, now and one move ahead."""
+"""Places to hold that are looked at, now and one move ahead: more take longer and were never the best."""
 _MOST_AHEAD = 5
+"""Options of which the state that they leave is looked at: each takes as long as planning once."""
 _LIKELY = 0.4
 """Where no turn has a better chance, preparing ones are looked at too."""
 _STUCK = 0.02
@@ -81,29 +100,59 @@ _TOUCHES = 0.2
 _MOST_SUPPOSED = 6
 
 
+_EQUAL = 0.02
+"""Chances that differ by less are equal: the network is not that exact."""
+_INSIDE, _HEADING = 1 / 6, 1 / 3
+"""Hands from a section's end within which its direction is not read, and on either side over which it is."""
+_ARC_POINTS = 25
+"""Of a trajectory: a chord of the longest turn, 175 degrees, leaves the arc by 0.2 % of its radius."""
+UNSURE_BELOW = 0.3
+"""Below this probability an action more likely fails than works, even where the network is a little off."""
+
+
 def plan(topology: Topology, judge: Judge, params: DisentangleParams | None = None) -> list[Action]:
     """Actions that leave fewer crossings than there are, or as many where only a preparing one is likely to lead on;
     best first, one for every place to hold.
 
     Where everything is held at both ends, actions follow that suppose one branch-point to be a mere touch.
-    ``judge``: of :func:`turns.find_turns`, the probability that a turn works.
+    ``judge``: of :data:`evidence.MOVE_FEATURES`, the probability that a turn works.
     """
     settings = params or DisentangleParams()
-    options = _ranked(topology, judge, settings)
-    if topology.crossings and all(o.turn.after >= len(topology.crossings) for o in options):
+    hand_px = settings.hand_px or usual_hand_px(topology)
+    frame = Frame.of(topology, hand_px, settings.margin_px)
+    scene = in_hands(topology, hand_px)
+    search = Search(judge, frame, settings.clearance_widths)
+    options = search.ranked(scene)
+    if scene.crossings and all(o.turn.after >= len(scene.crossings) for o in options):
         options += [
             replace(o, score=_TOUCHES * o.score, chance=_TOUCHES * o.chance, touching=branch)
-            for branch, loose in loosened(topology, _MOST_SUPPOSED)
-            for o in _ranked(loose, judge, settings)
+            for branch, loose in loosened(scene, _MOST_SUPPOSED)
+            for o in search.ranked(loose)
         ]
-    chosen: dict[Pivot, _Option] = {}
-    for option in sorted(options, key=lambda o: -o.chance):
-        chosen.setdefault(option.turn.held.pivot, option)
-    return [action_of(topology, o.turn, o.score, o.touching) for o in list(chosen.values())[: settings.at_most]]
+    best = _preferred(options)[: settings.at_most]
+    return [action_of(scene, o.turn, o.score, o.touching).scaled(hand_px) for o in best]
+
+
+def _preferred(options: list[Option]) -> list[Option]:
+    """One option for every place to hold, best first. Of equally good ones the smaller turn, and for the first action a
+    branch-point, which the thesis holds (6.7): noise in widths must not change the action."""
+    places: dict[Pivot, list[Option]] = {}
+    for option in options:
+        places.setdefault(option.turn.held.pivot, []).append(option)
+    chosen = [min(_best(found), key=lambda o: abs(o.turn.angle)) for found in places.values()]
+    first = sorted(_best(chosen), key=lambda o: (o.turn.held.pivot.branch < 0, abs(o.turn.angle)))
+    others = [o for o in chosen if all(o is not f for f in first)]
+    return first + sorted(others, key=lambda o: -o.chance)
+
+
+def _best(options: list[Option]) -> list[Option]:
+    """Those whose chance is as good as equal to the highest one."""
+    highest = max((o.chance for o in options), default=0.0)
+    return [o for o in options if o.chance >= highest - _EQUAL]
 
 
 @dataclass(frozen=True, eq=False)
-class _Option:
+class Option:
     """A turn, the probability that it works, and the chance that all crossings go if it is chosen."""
 
     turn: Turn
@@ -112,44 +161,49 @@ class _Option:
     touching: int = -1
 
 
-def _ranked(topology: Topology, judge: Judge, settings: DisentangleParams) -> list[_Option]:
-    """Strategy: rank by the chance that all crossings go; of the best options that part different crossings, look at
-    what they leave; where none is likely, look at turns too that only prepare another one."""
-    options = _options(topology, judge, settings, 1, _MOST_HOLDS)
-    if max((o.chance for o in options), default=0.0) < _LIKELY:
-        options = _options(topology, judge, settings, 0, _MOST_HOLDS)
-    different: dict[object, _Option] = {}
-    for option in options:
-        parted = frozenset(k for k, _ in option.turn.held.parted)
-        different.setdefault((parted, option.turn.after), option)
-    looked = list(different.values())[:_MOST_AHEAD]
-    ahead = [_with_what_follows(topology, o, judge, settings) for o in looked]
-    least = min((o.chance for o in ahead), default=0.0)
-    return ahead + [replace(o, chance=min(o.chance, least)) for o in options if all(o is not k for k in looked)]
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is wished."""
 
+    judge: Judge
+    frame: Frame
+    clearance_widths: float = 1.0
 
-def _options(
-    topology: Topology, judge: Judge, settings: DisentangleParams, gain: int, most_holds: int
-) -> list[_Option]:
-    """The best first: as if the crossings left would go by the same luck, and a preparing turn took one more move; less
-    if the piece leaves the view, as nobody knows then what it lies on."""
-    turns = find_turns(topology, settings.clearance_widths, settings.margin_px, gain, most_holds)
-    before = len(topology.crossings)
-    found = []
-    for turn, weighed in zip(turns, judged(judge, [t.evidence for t in turns]).tolist(), strict=True):
-        score = min(weighed, turn.held.certainty)
-        moves = before / (before - turn.after) if turn.after < before else before + 1
-        found.append(_Option(turn, score, score**moves * turn.in_view**_OUT_OF_VIEW))
-    return sorted(found, key=lambda o: -o.chance)
+    def ranked(self, scene: Topology) -> list[Option]:
+        """Strategy: rank by the chance that all crossings go; of the best options that part different crossings, look
+        at what they leave; where none is likely, look at turns too that only prepare another one."""
+        options = self.options(scene, 1, _MOST_HOLDS)
+        if max((o.chance for o in options), default=0.0) < _LIKELY:
+            options = self.options(scene, 0, _MOST_HOLDS)
+        different: dict[object, Option] = {}
+        for option in options:
+            parted = frozenset(k for k, _ in option.turn.held.parted)
+            different.setdefault((parted, option.turn.after), option)
+        looked = list(different.values())[:_MOST_AHEAD]
+        ahead = [self.with_what_follows(scene, o) for o in looked]
+        least = min((o.chance for o in ahead), default=0.0)
+        return ahead + [replace(o, chance=min(o.chance, least)) for o in options if all(o is not k for k in looked)]
 
+    def options(self, scene: Topology, gain: int, most_holds: int) -> list[Option]:
+        """The best first: as if each crossing that is left took a move as likely to work as this one, and a preparing
+        turn one move more; less if the piece leaves the view, as nobody knows then what it is on."""
+        turns = find_turns(scene, self.frame, self.clearance_widths, gain, most_holds)
+        before = len(scene.crossings)
+        found = []
+        for turn, weighed in zip(turns, judged(self.judge, [t.evidence for t in turns]).tolist(), strict=True):
+            score = min(weighed, turn.held.certainty)
+            moves = before / (before - turn.after) if turn.after < before else before + 1
+            found.append(Option(turn, score, score**moves * turn.in_view**_OUT_OF_VIEW))
+        return sorted(found, key=lambda o: -o.chance)
 
-def _with_what_follows(topology: Topology, option: _Option, judge: Judge, settings: DisentangleParams) -> _Option:
-    chance = option.score * option.turn.in_view**_OUT_OF_VIEW
-    left = after_turn(topology, option.turn)
-    if left.crossings:
-        following = _options(left, judge, settings, 1, _MOST_HOLDS_AHEAD)
-        chance *= following[0].chance if following else _STUCK
-    return replace(option, chance=chance)
+    def with_what_follows(self, scene: Topology, option: Option) -> Option:
+        """The option with its chance looked up in the scene that it leaves."""
+        chance = option.score * option.turn.in_view**_OUT_OF_VIEW
+        left = after_turn(scene, option.turn)
+        if left.crossings:
+            following = self.options(left, 1, _MOST_HOLDS_AHEAD)
+            chance *= following[0].chance if following else _STUCK
+        return replace(option, chance=chance)
 
 
 def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) -> Action:
@@ -161,8 +215,8 @@ def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) 
     lengths = arc_lengths(section.xy)
     pick = point_at(section.xy, lengths, np.array([at]))[0]
     heading = _heading(section.xy, lengths, at)
-    hold_at = float(np.clip(pivot.at, 2.0, max(held.length - 2.0, 2.0)))
-    path = np.stack([turned(pick, body.center, float(a)) for a in np.linspace(0, angle, 25)])
+    hold_at = float(np.clip(pivot.at, _INSIDE, max(held.length - _INSIDE, _INSIDE)))
+    path = np.stack([turned(pick, body.center, float(a)) for a in np.linspace(0, angle, _ARC_POINTS)])
     return Action(
         k, place.section, pivot.branch,
         Grasp(as_pair(body.center), _heading(held.xy, arc_lengths(held.xy), hold_at)),
@@ -174,13 +228,13 @@ def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) 
 
 
 def _heading(xy: FloatArray, lengths: FloatArray, at: float) -> float:
-    before, after = point_at(xy, lengths, np.clip(np.array([at - 4, at + 4]), 0, lengths[-1]))
+    before, after = point_at(xy, lengths, np.clip([at - _HEADING, at + _HEADING], 0, lengths[-1]))
     return float(np.arctan2(after[1] - before[1], after[0] - before[0]))
 
 
 @dataclass(frozen=True)
 class Base:
-    """An arm's base in the picture's plane, px (it may lie outside), and how far it reaches."""
+    """An arm's base in the picture's plane, px (it may be outside), and how far it reaches."""
 
     xy: tuple[float, float]
     reach: float = np.inf

@@ -17,7 +17,7 @@ from models.topology.scene import BranchPoint, Crossing, Place, Section, Topolog
 
 def after_turn(topology: Topology, turn: Turn) -> Topology:
     """The same sections, some of them elsewhere. Crossings within the piece and within the rest stay as they are; where
-    the piece now lies over something, it is on top for sure."""
+    the piece is now over something, it is on top for sure."""
     pivot, body = turn.held.pivot, turn.held.body
     beyond = {k for k, _ in body.moving} - {pivot.section}
     far = topology.sections[pivot.section].branches[1 if pivot.side > 0 else 0]

@@ -6,12 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.disentangling.hands import allowance
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Topology
 
-_STEP_PX = 8.0
+_STEP = 2 / 3
+"""Hands between the points of a piece that is swept: finer than any strand that a hand can take bends."""
 _HEADING_WIDTHS = 4.0
+"""A section's direction at its end is read off so many widths: beyond the blob where strands meet."""
+_BLOB = 1 / 6
+"""Hands by which the blob where strands meet reaches beyond half a width."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,8 @@ def body_of(topology: Topology, pivot: Pivot) -> Body | None:
 
 
 def set_back(topology: Topology, pivot: Pivot, body: Body, away: float) -> Body | None:
-    """The body if the branch-point that is held lies ``away`` px nearer to the bundle than it seems: strands that leave
-    a bundle side by side show as two only where they part. None where three strands do not meet."""
+    """The body if the branch-point that is held is ``away`` hands nearer to the bundle than it seems: strands that
+    leave a bundle side by side show as two only where they part. None where three strands do not meet."""
     arms = arms_at(topology, pivot.branch)
     if len(arms) != 3:
         return None
@@ -88,14 +93,13 @@ def arms_at(topology: Topology, branch: int) -> list[tuple[int, int]]:
 
 
 def heading_from(topology: Topology, section: int, end: int, away: float) -> FloatArray:
-    """``(2,)`` the direction in which a section leaves one of its ends, over a few widths and at least ``away`` px."""
+    """``(2,)`` the direction in which a section leaves one of its ends, over a few widths, at least ``away``."""
     whole = topology.sections[section]
     xy = whole.xy if end == 0 else whole.xy[::-1]
     lengths = arc_lengths(xy)
-    reach = max(_HEADING_WIDTHS * whole.width, away) + 2
-    near, far = point_at(xy, lengths, np.minimum(np.array([0.5 * whole.width + 2, reach]), lengths[-1]))
-    out: FloatArray = (far - near) / max(float(np.hypot(*(far - near))), 1e-9)
-    return out
+    reach = max(_HEADING_WIDTHS * whole.width, away) + _BLOB
+    near, far = point_at(xy, lengths, np.minimum([float(allowance(whole.width, 0.5, _BLOB)), reach], lengths[-1]))
+    return (far - near) / max(float(np.hypot(*(far - near))), 1e-9)
 
 
 def _beyond(topology: Topology, section: int, branch: int) -> list[int] | None:
@@ -131,7 +135,7 @@ def _cut(xy: FloatArray, lengths: FloatArray, at: float) -> tuple[FloatArray, Fl
 def _piece(xy: FloatArray, lengths: FloatArray, start: float, stop: float) -> FloatArray:
     if stop - start < 1e-6:
         return np.zeros((0, 2))
-    count = max(2, round((stop - start) / _STEP_PX) + 1)
+    count = max(2, round((stop - start) / _STEP) + 1)
     return point_at(xy, lengths, np.linspace(start, stop, count))
 
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.disentangling.hands import allowance
 from models.disentangling.rigid_piece import Body, turned
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import intersections, segments
 from models.topology.scene import Topology
+
+_HELD = 1 / 3
+"""Hands beyond three quarters of a width within which strands touch where one is held: that is no crossing."""
 
 
 class Sweep:
@@ -23,7 +27,7 @@ class Sweep:
         self._rest = (starts[near], ends[near])
         self._resting = resting[near].astype(int)
         widths = np.array([s.width for s in topology.sections])
-        self._apart = 0.75 * widths[self._resting] + 4
+        self._apart = allowance(widths[self._resting], 0.75, _HELD)
 
     def crossings(self, angle: float) -> list[tuple[int, int, FloatArray]]:
         """``(moving, resting)`` sections of every crossing between the body at an angle (radians) and the rest, and

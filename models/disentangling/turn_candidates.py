@@ -12,32 +12,37 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from models.disentangling.hold_candidates import HAND_PX, Held, find_holds, parted_by
+from models.disentangling.evidence import CountEvidence, RoomEvidence, SetBackEvidence, held_evidence
+from models.disentangling.hands import Frame, allowance
+from models.disentangling.hold_candidates import Held, find_holds, parted_by
 from models.disentangling.rigid_piece import set_back, turned
 from models.disentangling.sweep import Sweep
 from models.geometry.arrays import FloatArray, IntArray
-from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Place, Topology
 
-MOVE_EVIDENCE = 35
-"""Numbers that describe a turn: of the place held, of the counts, of the room there is, of a set-back branch-point."""
 _ANGLES = np.deg2rad(np.arange(-175.0, 176.0, 5.0))
+"""Turns that are tried. Steps of 5 degrees are about what arms err."""
 _UNTURNED = len(_ANGLES) // 2
 _SIDEWAYS = float(np.tan(np.deg2rad(20)))
+"""Near the place held, strands should part by an angle of 20 degrees at least."""
 _TURN_ERROR = float(np.sin(np.deg2rad(3)))
-"""How far a turned place may end from where it should, per px from the place held."""
+"""How far a turned place may end from where it should, per hand from the place held."""
 _ERROR_SHARES = (0.59, 0.2, 0.005)
 """How often arms turn within half a step of what they should, one step more (or less), two steps more (or less)."""
-_SET_BACK_PX = (5.0, 11.0)
-"""How far a branch-point may lie before the place where the strands are seen to part."""
-_ALIKE = 0.3
-"""Sections whose widths differ by a larger log ratio are not the same one."""
+_SET_BACK = (5 / 12, 11 / 12)
+"""Hands by which a branch-point may be before the place where the strands are seen to part."""
+_FAR, _BESIDE = (4.0, 2 / 3), (1.5, 1 / 3)
+"""Widths and hands from the place held: beyond the first the piece should be clear of what rests, beyond the second it
+should at least lead away."""
+_LEAST = 1 / 12
+"""Hands below which no distance is wished: a picture does not show less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """``angle``: radians, from x towards y; ``after``: crossings that the simulation counts then; ``clearance``: px to
-    what rests; ``in_view``: share of the piece that ends within the picture and its margin; ``evidence``: ``(35,)``."""
+    """``angle``: radians, from x towards y; ``after``: crossings that the simulation counts then; ``clearance``: hands
+    to what rests; ``in_view``: share of the piece that ends within the picture and its margin; ``evidence``: columns
+    :data:`evidence.MOVE_FEATURES`."""
 
     held: Held
     angle: float
@@ -48,20 +53,18 @@ class Turn:
 
 
 def find_turns(
-    topology: Topology, clearance_widths: float, margin_px: float, gain: int = 1, most_holds: int = 120
+    topology: Topology, frame: Frame, clearance_widths: float, gain: int = 1, most_holds: int = 120
 ) -> list[Turn]:  # fmt: skip
     """Turns that leave ``gain`` crossings less than there are, or fewer; some for each of ``most_holds`` places.
 
-    A gain of 0 adds turns that remove a crossing and make another. ``clearance_widths``: wished distance to what rests,
-    in widths; ``margin_px``: how far outside the picture the piece may end.
+    ``topology`` and ``frame`` are in hands. A gain of 0 adds turns that remove a crossing and make another.
+    ``clearance_widths``: wished distance to what rests, in widths.
     """
     holds = find_holds(topology, most_holds)
-    return [turn for held in holds for turn in _turns_about(topology, held, clearance_widths, margin_px, gain)]
+    return [turn for held in holds for turn in _turns_about(topology, held, frame, clearance_widths, gain)]
 
 
-def _turns_about(
-    topology: Topology, held: Held, clearance_widths: float, margin_px: float, gain: int
-) -> list[Turn]:  # fmt: skip
+def _turns_about(topology: Topology, held: Held, frame: Frame, clearance_widths: float, gain: int) -> list[Turn]:
     """Every other angle of each stretch of angles that leave as many crossings."""
     before = len(topology.crossings)
     kept = before - len(parted_by(topology, range(before), held.body, held.pivot))
@@ -75,16 +78,17 @@ def _turns_about(
     tried = [k for start, stop in _stretches(np.where(good, after, -1)) if good[start] for k in range(start, stop, 2)]
     if not tried:
         return []
-    chances, common = _chances(after), _held_evidence(topology, held)
-    bodies = [set_back(topology, held.pivot, held.body, px) if held.pivot.branch >= 0 else None for px in _SET_BACK_PX]
+    chances, common = _chances(after), held_evidence(topology, held)
+    at_branch = held.pivot.branch >= 0
+    bodies = [set_back(topology, held.pivot, held.body, away) if at_branch else None for away in _SET_BACK]
     back = [None if body is None else Sweep(topology, body) for body in bodies]
-    space = _Space(topology, held, clearance_widths, margin_px)
+    space = _Space(topology, held, frame, clearance_widths)
     found = []
     for k in tried:
         angle = float(_ANGLES[k])
         clearance, in_view, room = space.at(angle)
         more = [0 if s is None else kept + len(s.crossings(angle)) - int(after[k]) for s in back]
-        evidence = [*common, *_count_evidence(after, k, before), float(chances[k]), *room, abs(angle) / np.pi, *more]
+        evidence = (*common, *_count_evidence(after, k, before, chances), *room, *SetBackEvidence(*more))
         found.append(Turn(held, angle, int(after[k]), clearance, in_view, np.array(evidence)))
     return found
 
@@ -109,25 +113,23 @@ def _beside(after: IntArray, steps: int) -> IntArray:
 def _chances(after: IntArray) -> FloatArray:
     """``(n,)``: how often the crossings left are no more than at the angle, as arms do not turn exactly."""
     near, one, two = _ERROR_SHARES
-    out: FloatArray = np.array([two, one, near, one, two]) @ (_beside(after, 2) <= after)
-    return out
+    return np.array([two, one, near, one, two]) @ (_beside(after, 2) <= after)
 
 
-def _count_evidence(after: IntArray, k: int, before: int) -> list[float]:
-    """Crossings there are, that go, that are left, and how many more may be left one and two steps beside."""
-    beside = [float(_beside(after, steps)[:, k].max()) for steps in (1, 2)]
-    return [float(before), float(before - after[k]), float(after[k]), *(most - float(after[k]) for most in beside)]
+def _count_evidence(after: IntArray, k: int, before: int, chances: FloatArray) -> CountEvidence:
+    one, two = (float(_beside(after, steps)[:, k].max() - after[k]) for steps in (1, 2))
+    return CountEvidence(before, float(before - after[k]), float(after[k]), one, two, float(chances[k]))
 
 
 class _Space:
-    """The room around a body as it lies at some angle."""
+    """The room around a body at some angle."""
 
-    def __init__(self, topology: Topology, held: Held, clearance_widths: float, margin_px: float) -> None:
+    def __init__(self, topology: Topology, held: Held, frame: Frame, clearance_widths: float) -> None:
         body = held.body
-        self._limits = np.array(topology.size[::-1])
-        self._margin = margin_px
+        self._limits = np.array([frame.width, frame.height])
+        self._margin = frame.margin
         self._own = topology.sections[held.pivot.section].width
-        self._wished = max(clearance_widths * self._own, 1.0)
+        self._wished = max(clearance_widths * self._own, _LEAST)
         self._center = body.center
         widths = np.array([s.width for s in topology.sections])
         self._lines = [(float(widths[k]), xy, np.hypot(*(xy - body.center).T)) for k, xy in body.moving if len(xy)]
@@ -135,23 +137,28 @@ class _Space:
         self._rest_half = np.repeat([widths[k] / 2 for k, _ in resting], [len(xy) for _, xy in resting])
         self._tree = cKDTree(np.concatenate([xy for _, xy in resting])) if resting else None
 
-    def at(self, angle: float) -> tuple[float, float, list[float]]:
-        """Least distance between the outlines of the turned body and the rest, px, away from the place held; the share
-        of the body in view; and the evidence of both."""
+    def at(self, angle: float) -> tuple[float, float, RoomEvidence]:
+        """Least distance between the outlines of the turned body and the rest, away from the place held; the share of
+        the body in view; and the evidence of both."""
         lines = [turned(xy, self._center, angle) for _, xy, _ in self._lines]
         xy = np.concatenate(lines)
         inside = np.minimum(xy, self._limits - xy).min(axis=1)
         clearance, share, sideways, ends = self._room(lines)
-        evidence = [
-            float(np.clip(clearance / self._own, -2, 8)), share, sideways, float(np.clip(ends / self._own, 0, 8)),
-            float((inside >= 0).mean()), float(np.clip(inside.min() / self._own, -8, 8)),
-        ]  # fmt: skip
+        evidence = RoomEvidence(
+            clearance=float(np.clip(clearance / self._own, -2, 8)),
+            room_share=share,
+            sideways=sideways,
+            ends=float(np.clip(ends / self._own, 0, 8)),
+            in_picture=float((inside >= 0).mean()),
+            border=float(np.clip(inside.min() / self._own, -8, 8)),
+            turn=abs(angle) / np.pi,
+        )
         return clearance, float((inside >= -self._margin).mean()), evidence
 
     def _room(self, lines: list[FloatArray]) -> tuple[float, float, float, float]:
-        """The least distance; the least share of what is wished (0 to 1): some px and what an arm may err, nearer to
-        the place held as far apart as an angle of 20 degrees; the least distance over that to the place held; and the
-        least from an end to the rest."""
+        """The least distance; the least share of what is wished (0 to 1): some widths and what an arm may err, nearer
+        to the place held as far apart as an angle of 20 degrees; the least distance over that to the place held; and
+        the least from an end to the rest."""
         nothing = float(np.hypot(*self._limits))
         if self._tree is None:
             return nothing, 1.0, 1.0, nothing
@@ -159,51 +166,10 @@ class _Space:
         for (width, _, reach), line in zip(self._lines, lines, strict=True):
             away, nearest = self._tree.query(line)
             room = away - self._rest_half[nearest] - width / 2
-            far, beside = reach > 4 * width + 8, reach > 1.5 * width + 4
+            far, beside = (reach > allowance(width, *bound) for bound in (_FAR, _BESIDE))
             least = min(least, float(room[far].min(initial=nothing)))
-            needed = np.clip(_SIDEWAYS * reach[beside], 1.0, self._wished + width + _TURN_ERROR * reach[beside])
+            needed = np.clip(_SIDEWAYS * reach[beside], _LEAST, self._wished + width + _TURN_ERROR * reach[beside])
             share = min(share, float(np.minimum(away[beside] / needed, 1.0).min(initial=1.0)))
             sideways = min(sideways, float((away[beside] / reach[beside]).min(initial=1.0)))
             ends = min(ends, *room[[0, -1]][far[[0, -1]]].tolist(), nothing)
         return least, share * float(np.clip(least / self._wished, 0.0, 1.0)), sideways, ends
-
-
-def _held_evidence(topology: Topology, held: Held) -> list[float]:
-    """What does not depend on the angle: how sure the order, the crossings and the branch-points are; what is held
-    and how; how much moves and how far it reaches; what is out of sight."""
-    pivot, body = held.pivot, held.body
-    section = topology.sections[pivot.section]
-    moving, resting = (sum(len(xy) for _, xy in parts) for parts in (body.moving, body.resting))
-    reach = max(float(np.hypot(*(xy - body.center).T).max()) for _, xy in body.moving if len(xy))
-    crossings = [c.score for c in topology.crossings]
-    branches = [b.score for b in topology.branch_points]
-    others = [b.xy for k, b in enumerate(topology.branch_points) if k != pivot.branch]
-    nearest = min((float(np.hypot(*(np.array(xy) - body.center))) for xy in others), default=np.inf)
-    k = held.parted[0][0]
-    crossed = topology.sections[held.pick[0]]
-    picked = point_at(crossed.xy, arc_lengths(crossed.xy), np.array([held.pick[1]]))[0]
-    own = {n for n, _ in body.moving}
-    rest_at_border = [s for n, s in enumerate(topology.sections) if n not in own and "border" in s.ends]
-    return [
-        held.certainty, min(topology.crossings[k].score for k, _ in held.parted), min(crossings),
-        topology.branch_points[pivot.branch].score if pivot.branch >= 0 else 1.0, min(branches, default=1.0),
-        float(pivot.branch >= 0), *held.room, float(body.leaves_view), float(len(rest_at_border)),
-        moving / max(moving + resting, 1), float(np.clip(reach / HAND_PX, 0, 40)),
-        float(np.clip(nearest / max(2.5 * section.width, HAND_PX), 0, 6)),
-        float(np.clip(np.hypot(*(picked - body.center)) / HAND_PX, 0, 12)),
-        float(np.clip(np.hypot(*(np.array(topology.crossings[k].xy) - body.center)) / HAND_PX, 0, 12)),
-        float(len(body.moving)), section.width / HAND_PX, float(len(topology.sections)),
-        *_beyond_border(topology, own),
-    ]  # fmt: skip
-
-
-def _beyond_border(topology: Topology, moving: set[int]) -> tuple[float, float]:
-    """Whether the piece may come back into the picture: sections that enter it, reach no branch-point, and are as wide
-    as one of the piece that leaves it; and from where that leaves to the nearest that enters, in hands."""
-    leaving = [(s.xy[end], s.width) for k in moving for s in (topology.sections[k],) for end in (0, -1)
-               if s.ends[end] == "border"]  # fmt: skip
-    entering = [(s.xy[end], s.width) for k, s in enumerate(topology.sections) for end in (0, -1)
-                if k not in moving and s.ends[end] == "border" and max(s.branches) < 0]  # fmt: skip
-    alike = [float(np.hypot(*(a - b))) for a, wide in leaving for b, other in entering
-             if abs(np.log(wide / other)) < _ALIKE]  # fmt: skip
-    return float(len(alike)), float(np.clip(min(alike, default=1e3) / HAND_PX, 0, 40))

@@ -4,25 +4,30 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from models.disentangling import plan as planner
+from models.disentangling.evidence import MOVE_FEATURES
+from models.disentangling.hands import HAND_WIDTHS, Frame, in_hands, usual_hand_px
 from models.disentangling.hold_candidates import find_holds, room_at
 from models.disentangling.overlay import draw_action
-from models.disentangling.plan import Action, Base, DisentangleParams, assign_arms
+from models.disentangling.plan import Action, Base, DisentangleParams, Option, Search, assign_arms
 from models.disentangling.result_of_turn import after_turn
 from models.disentangling.rigid_piece import Pivot, body_of, set_back, turned
 from models.disentangling.supposed_touches import loosened
 from models.disentangling.sweep import Sweep
-from models.disentangling.turn_candidates import MOVE_EVIDENCE, _beside, _chances, find_turns
+from models.disentangling.turn_candidates import Turn, _beside, _chances, find_turns
 from models.geometry.polylines import arc_lengths, resample
 from models.synthesis.harness import FREE, Harness, TrueSection
 from models.synthesis.harness_curves import meetings
+from models.synthesis.harness_masks import MaskParams, draw_mask
+from models.topology.extraction import extract
 from models.topology.overlay import overlay
 from models.topology.scene import Crossing, Place, Topology
 from models.training.disentangling.moves import moves_table
-from models.training.disentangling.table_world import _turned, execute, one_crossing, truth, unclear
+from models.training.disentangling.table_world import _turned, execute, one_crossing, seen_points, truth, unclear
 from models.weights.inference import Network, Runtime, default_name, load
 from tests.models.harnesses import crossed, section, shipped, topology
 
@@ -41,7 +46,7 @@ def plan(moves):
 
 
 def always(probability: float):
-    """A judge that says the same of every turn."""
+    """A classifier that gives the same for every turn."""
     return lambda rows: np.full(len(rows), probability)
 
 
@@ -76,7 +81,7 @@ def test_a_turn_counts_for_how_often_it_helps_though_arms_err():
 
 def test_a_hand_needs_room_beside_a_strand():
     near = topology([section([(0, 100), (300, 100)], width=8), section([(0, 110), (150, 110)], width=8)])
-    room = room_at(near, 0, np.array([50.0, 280.0]))
+    room = room_at(in_hands(near, 12.0), 0, np.array([50.0, 280.0]) / 12)
     assert room[0] == pytest.approx((10 - 4) / (4 + 12), abs=0.02)
     assert room[1] == 1
 
@@ -157,10 +162,17 @@ def test_the_picture_shows_the_action(plan):
 
 
 def test_every_turn_comes_with_its_evidence():
-    turns = find_turns(crossed(), 1.0, 0.0)
+    turns = turns_of(crossed())
     assert {t.held.pivot.branch for t in turns} == {-1, 0}
-    assert all(t.evidence.shape == (MOVE_EVIDENCE,) and np.isfinite(t.evidence).all() for t in turns)
+    assert all(t.evidence.shape == (len(MOVE_FEATURES),) and np.isfinite(t.evidence).all() for t in turns)
     assert all(t.after < 1 for t in turns)
+
+
+HAND_PX = 12.0
+
+
+def turns_of(harness: Topology, margin_px: float = 0.0, gain: int = 1) -> list[Turn]:
+    return find_turns(in_hands(harness, HAND_PX), Frame.of(harness, HAND_PX, margin_px), 1.0, gain)
 
 
 def twice_crossed() -> Topology:
@@ -175,12 +187,18 @@ def twice_crossed() -> Topology:
     return topology([over, *rest], crossings=crossings)
 
 
-ANYWHERE = DisentangleParams(margin_px=1e3)
+ANYWHERE = 1e3
+"""A margin, px: the piece may end anywhere."""
 
 
-def options_of(harness: Topology, params: DisentangleParams = ANYWHERE) -> list:
+def search(harness: Topology, chance: float, margin_px: float = ANYWHERE) -> Search:
+    """If every turn works with this probability."""
+    return Search(always(chance), Frame.of(harness, HAND_PX, margin_px))
+
+
+def options_of(harness: Topology, margin_px: float = ANYWHERE) -> list[Option]:
     """If every turn works in nine of ten cases."""
-    return planner._options(harness, always(0.9), params, 1, 50)
+    return search(harness, 0.9, margin_px).options(in_hands(harness, HAND_PX), 1, 50)
 
 
 def test_each_crossing_that_goes_is_worth_a_move_of_its_own():
@@ -189,7 +207,7 @@ def test_each_crossing_that_goes_is_worth_a_move_of_its_own():
 
 
 def test_a_piece_that_leaves_the_picture_is_worth_less():
-    part = next(o for o in options_of(twice_crossed(), DisentangleParams()) if o.turn.in_view < 0.9)
+    part = next(o for o in options_of(twice_crossed(), 0.0) if o.turn.in_view < 0.9)
     assert part.chance < 0.66 * 0.9
 
 
@@ -197,16 +215,16 @@ def test_what_a_turn_leaves_counts_too():
     """With one crossing undone the other is still there to be undone: .9 times .9."""
     harness = twice_crossed()
     option = next(o for o in options_of(harness) if o.turn.after == 1)
-    left = after_turn(harness, option.turn)
-    assert len(left.crossings) == 1
-    followed = planner._with_what_follows(harness, option, always(0.9), ANYWHERE)
+    scene = in_hands(harness, HAND_PX)
+    assert len(after_turn(scene, option.turn).crossings) == 1
+    followed = search(harness, 0.9).with_what_follows(scene, option)
     assert followed.chance == pytest.approx(0.81)
 
 
-def test_after_a_turn_the_piece_lies_where_it_was_put_and_on_top():
-    harness = crossed()
-    turn = max(find_turns(harness, 1.0, 1e3, 0), key=lambda t: t.after)
-    assert turn.after == 1, "a preparing turn: it lies over another section then"
+def test_after_a_turn_the_piece_is_where_it_was_put_and_on_top():
+    harness = in_hands(crossed(), HAND_PX)
+    turn = max(turns_of(crossed(), ANYWHERE, 0), key=lambda t: t.after)
+    assert turn.after == 1, "a preparing turn: it is over another section then"
     left = after_turn(harness, turn)
     assert [c.over.section for c in left.crossings] == [2]
     assert {c.under.section for c in left.crossings} == {0}
@@ -217,8 +235,9 @@ def test_after_a_turn_the_piece_lies_where_it_was_put_and_on_top():
 
 
 def test_a_preparing_turn_is_proposed_where_no_other_is_likely():
-    assert {o.turn.after for o in planner._ranked(crossed(), always(0.1), ANYWHERE)} == {0, 1}
-    assert {o.turn.after for o in planner._ranked(crossed(), always(0.9), ANYWHERE)} == {0}
+    for chance, left in ((0.1, {0, 1}), (0.9, {0})):
+        options = search(crossed(), chance).ranked(in_hands(crossed(), HAND_PX))
+        assert {o.turn.after for o in options} == left
 
 
 def test_a_branch_point_that_is_set_back_lies_on_the_bundle():
@@ -256,7 +275,7 @@ def touching() -> Topology:
 
 def test_where_a_ring_holds_everything_its_least_certain_joint_is_supposed_to_be_a_touch():
     harness = touching()
-    assert find_turns(harness, 1.0, 0.0) == []
+    assert turns_of(harness) == []
     branch, loose = next(loosened(harness, 1))
     assert branch == 1
     assert loose.sections[3].branches == (0, -1)
@@ -296,12 +315,11 @@ def test_random_scenes_are_easy_to_read():
 
 def test_turns_are_tried_in_the_world_to_learn_from():
     network, judges = shipped()
-    evidence, worked = moves_table(31, 0, 3, network, judges)
-    again = moves_table(31, 0, 3, network, judges)
-    assert evidence.shape == (len(worked), MOVE_EVIDENCE)
-    assert 0 < worked.mean() < 1
-    assert np.array_equal(evidence, again[0])
-    assert np.array_equal(worked, again[1])
+    table, again = (moves_table(31, 0, 3, network, judges) for _ in range(2))
+    assert table.rows.shape == (len(table), len(MOVE_FEATURES))
+    assert 0 < table.truths.mean() < 1
+    assert np.array_equal(table.rows, again.rows)
+    assert np.array_equal(table.truths, again.truths)
 
 
 def test_what_was_moved_lies_on_top_of_its_own_section_too():
@@ -314,7 +332,63 @@ def test_what_was_moved_lies_on_top_of_its_own_section_too():
 def test_where_a_crossing_lies_at_the_end_the_piece_is_picked_elsewhere():
     over, under = section([(100, 200), (300, 200)]), section([(288, 100), (288, 300)])
     harness = topology([over, under], crossings=[Crossing((288, 200), Place(0, 0.94), Place(1, 0.5), 1.0, 1.0)])
-    picks = {h.pick for h in find_holds(harness, 50) if h.pivot.section == 0 and h.pivot.side == 1}
+    holds = [h for h in find_holds(in_hands(harness, HAND_PX), 50) if h.pivot.section == 0]
+    picks = {h.pick for h in holds if h.pivot.side == 1}
     assert picks
-    assert all(k == 0 and at < 188 - 4 - 12 for k, at in picks)
-    assert all(min(h.room) > 0.8 for h in find_holds(harness, 50) if h.pivot.section == 0 and h.pivot.at < 150)
+    assert all(k == 0 and at * HAND_PX < 188 - 4 - 12 for k, at in picks)
+    assert all(min(h.room) > 0.8 for h in holds if h.pivot.at * HAND_PX < 150)
+
+
+def scaled(harness: Topology, factor: float) -> Topology:
+    """The harness as a picture of another resolution shows it."""
+    height, width = harness.size
+    return replace(in_hands(harness, 1 / factor), size=(round(factor * height), round(factor * width)))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0, 4.0])
+@pytest.mark.parametrize("gripper_px", [None, 20.0])
+def test_the_best_action_stays_the_same_at_another_resolution(plan, factor, gripper_px):
+    """A gripper of 12 px of any picture changed it in four of six scenes."""
+    for harness in (crossed(), twice_crossed(), touching()):
+        params = DisentangleParams(hand_px=gripper_px)
+        larger = DisentangleParams(hand_px=None if gripper_px is None else factor * gripper_px)
+        first, again = plan(harness, params), plan(scaled(harness, factor), larger)
+        assert len(first) == len(again)
+        for a, b in zip(first, again, strict=True):
+            assert (a.section, a.crossing, a.after) == (b.section, b.crossing, b.after)
+            assert b.turn == pytest.approx(a.turn)
+            assert b.score == pytest.approx(a.score, abs=1e-4)
+            assert b.pick.xy == pytest.approx(tuple(factor * v for v in a.pick.xy), abs=1e-3 * factor)
+            assert b.trajectory == pytest.approx(factor * a.trajectory, abs=1e-3 * factor)
+            assert b.clearance == pytest.approx(factor * a.clearance, abs=1e-3 * factor)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0, 4.0])
+def test_the_best_action_from_a_mask_stays_the_same_at_another_resolution(plan, factor):
+    network, judges = shipped()
+    rng = np.random.default_rng([3, 7])
+    harness = one_crossing(rng, 1)
+    mask = draw_mask(harness, rng, MaskParams(connectors=0, clips=0, tape=0, gaps=0, specks=0, coarse=0, rough=0))
+    size = (round(factor * mask.shape[1]), round(factor * mask.shape[0]))
+    other = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) > 127
+    here = seen_points(harness)
+    there = replace(here, read=lambda xy: here.read(xy / factor))
+    first = plan(extract(mask, network, judges, surfaces=[here]))[0]
+    again = plan(extract(other, network, judges, surfaces=[there]))[0]
+    assert again.after == first.after
+    assert np.sign(again.turn) == np.sign(first.turn)
+    assert np.hypot(*(np.array(again.hold.xy) / factor - first.hold.xy)) < 2 * 12
+    assert np.hypot(*(np.array(again.pick.xy) / factor - first.pick.xy)) < 3 * 12
+
+
+def test_a_larger_gripper_needs_more_room():
+    near = topology([section([(0, 100), (300, 100)], width=8), section([(0, 130), (300, 130)], width=8)])
+    rooms = [room_at(in_hands(near, px), 0, np.array([150.0 / px]))[0] for px in (10.0, 22.0, 40.0)]
+    assert rooms == pytest.approx([1.0, 1.0, 26 / 44], abs=0.01)
+
+
+def test_the_usual_hand_follows_the_strands():
+    thin, thick = section([(0, 0), (300, 0)], width=6), section([(0, 50), (100, 50)], width=30)
+    assert usual_hand_px(topology([thin, thick])) == pytest.approx(HAND_WIDTHS * 6), "most of the length is thin"
+    assert usual_hand_px(topology([thick])) == pytest.approx(HAND_WIDTHS * 30)
+    assert usual_hand_px(topology([])) == 1.0

@@ -13,6 +13,7 @@ from dlo_client.contracts import (
     DisentangleRequest,
     DisentangleResult,
     DrawnBranch,
+    Gripper,
     HarnessDrawing,
     HarnessState,
     ImageRef,
@@ -25,6 +26,7 @@ from pydantic import ValidationError
 
 from workers import stages
 from workers.settings import Settings
+from workers.stages import plan_disentangle
 from workers.stages.outcome import InvalidInput, Tools
 
 
@@ -201,6 +203,37 @@ def test_a_plan_from_a_mask_and_from_its_topology_agree(tools):
     assert again.actions[0].section == best.section
     assert again.actions[0].turn_rad == pytest.approx(best.turn_rad, abs=0.1)
     assert again.topology is None
+
+
+def test_an_action_that_more_likely_fails_is_called_unsure_first(tools, monkeypatch):
+    """A best score of 0.08 was answered as "planned"."""
+    request = DisentangleRequest(mask=put(tools, harness_mask()), gripper=Gripper(width_px=12))
+    sure = stages.run(request, tools).result
+    assert sure.actions[0].score >= plan_disentangle.UNSURE_BELOW
+    monkeypatch.setattr(plan_disentangle, "UNSURE_BELOW", 1.01)
+    unsure = stages.run(request, tools).result
+    assert unsure.status == "unsure"
+    assert unsure.message.startswith(f"unsure: the best action works with probability {sure.actions[0].score:.2f} only")
+    assert unsure.actions == sure.actions, "they are still proposed"
+
+
+def test_the_grippers_size_is_taken_in_pixels_or_in_meters(tools):
+    mask = put(tools, harness_mask())
+    given = [Gripper(width_px=12), Gripper(width_m=0.006, m_per_px=0.0005), Gripper(width_px=90)]
+    pixels, meters, huge = (stages.run(DisentangleRequest(mask=mask, gripper=g), tools).result.actions for g in given)
+    assert pixels == meters
+    assert pixels != huge
+
+
+@pytest.mark.parametrize(
+    ("gripper", "message"),
+    [({}, "either `width_px` or `width_m`"), ({"width_px": 3, "width_m": 0.1, "m_per_px": 0.1}, "either"),
+     ({"width_m": 0.1}, "belong together"), ({"width_px": 3, "m_per_px": 0.1}, "belong together"),
+     ({"width_px": 0}, "width_px"), ({"width_px": 1e-300}, "width_px"), ({"width_px": float("nan")}, "width_px")],
+)  # fmt: skip
+def test_a_gripper_without_a_size_is_refused(gripper, message):
+    with pytest.raises(ValidationError, match=message):
+        DisentangleRequest.model_validate({"gripper": gripper})
 
 
 def test_without_crossing_there_is_a_reason(tools):

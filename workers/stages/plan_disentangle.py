@@ -15,7 +15,7 @@ from dlo_client.contracts import (
 from numpy.typing import NDArray
 
 from models.disentangling.overlay import draw_action
-from models.disentangling.plan import Action, Base, DisentangleParams, Grasp, assign_arms, plan
+from models.disentangling.plan import UNSURE_BELOW, Action, Base, DisentangleParams, Grasp, assign_arms, plan
 from models.strands.stopwatch import Stopwatch
 from models.topology import scene as found
 from models.topology.overlay import overlay
@@ -27,7 +27,7 @@ from workers.stages.outcome import Outcome, Tools
 from workers.stages.pictures import read_picture
 from workers.stages.seen_harness import SeenHarness, see_harness
 
-PlanStatus = Literal["planned", "no_crossing", "no_action"]
+PlanStatus = Literal["planned", "unsure", "no_crossing", "no_action"]
 
 
 def run(request: DisentangleRequest, tools: Tools) -> Outcome:
@@ -41,12 +41,14 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
     tools.progress(0.6)
     network = moves_network(tools)
     with watch.step("plan"):
-        actions = plan(topology, network, DisentangleParams(margin_px=request.margin_px, at_most=request.at_most))
+        hand_px = None if request.gripper is None else request.gripper.pixels
+        settings = DisentangleParams(hand_px, margin_px=request.margin_px, at_most=request.at_most)
+        actions = plan(topology, network, settings)
         assigned = [(a, _arms(a, request.arms)) for a in actions]
         feasible = [(a, arms) for a, arms in assigned if arms is not None]
     with watch.step("encode"):
         height, width = topology.size
-        status, message = _status(topology, actions, len(feasible))
+        status, message = _status(topology, actions, [a for a, _ in feasible])
         result = DisentangleResult(
             width=width,
             height=height,
@@ -66,7 +68,7 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
 
 
 def moves_network(tools: Tools) -> Network:
-    """It says how likely a turn is to work."""
+    """The network that gives how likely a turn is to work."""
     return tools.network(default_name("moves"))
 
 
@@ -78,16 +80,20 @@ def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None]
     return None if chosen is None else (bases[chosen[0]].name, bases[chosen[1]].name)
 
 
-def _status(topology: found.Topology, actions: list[Action], feasible: int) -> tuple[PlanStatus, str]:
+def _status(topology: found.Topology, actions: list[Action], feasible: list[Action]) -> tuple[PlanStatus, str]:
     if not topology.crossings:
         return "no_crossing", "there is no crossing to remove"
     if not actions:
         return "no_action", "no section can be turned so that crossings go: they are held at both ends, or meet others"
     if not feasible:
         return "no_action", "every action that helps is out of the arms' reach"
-    if all(a.after >= a.before for a in actions):
-        return "planned", f"no move leaves fewer than {len(topology.crossings)} crossings, {feasible} prepare one"
-    return "planned", f"{feasible} actions, the best leaves {actions[0].after} of {len(topology.crossings)} crossings"
+    count, best = len(topology.crossings), feasible[0]
+    outcome = f"{len(feasible)} actions, the best leaves {best.after} of {count} crossings"
+    if all(a.after >= a.before for a in feasible):
+        outcome = f"no move leaves fewer than {count} crossings, {len(feasible)} prepare one"
+    if best.score < UNSURE_BELOW:
+        return "unsure", f"unsure: the best action works with probability {best.score:.2f} only; {outcome}"
+    return "planned", outcome
 
 
 def _action(rank: int, action: Action, arms: tuple[str | None, str | None]) -> DisentangleAction:
@@ -117,7 +123,7 @@ def _why(action: Action) -> str:
     parts = [
         f"turning section {action.section + 1} by {np.rad2deg(action.turn):.0f}° about {about} "
         f"leaves {action.after} of {action.before} crossings",
-        f"it lies on top with probability {action.certainty:.2f}",
+        f"it is on top with probability {action.certainty:.2f}",
     ]
     if action.after >= action.before:
         parts.append("it only makes another move possible")

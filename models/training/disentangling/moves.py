@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.disentangling.evidence import MOVE_FEATURES
+from models.disentangling.hands import Frame, in_hands, usual_hand_px
 from models.disentangling.plan import DisentangleParams, action_of
 from models.disentangling.turn_candidates import Turn, find_turns
 from models.geometry.arrays import FloatArray
@@ -58,8 +60,9 @@ def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, jud
         harness = one_crossing(rng, int(rng.integers(1, 5)))
         for _ in range(_MOST_STEPS):
             topology = _seen(harness, rng, network, judges)
-            turns = _tried(topology, rng)
-            outcomes = [_done(harness, topology, turn, rng) for turn in turns]
+            hand_px = usual_hand_px(topology)
+            turns = _tried(topology, hand_px, rng)
+            outcomes = [_done(harness, topology, turn, hand_px, rng) for turn in turns]
             rows += [t.evidence for t in turns]
             worked += [o is not None for o in outcomes]
             onward = [o for o in outcomes if o is not None]
@@ -78,10 +81,10 @@ def _seen(harness: Harness, rng: np.random.Generator, network: TopologyNetwork, 
     return extract(mask, network, judges, surfaces=[] if rng.random() < _NO_DEPTH else [seen_points(harness)])
 
 
-def _tried(topology: Topology, rng: np.random.Generator) -> list[Turn]:
+def _tried(topology: Topology, hand_px: float, rng: np.random.Generator) -> list[Turn]:
     """Some of the turns; more often those that are certain and that leave fewer crossings."""
-    settings = DisentangleParams()
-    turns = find_turns(topology, settings.clearance_widths, settings.margin_px, 0)
+    frame = Frame.of(topology, hand_px, 0.0)
+    turns = find_turns(in_hands(topology, hand_px), frame, DisentangleParams.clearance_widths, 0)
     removed = np.array([len(topology.crossings) - t.after for t in turns])
     certain = np.array([t.held.certainty * (0.2 + t.in_view) for t in turns])
     weights = certain * np.where(removed > 0, 1.0, _PREPARING)
@@ -89,9 +92,9 @@ def _tried(topology: Topology, rng: np.random.Generator) -> list[Turn]:
     return [turns[k] for k in np.argsort(-keys)[:_MOST_TRIED]]
 
 
-def _done(harness: Harness, topology: Topology, turn: Turn, rng: np.random.Generator) -> Harness | None:
+def _done(harness: Harness, topology: Topology, turn: Turn, hand_px: float, rng: np.random.Generator) -> Harness | None:
     """The harness after the turn; None if it did not work."""
-    outcome = execute(harness, action_of(topology, turn, 1.0), rng)
+    outcome = execute(harness, action_of(in_hands(topology, hand_px), turn, 1.0).scaled(hand_px), rng)
     gone = len(harness.crossings) - len(outcome.harness.crossings)
     enough = outcome.moved and gone >= len(topology.crossings) - turn.after
     return outcome.harness if enough and unclear(outcome.harness) <= unclear(harness) else None
@@ -111,5 +114,11 @@ def samples(config: JudgeConfig, source: Source) -> tuple[Table, Table]:
 
 
 FAMILY = classifier(
-    MOVES, "moves", "evidence of turns about a place that is held", ("fails", "works"), (), MovesConfig, samples
+    MOVES,
+    "moves",
+    "evidence of turns about a place that is held",
+    ("fails", "works"),
+    MOVE_FEATURES,
+    MovesConfig,
+    samples,
 )

@@ -15,6 +15,7 @@ from dlo_client.contracts import (
     ArmBase,
     DisentangleRequest,
     DisentangleResult,
+    Gripper,
     HarnessDrawing,
     Job,
     TopologyRequest,
@@ -28,6 +29,10 @@ Drawing = Annotated[
 ]
 Arm = Annotated[
     list[str] | None, typer.Option(metavar="NAME:X,Y", help="Base of an arm in the picture's plane, px; twice or more.")
+]
+GripperPx = Annotated[
+    float | None,
+    typer.Option(min=0.01, max=1e5, help="Room that the gripper needs beside the strand, px."),
 ]
 Masks = Annotated[bool, typer.Option("--masks", help="The pictures are masks: what is not background is DLO.")]
 
@@ -57,13 +62,17 @@ def disentangle(
     images: Images,
     out: Out = None,
     arm: Arm = None,
+    gripper_px: GripperPx = None,
     masks: Masks = False,
     threshold: Threshold = None,
     as_json: AsJson = False,
 ) -> None:
     """Propose dual-arm moves that remove a crossing of a wire harness."""
     request = DisentangleRequest(
-        arms=[_arm(text) for text in arm or []], threshold=threshold, files=[] if out is None else ["overlay"]
+        arms=[_arm(text) for text in arm or []],
+        gripper=None if gripper_px is None else Gripper(width_px=gripper_px),
+        threshold=threshold,
+        files=[] if out is None else ["overlay"],
     )
     process(context.obj, request, images, out, print_job_as_json if as_json else print_actions, masks)
 

@@ -217,6 +217,28 @@ class ArmBase(Contract):
     reach_px: float | None = Field(default=None, gt=0, le=1e9, description="default: it reaches everything")
 
 
+class Gripper(Contract):
+    """The room that a gripper needs beside the strand that it closes on: in pixels, or in meters with the scale."""
+
+    width_px: float | None = Field(default=None, ge=0.01, le=1e5, description="pixels of the upright picture")
+    width_m: float | None = Field(default=None, ge=1e-4, le=10, description="meters; needs `m_per_px`")
+    m_per_px: float | None = Field(default=None, ge=1e-7, le=1, description="meters a pixel where the harness is")
+
+    @model_validator(mode="after")
+    def _one_width(self) -> Gripper:
+        if (self.width_px is None) == (self.width_m is None):
+            raise ValueError("`gripper` needs either `width_px` or `width_m`")
+        if (self.width_m is None) != (self.m_per_px is None):
+            raise ValueError("`gripper.width_m` and `gripper.m_per_px` belong together")
+        return self
+
+    @property
+    def pixels(self) -> float:
+        if self.width_m is not None and self.m_per_px is not None:
+            return self.width_m / self.m_per_px
+        return self.width_px or 0.0
+
+
 class HarnessState(Taken):
     """What planning needs of a ``topology`` result; the result itself fits."""
 
@@ -278,12 +300,13 @@ class DisentangleAction(Reply):
 
 
 class DisentangleResult(Reply):
-    """``status``: ``planned``; ``no_crossing`` when there is nothing to do; ``no_action`` when nothing helps."""
+    """``status``: ``planned``; ``unsure`` when even the best action more likely fails than works; ``no_crossing`` when
+    there is nothing to do; ``no_action`` when nothing helps."""
 
     kind: Literal["plan_disentangle"] = Field(default="plan_disentangle", description="kind of the job")
     width: int = Field(description="of the upright picture, pixels")
     height: int = Field(description="of the upright picture, pixels")
-    status: Literal["planned", "no_crossing", "no_action"] = Field(description="whether there are actions, and why not")
+    status: Literal["planned", "unsure", "no_crossing", "no_action"] = Field(description="whether there are actions")
     message: str = Field(description="the status in words")
     actions: list[DisentangleAction] = Field(description="best first")
     topology: TopologyResult | None = Field(description="what was seen, when a picture was given")
@@ -297,6 +320,7 @@ class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
     kind: Literal["plan_disentangle"] = Field(default="plan_disentangle", description="of the job")
     topology: HarnessState | None = Field(default=None, description="instead of a picture")
     arms: list[ArmBase] = Field(default_factory=list, max_length=4, description="two or more, or none")
+    gripper: Gripper | None = Field(default=None, description="default: 1.6 widths of a typical strand of the harness")
     margin_px: float = Field(default=0.0, ge=0, le=1e5, description="how far outside the picture the piece may end")
     at_most: int = Field(default=5, ge=1, le=50, description="actions proposed")
     files: list[Literal["overlay"]] = Field(default=["overlay"], max_length=1, description="to make beside the result")
