@@ -8,6 +8,7 @@ network turns the evidence of a proposal into a probability.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -21,8 +22,8 @@ from models.topology.graph import Graph
 from models.topology.scene import Predictions
 from models.topology.sites import Arm, bend, ends_at, measure_arm
 
-BRIDGE_EVIDENCE = 21
-"""Numbers that describe a proposal, see :func:`_evidence`."""
+_LONG = 12.0
+"""Widths; how much longer a strand is says nothing more."""
 _REACH_WIDTHS = 3.2
 _REACH_PX = 14.0
 _CONE = np.cos(np.deg2rad(65))
@@ -53,7 +54,7 @@ class Bridge:
     """``nodes``: of the graph, to be joined in this order, a free end first; ``evidence``: ``(21,)``."""
 
     nodes: tuple[int, ...]
-    evidence: FloatArray
+    evidence: BridgeEvidence
 
 
 def free_ends(graph: Graph) -> list[End]:
@@ -199,9 +200,37 @@ def _between(view: _View, one: End, other: End) -> int | None:
     return int(nodes[np.hypot(*(graph.xy[nodes] - place).T).argmin()])
 
 
-def _evidence(view: _View, end: End, there: int, between: int | None) -> FloatArray:
-    """``(21,)``: the gap, the turn at either side, how the widths agree, what kind of place it leads to, what the
-    networks say, and whether it has rivals."""
+class BridgeEvidence(NamedTuple):
+    """What speaks for a strand to go on over a gap: the gap in widths, in px, and up to the other strand's edge; the
+    turn at either side, radians, also against the end's curvature; how the widths agree (log ratio); what kind of place
+    it leads to; the share of foreground in the gap; what the networks give for the link and the nodes; lengths of both
+    strands in widths, at most 12; whether each end is the other's nearest, how sure the end's own links are, and how
+    much the straightest other pair at the joint bends."""
+
+    gap_widths: float
+    gap_px: float
+    apart_widths: float
+    turn: float
+    turn_on_curve: float
+    far_turn: float
+    width_change: float
+    width_ratio: float
+    to_end: float
+    to_joint_of_three: float
+    to_larger_joint: float
+    along_edge: float
+    covered: float
+    link: float
+    branch: float
+    crossing: float
+    length: float
+    far_length: float
+    mutual: float
+    own_links: float
+    beside: float
+
+
+def _evidence(view: _View, end: End, there: int, between: int | None) -> BridgeEvidence:
     graph = view.graph
     step = graph.xy[there] - end.xy
     size = float(np.hypot(*step))
@@ -213,12 +242,29 @@ def _evidence(view: _View, end: End, there: int, between: int | None) -> FloatAr
     far = view.ends.get(there)
     mutual = far is not None and there == view.nearest[end.knot] and end.knot == view.nearest[there]
     branch, cross = view.predictions.classes[there if between is None else between].tolist()
-    return np.array([
-        gap / end.width, gap, (size - float(graph.radii[there])) / end.width, turn, from_curve, far_turn, abs(change),
-        change, float(is_end), float(joint == 3), float(joint > 3), float(between is not None), between_share,
-        view.link(end, there), branch, cross, min(end.length / end.width, 12.0),
-        min(far.length / far.width, 12.0) if far is not None else 12.0, float(mutual), _own_links(view, end), beside,
-    ])  # fmt: skip
+    return BridgeEvidence(
+        gap_widths=gap / end.width,
+        gap_px=gap,
+        apart_widths=(size - float(graph.radii[there])) / end.width,
+        turn=turn,
+        turn_on_curve=from_curve,
+        far_turn=far_turn,
+        width_change=abs(change),
+        width_ratio=change,
+        to_end=float(is_end),
+        to_joint_of_three=float(joint == 3),
+        to_larger_joint=float(joint > 3),
+        along_edge=float(between is not None),
+        covered=between_share,
+        link=view.link(end, there),
+        branch=branch,
+        crossing=cross,
+        length=min(end.length / end.width, _LONG),
+        far_length=min(far.length / far.width, _LONG) if far is not None else _LONG,
+        mutual=float(mutual),
+        own_links=_own_links(view, end),
+        beside=beside,
+    )
 
 
 def _turns(end: End, step: FloatArray, size: float) -> tuple[float, float]:

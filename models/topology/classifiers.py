@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,6 @@ from models.topology.scene import Predictions
 
 Judge = Callable[[Float32Array], NDArray[np.floating]]
 """``(n, features)`` evidence to ``(n,)`` probabilities, or ``(n, readings)`` of which every row sums to 1."""
-
-JUDGES = ("junctions", "bridges", "stubs")
-"""The tasks of the networks of :class:`Judges`, in its order."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +27,11 @@ class Judges:
     stub: Judge
 
 
-def judged(judge: Judge, rows: list[FloatArray]) -> FloatArray:
-    """The judge's probabilities; ``(0,)`` for no rows."""
+def judged(judge: Judge, rows: Sequence[Sequence[float] | FloatArray]) -> FloatArray:
+    """The judge's probabilities for rows of evidence; ``(0,)`` for no rows."""
     if not rows:
         return np.zeros(0)
-    return np.asarray(judge(np.stack(rows).astype(np.float32)), np.float64)
+    return np.asarray(judge(np.array(rows, np.float32)), np.float64)
 
 
 Links = dict[tuple[int, int], float]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,6 @@ from models.geometry.polylines import arc_lengths, point_at
 from models.strands.graph import Strand, Web
 from models.topology.scene import Predictions
 
-EVIDENCE = 22
-"""Numbers that describe a site, see :func:`evidence`."""
 _LONGEST_MIDDLE = 9.0
 """A middle strand of more widths than this is a bundle, no crossing."""
 _ARM_WIDTHS = 2.5
@@ -152,9 +151,37 @@ def _unit(vector: FloatArray) -> FloatArray:
     return vector / max(float(np.hypot(*vector)), 1e-9)
 
 
-def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Predictions) -> FloatArray:
-    """``(22,)``: length and widths of the middle, turns and width changes of both ways to pair, opening angles, how
-    the middle's width runs, and the classifier's word on the nodes nearby and at both joints."""
+class SiteEvidence(NamedTuple):
+    """What speaks for a reading of a site: length and widths of the middle (:func:`_middle`); bends, radians, and width
+    changes, log ratios, of the pairs that a crossing would join and of the rivals; angles between arms; what the
+    networks give for the nodes nearby; narrowest arm over widest; how the middle's width runs; what the networks give
+    for the less certain joint."""
+
+    middle_length: float
+    middle_least: float
+    middle_typical: float
+    middle_largest: float
+    bend_larger: float
+    bend_sum: float
+    rival_bend_larger: float
+    rival_bend_sum: float
+    change_larger: float
+    change_sum: float
+    rival_change_sum: float
+    opening_smaller: float
+    opening_larger: float
+    crossing_angle: float
+    branch: float
+    crossing: float
+    width_ratio: float
+    middle_half_way: float
+    middle_fifth_smaller: float
+    middle_fifth_larger: float
+    joint_branch: float
+    joint_crossing: float
+
+
+def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Predictions) -> SiteEvidence:
     arms = site.arms
     widths = np.array([a.width for a in arms])
     through = [bend(arms[i], arms[j]) for i, j in site.pairs]
@@ -167,12 +194,32 @@ def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Prediction
     reach = float(widths.max())
     branch, cross = _classes_near(site.xy, nodes_xy, predictions, reach)
     joints = [_classes_near(web.knots_xy[k], nodes_xy, predictions, reach) for k in site.knots]
-    middle = _middle(site, web, widths)
-    return np.array([
-        *middle[:4], max(through), sum(through), max(rival), sum(rival), max(change), sum(change),
-        sum(rival_change), min(openings), max(openings), crossing, branch, cross,
-        float(widths.min() / widths.max()), *middle[4:], *np.min(joints, axis=0),
-    ])  # fmt: skip
+    length, least, typical, largest, half_way, smaller, larger = _middle(site, web, widths)
+    joint_branch, joint_crossing = np.min(joints, axis=0).tolist()
+    return SiteEvidence(
+        middle_length=length,
+        middle_least=least,
+        middle_typical=typical,
+        middle_largest=largest,
+        bend_larger=max(through),
+        bend_sum=sum(through),
+        rival_bend_larger=max(rival),
+        rival_bend_sum=sum(rival),
+        change_larger=float(max(change)),
+        change_sum=float(sum(change)),
+        rival_change_sum=float(sum(rival_change)),
+        opening_smaller=min(openings),
+        opening_larger=max(openings),
+        crossing_angle=crossing,
+        branch=branch,
+        crossing=cross,
+        width_ratio=float(widths.min() / widths.max()),
+        middle_half_way=half_way,
+        middle_fifth_smaller=smaller,
+        middle_fifth_larger=larger,
+        joint_branch=joint_branch,
+        joint_crossing=joint_crossing,
+    )
 
 
 def _middle(site: Site, web: Web, widths: FloatArray) -> tuple[float, ...]:

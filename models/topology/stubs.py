@@ -4,6 +4,7 @@ touch or a clip spans them (thesis 6.6.1, extended)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,22 +15,21 @@ from models.topology.graph import Graph
 from models.topology.scene import Predictions
 from models.topology.sites import Arm, bend, ends_at, measure_arm
 
-STUB_EVIDENCE = 21
-"""Numbers that describe a strand, see :func:`_evidence`."""
 _LONGEST = 8.0
 """In radii of the joint: what reaches farther is a branch."""
 _LONGEST_RUNG = 4.0
 """In own widths, between the discs of its joints."""
-_FAR = 40.0
+_FAR, _FAR_BORDER = 40.0, 8.0
+"""Radii; a sibling, or the picture's border, that is farther away says nothing more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """``strand`` of the graph's web; ``tip``: the knot at its free end, -1 for a rung; ``evidence``: ``(21,)``."""
+    """``strand`` of the graph's web; ``tip``: the knot at its free end, -1 for a rung."""
 
     strand: int
     tip: int
-    evidence: FloatArray
+    evidence: StubEvidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +98,39 @@ class _Arms:
         )  # fmt: skip
 
 
+class StubEvidence(NamedTuple):
+    """What speaks for a short strand to be a branch: how far it reaches beyond the joint's disc and how wide it is, in
+    radii of the disc, own widths, and against the other arms; what the networks give for its links; how it leaves the
+    joint and how straight the others run on without it, radians, at the worse of two joints; the nearest strand like
+    it and the picture's border, in radii; what the networks give for the nodes at its joints and along it; whether
+    it is a rung between two joints."""
+
+    reach_radii: float
+    reach_widths: float
+    length_widths: float
+    width_radii: float
+    width_to_widest: float
+    width_to_narrowest: float
+    tip_radii: float
+    mean_link: float
+    least_link: float
+    last_link: float
+    opening: float
+    least_bend: float
+    bend_without: float
+    arms: float
+    sibling: float
+    border: float
+    joint_branch: float
+    joint_crossing: float
+    own_branch: float
+    own_crossing: float
+    rung: float
+
+
 def _evidence(
     graph: Graph, predictions: Predictions, links: Links, looked: _Arms, k: int, joints: list[int]
-) -> FloatArray:
-    """``(21,)``: how far it reaches and how wide it is, against the joint and the other arms; how it leaves them and
-    how straight these run on without it, at the worse of two joints; what the networks say."""
+) -> StubEvidence:
     strand = graph.web.strands[k].seen_from(joints[0])
     sides = [looked.side(j, k) for j in joints]
     rung = len(joints) == 2
@@ -117,10 +145,28 @@ def _evidence(
     x, y = strand.xy[-1]
     border = min(x, y, across - 1 - x, height - 1 - y) / max(float(strand.radii[-1]), 1.0)
     sibling = min(min(s.sibling for s in sides) / radius, _FAR)
-    return np.array([
-        out / radius, out / own, strand.length / own, own / radius, own / widths.max(), own / widths.min(),
-        float(strand.radii[-1]) / radius, float(np.mean(believed)), float(np.min(believed)), last,
-        min(s.nearest for s in sides), min(s.least_bend for s in sides), max(s.through for s in sides),
-        float(max(s.arms for s in sides)), sibling, min(border, 8.0), *predictions.classes[joints].max(axis=0).tolist(),
-        *predictions.classes[chain].max(axis=0).tolist(), float(rung),
-    ])  # fmt: skip
+    joint_branch, joint_crossing = predictions.classes[joints].max(axis=0).tolist()
+    own_branch, own_crossing = predictions.classes[chain].max(axis=0).tolist()
+    return StubEvidence(
+        reach_radii=out / radius,
+        reach_widths=out / own,
+        length_widths=strand.length / own,
+        width_radii=own / radius,
+        width_to_widest=own / float(widths.max()),
+        width_to_narrowest=own / float(widths.min()),
+        tip_radii=float(strand.radii[-1]) / radius,
+        mean_link=float(np.mean(believed)),
+        least_link=float(np.min(believed)),
+        last_link=last,
+        opening=min(s.nearest for s in sides),
+        least_bend=min(s.least_bend for s in sides),
+        bend_without=max(s.through for s in sides),
+        arms=float(max(s.arms for s in sides)),
+        sibling=sibling,
+        border=min(border, _FAR_BORDER),
+        joint_branch=joint_branch,
+        joint_crossing=joint_crossing,
+        own_branch=own_branch,
+        own_crossing=own_crossing,
+        rung=float(rung),
+    )

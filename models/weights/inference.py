@@ -25,10 +25,15 @@ class CorruptWeightsError(RuntimeError):
     """The file on disk is not the one that the manifest names."""
 
 
+class FeaturesDifferError(RuntimeError):
+    """The network was trained on other columns of evidence than this version measures."""
+
+
 @dataclass(frozen=True)
 class NetworkSpec:
     """One entry of ``weights/manifest.toml``. ``preprocess`` holds what a caller needs to feed the network:
-    sizes, normalization, threshold; ``training`` and ``metrics`` say where it comes from and how good it is."""
+    sizes, normalization, threshold; ``training`` and ``metrics``: where it comes from and how good it is;
+    ``features``: names of the columns of a row of evidence."""
 
     name: str
     version: str
@@ -69,6 +74,17 @@ class Network:
         """The output of a network with one input and one output; shapes as ``spec.input`` says."""
         (output,) = self.run(inputs)
         return output
+
+    def weighing(self, features: Sequence[str]) -> Network:
+        """This network, if these are the columns that it was trained on, in this order. Raises FeaturesDifferError."""
+        if tuple(self.spec.features) != tuple(features):
+            lacking = [f for f in features if f not in self.spec.features]
+            unknown = [f for f in self.spec.features if f not in features]
+            raise FeaturesDifferError(
+                f"{self.spec.name} weighs other evidence than is measured: it lacks {lacking or 'nothing'}, expects "
+                f"{unknown or 'nothing'} besides{'' if lacking or unknown else ', but in another order'}; train it anew"
+            )
+        return self
 
     def run(self, *inputs: NDArray) -> tuple[NDArray, ...]:
         """All outputs, in the network's order, of inputs in its order."""

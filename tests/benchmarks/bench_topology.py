@@ -30,7 +30,8 @@ from models.strands.foreground import distance_map
 from models.strands.graph import Web
 from models.synthesis.harness import FREE, Harness, HarnessParams, make_harness
 from models.synthesis.harness_masks import MaskParams, draw_mask
-from models.topology.classifiers import JUDGES, Judges
+from models.topology.classifiers import Judges
+from models.topology.evidence import judges_of
 from models.topology.extraction import extract, predict
 from models.topology.graph import Graph, initialize
 from models.topology.harness_drawing import Drawn, match_drawing
@@ -67,7 +68,7 @@ def tools() -> Tools:
     def network(task: str) -> Network:
         return load(default_name(task), Runtime(threads=1))
 
-    judges = Judges(*(network(task) for task in JUDGES))
+    judges = judges_of(network)
     return Tools(network("topology"), judges, network("orientation"), network("moves"))
 
 

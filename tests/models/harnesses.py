@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from models.geometry.polylines import arc_lengths, resample
-from models.topology.classifiers import JUDGES, Judges
+from models.topology.classifiers import Judges
+from models.topology.evidence import judges_of
 from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
 from models.weights.inference import Network, Runtime, default_name, load
 
@@ -13,7 +14,7 @@ from models.weights.inference import Network, Runtime, default_name, load
 def shipped() -> tuple[Network, Judges]:
     """The networks that find a topology."""
     runtime = Runtime(threads=1)
-    return load(default_name("topology"), runtime), Judges(*(load(default_name(task), runtime) for task in JUDGES))
+    return load(default_name("topology"), runtime), judges_of(lambda task: load(default_name(task), runtime))
 
 
 def section(points: list[tuple[float, float]], branches: tuple[int, int] = (-1, -1), width: float = 8.0) -> Section:

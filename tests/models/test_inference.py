@@ -9,9 +9,11 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from models.disentangling.evidence import MOVE_FEATURES
+from models.topology.evidence import FEATURES
 from models.training import export
 from models.weights import inference
-from models.weights.inference import CorruptWeightsError, UnknownNetworkError
+from models.weights.inference import CorruptWeightsError, FeaturesDifferError, UnknownNetworkError
 
 
 def test_every_shipped_file_is_the_one_in_the_manifest():
@@ -90,6 +92,19 @@ def test_export_registers_what_can_then_be_loaded(weights):
     network = inference.load("doubler")
     assert network(np.ones((5, 3), np.float32)).tolist() == [[2.0] * 3] * 5
     assert network.spec.parameters == 1
+
+
+def test_a_network_that_weighs_other_columns_is_refused_by_their_names():
+    """A vector of unnamed numbers in another order was weighed without a word."""
+    for name, spec in inference.manifest().items():
+        if spec.task in (*FEATURES, "moves"):
+            columns = MOVE_FEATURES if spec.task == "moves" else FEATURES[spec.task]
+            network = inference.load(name)
+            assert network.weighing(columns) is network
+            with pytest.raises(FeaturesDifferError, match=rf"{name} .*lacks \['new'\], expects \['{columns[0]}'\]"):
+                network.weighing(("new", *columns[1:]))
+            with pytest.raises(FeaturesDifferError, match="another order"):
+                network.weighing(columns[::-1])
 
 
 class Adder(nn.Module):

@@ -14,6 +14,7 @@ from dlo_client.contracts import (
 )
 from numpy.typing import NDArray
 
+from models.disentangling.evidence import MOVE_FEATURES
 from models.disentangling.overlay import draw_action
 from models.disentangling.plan import UNSURE_BELOW, Action, Base, DisentangleParams, Grasp, assign_arms, plan
 from models.strands.stopwatch import Stopwatch
@@ -69,7 +70,7 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
 
 def moves_network(tools: Tools) -> Network:
     """The network that gives how likely a turn is to work."""
-    return tools.network(default_name("moves"))
+    return tools.network(default_name("moves")).weighing(MOVE_FEATURES)
 
 
 def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None] | None:

@@ -8,7 +8,8 @@ import numpy as np
 from dlo_client.contracts import DisentangleRequest, ModelUsed, TopologyRequest
 
 from models.strands.stopwatch import Stopwatch
-from models.topology.classifiers import JUDGES, Judges
+from models.topology.classifiers import Judges
+from models.topology.evidence import FEATURES
 from models.topology.extraction import extract
 from models.topology.order import Surface, depth_map, points
 from models.topology.scene import Topology
@@ -46,7 +47,9 @@ def see_harness(request: TopologyRequest | DisentangleRequest, tools: Tools, wat
 
 def topology_networks(tools: Tools) -> tuple[Network, list[Network]]:
     """The graph's network, and those that judge single places, in the order of :class:`Judges`."""
-    return tools.network(default_name("topology")), [tools.network(default_name(task)) for task in JUDGES]
+    return tools.network(default_name("topology")), [
+        tools.network(default_name(task)).weighing(columns) for task, columns in FEATURES.items()
+    ]
 
 
 def _surfaces(request: TopologyRequest | DisentangleRequest, source: Source, tools: Tools) -> list[Surface]:

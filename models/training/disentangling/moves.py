@@ -22,7 +22,8 @@ from models.disentangling.turn_candidates import Turn, find_turns
 from models.geometry.arrays import FloatArray
 from models.synthesis.harness import Harness
 from models.synthesis.harness_masks import draw_mask
-from models.topology.classifiers import JUDGES, Judges
+from models.topology.classifiers import Judges
+from models.topology.evidence import judges_of
 from models.topology.extraction import TopologyNetwork, extract
 from models.topology.scene import Topology
 from models.training.disentangling.table_world import SEEN, execute, one_crossing, seen_points, truth, unclear
@@ -104,7 +105,7 @@ def samples(config: JudgeConfig, source: Source) -> tuple[Table, Table]:
     """Turns in scenes for training and in held-out ones; they are tried once and kept."""
     runtime = Runtime(threads=1)
     network = load(default_name("topology"), runtime)
-    judges = Judges(*(load(default_name(task), runtime) for task in JUDGES))
+    judges = judges_of(lambda task: load(default_name(task), runtime))
 
     def table(first: int, count: int) -> Table:
         file = source.folder / f"turns-{config.seed}-{first}-{count}.pickle"

@@ -69,7 +69,7 @@ def scenes(seed: int, first: int, count: int, network: TopologyNetwork) -> list[
 
 def stub_table(seen: list[Scene]) -> Table:
     """Evidence of short strands."""
-    stubs: list[tuple[FloatArray, bool]] = []
+    stubs: list[tuple[Sequence[float], bool]] = []
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
         stubs += [(c.evidence, is_branch(harness, graph, c)) for c in candidates(graph, predictions)]
@@ -78,7 +78,7 @@ def stub_table(seen: list[Scene]) -> Table:
 
 def bridge_table(seen: list[Scene], judges: Judges) -> Table:
     """Evidence of bridges, after short strands were judged."""
-    bridges: list[tuple[FloatArray, bool]] = []
+    bridges: list[tuple[Sequence[float], bool]] = []
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
         real = pruned(graph, predictions, judges)
@@ -89,7 +89,7 @@ def bridge_table(seen: list[Scene], judges: Judges) -> Table:
 
 def crossing_table(seen: list[Scene], judges: Judges) -> Table:
     """Evidence of crossings and lenses, after the strands were repaired."""
-    sites: list[tuple[FloatArray, int]] = []
+    sites: list[tuple[Sequence[float], int]] = []
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
         web = repaired(graph, predictions, judges)
@@ -97,7 +97,7 @@ def crossing_table(seen: list[Scene], judges: Judges) -> Table:
     return _table(sites)
 
 
-def _table(rows: Sequence[tuple[FloatArray, int]]) -> Table:
+def _table(rows: Sequence[tuple[Sequence[float], int]]) -> Table:
     return Table(np.array([r for r, _ in rows], np.float32), np.array([t for _, t in rows], np.int64))
 
 

@@ -20,6 +20,7 @@ from torch import Tensor, nn
 
 from models.geometry.arrays import Float32Array, IntArray
 from models.topology.classifiers import Judge, Judges
+from models.topology.evidence import FEATURES
 from models.topology.sites import Reading
 from models.training.export import Exported
 from models.training.fit import Family, Source
@@ -139,14 +140,17 @@ def _unused(rows: Float32Array) -> Float32Array:
 
 FAMILIES = (
     classifier(
-        STUBS, "stubs", "evidence of short strands", ("stub", "branch"), (), JudgeConfig, _both(stub_table)
+        STUBS, "stubs", "evidence of short strands", ("stub", "branch"), FEATURES["stubs"], JudgeConfig,
+        _both(stub_table),
     ),
     classifier(
-        BRIDGES, "bridges", "evidence of places where a strand may go on over a gap", ("end", "gap"), (), JudgeConfig,
+        BRIDGES, "bridges", "evidence of places where a strand may go on over a gap", ("end", "gap"),
+        FEATURES["bridges"], JudgeConfig,
         _both(lambda seen: bridge_table(seen, Judges(_unused, _unused, _before(STUBS)))),
     ),
     classifier(
-        CROSSINGS, "junctions", "evidence at places where strands meet", tuple(r.name.lower() for r in Reading), (),
+        CROSSINGS, "junctions", "evidence at places where strands meet", tuple(r.name.lower() for r in Reading),
+        FEATURES["junctions"],
         JudgeConfig,
         _both(lambda seen: crossing_table(seen, Judges(_unused, _before(BRIDGES), _before(STUBS)))),
     ),
