@@ -18,6 +18,8 @@ from models.synthesis.chroma_source import SourceError, frames, spread
 from models.synthesis.chroma_swap import blend, open_backgrounds, vary_background, vary_foreground
 from models.synthesis.datasets import DatasetError, load, samples_in
 
+pytestmark = pytest.mark.slow
+
 SIZE = (120, 200)
 
 

@@ -16,6 +16,8 @@ from models.training.foreground import mixture
 from models.training.foreground.mixture import Ledger, Pictures, factorial_arms, factorial_table, run_all, stack
 from models.training.foreground.networks import build
 
+pytestmark = pytest.mark.slow
+
 
 def mixed(sizes: tuple[int, ...], weights: tuple[float, ...], seed: int = 0) -> Mixture:
     return Mixture(sizes, weights, np.random.default_rng(seed))

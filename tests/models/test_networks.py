@@ -24,6 +24,8 @@ from models.training.foreground.networks import NETWORKS, build
 from models.training.foreground.train import Training, TrainParams
 from models.weights.inference import manifest
 
+pytestmark = pytest.mark.slow
+
 PUBLISHED_MILLIONS = {  # without classifier
     "deeplab_resnet50": 23.5,
     "deeplab_resnet101": 42.5,

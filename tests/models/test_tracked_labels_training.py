@@ -18,6 +18,8 @@ from models.training.corrector.network_corrector import CorrectorNetwork, Correc
 from models.training.fit import fit
 from models.weights.inference import load
 
+pytestmark = pytest.mark.slow
+
 PARAMS = CropParams(scenes=2, per_scene=12, height=192, width=256)
 
 
