@@ -67,6 +67,7 @@ $(BIN)/.service: requirements/service.txt clients/python/pyproject.toml | $(BIN)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --editable clients/python
 	@touch $@
 
-$(BIN)/.dev: requirements/dev.txt $(BIN)/.service
+$(BIN)/.dev: requirements/dev.txt requirements/label-tools.txt $(BIN)/.service
 	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements/service.txt -r requirements/dev.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements/label-tools.txt
 	@touch $@

@@ -24,7 +24,7 @@ const byId = (id) => document.getElementById(id);
 const canvas = byId("canvas");
 const context = canvas.getContext("2d");
 const api = new Api();
-const pictures = []; // { file, bitmap, mask, label, history, touched }
+const pictures = []; // { file, bitmap, mask, label, history, confirmed }
 let zoom = 1; // screen pixels a picture pixel
 let view = null; // of the picture shown: probability, depth and planes
 let [shown, clicks, chosen, drag, pointer] = [null, [], null, null, null];
@@ -53,13 +53,19 @@ async function analyzed(file) {
   const job = await api.run({ kind: "instances", files: ["mask"] }, file, () => {});
   const { width, height, instances, crossings, method, threshold, models } = job.result;
   const mask = await createImageBitmap(await api.file(job.id, "mask.png"));
+  const sha256 = await api.digest(file);
+  const name = file.webkitRelativePath || file.name;
   const label = {
-    format: "dlo-label/1", name: file.name, sha256: null, width, height, instances, crossings,
+    format: "dlo-label/1", name, sha256, width, height, instances, crossings,
     origin: "service", method, threshold, models,
   };
+<<<<<<< HEAD
   const bitmap = await api.bitmap(file);
   if (!bitmap) throw new Error("this picture cannot be shown here");
   return { file, bitmap, mask, label, history: [], touched: false };
+=======
+  return { file, bitmap: await createImageBitmap(file), mask, label, history: [], confirmed: false };
+>>>>>>> 33db670 (Exports load in their tools; video tracks, hashes and confirmation from the corrector page)
 }
 
 function prepared({ bitmap, mask, label: { width, height } }) {
@@ -91,7 +97,6 @@ function edit(label) {
   if (label === shown.label) return;
   shown.history.push(shown.label);
   shown.label = label;
-  shown.touched = true;
   list();
   draw();
 }
@@ -101,6 +106,15 @@ function undo() {
   shown.label = shown.history.pop();
   list();
   draw();
+}
+
+/** Whether somebody's word stands behind a label: only then it is a correction. */
+const isConfirmed = ({ history, confirmed }) => confirmed || history.length > 0;
+
+function confirm() {
+  if (!shown) return;
+  shown.confirmed = !shown.confirmed;
+  list();
 }
 
 // The tools -------------------------------------------------------------------------------------------------------
@@ -220,7 +234,7 @@ function ring([x, y], style, radius = 7) {
 function list() {
   byId("count").textContent = pictures.length ? String(pictures.length) : "";
   fill("pictures", pictures, (picture) => {
-    const mark = picture.touched ? "corrected" : `certainty ${certainty(picture.label).toFixed(2)}`;
+    const mark = picture.history.length ? "corrected" : picture.confirmed ? "confirmed" : `certainty ${certainty(picture.label).toFixed(2)}`;
     return [`${picture.label.name}: ${mark}`, picture === shown, () => show(picture)];
   });
   fill("instances", shown?.label.instances ?? [], (item) => {
@@ -228,6 +242,8 @@ function list() {
     return [text, item.id === chosen, () => ((chosen = item.id), list(), draw())];
   });
   byId("undo").disabled = !shown?.history.length;
+  byId("confirm").disabled = !shown || shown.history.length > 0;
+  byId("confirm").setAttribute("aria-pressed", String(Boolean(shown?.confirmed)));
   byId("save").disabled = byId("save-coco").disabled = !pictures.length;
 }
 
@@ -261,10 +277,11 @@ function save(name, text) {
 
 // Wiring ----------------------------------------------------------------------------------------------------------
 
-const all = () => pictures.map((picture) => finished(picture.label));
+const all = () => pictures.map((picture) => finished(picture.label, isConfirmed(picture)));
 byId("save").addEventListener("click", () => save("labels.jsonl", jsonLines(all())));
 byId("save-coco").addEventListener("click", () => save("coco.json", coco(all())));
 byId("undo").addEventListener("click", undo);
+byId("confirm").addEventListener("click", confirm);
 byId("probability").addEventListener("change", draw);
 byId("file").addEventListener("change", (event) => open([...event.target.files]));
 byId("key").addEventListener("change", (event) => (api.key = event.target.value));
@@ -307,6 +324,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Enter") finishLine();
   else if (event.key === "Escape") clicks = [];
   else if (event.key === "Backspace") clicks.pop();
+  else if (event.key === "c" && !event.ctrlKey && !event.metaKey) confirm();
   else if (event.key === "z" && (event.ctrlKey || event.metaKey)) undo();
   else if (KEYS[event.key] && !event.ctrlKey && !event.metaKey) document.querySelector(`[value=${KEYS[event.key]}]`).click();
   else return;

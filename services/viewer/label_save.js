@@ -6,8 +6,9 @@ import { labelMap } from "./masks.js";
 import { filled } from "./outline.js";
 
 /** The label with a mask for every instance: what was not edited keeps its own, edited ones are filled between their
- *  edges, and at each crossing the upper strand owns the pixels. */
-export function finished(label) {
+ *  edges, and at each crossing the upper strand owns the pixels. It is a correction if somebody changed or
+ *  `confirmed` it. */
+export function finished(label, confirmed) {
   const { width, height } = label;
   const ids = new Uint16Array(width * height);
   const untouched = label.instances.filter((i) => !i.shape && i.mask_rle);
@@ -21,7 +22,7 @@ export function finished(label) {
     ...item,
     mask_rle: changed ? { size: [height, width], counts: encode(ids, item.id, width, height) } : item.mask_rle,
   }));
-  return { ...label, instances, origin: changed ? "corrected" : label.origin };
+  return { ...label, instances, origin: changed || confirmed ? "corrected" : label.origin };
 }
 
 /** One JSON line a label. */
@@ -40,7 +41,10 @@ export function coco(labels) {
     info: { description: "DLO instance labels", format: "dlo-label/1" },
     licenses: [],
     categories: [{ id: 1, name: "dlo", supercategory: "dlo" }],
-    images: labels.map((l, k) => ({ id: k + 1, file_name: l.name, width: l.width, height: l.height, crossings: l.crossings })),
+    images: labels.map((l, k) => ({
+      id: k + 1, file_name: l.name, sha256: l.sha256, confirmed: l.origin === "corrected", width: l.width, height: l.height,
+      crossings: l.crossings,
+    })),
     annotations: annotations.map((annotation, k) => ({ id: k + 1, ...annotation })),
   });
 }

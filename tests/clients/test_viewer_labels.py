@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from collections.abc import Iterator
@@ -84,6 +85,37 @@ def test_untouched_labels_are_saved_as_they_came(page: Any, tmp_path: Path) -> N
     assert [i.mask_rle for i in label.instances] == [i.mask_rle for i in samples.two_cables().instances]
     assert label.crossings == samples.two_cables().crossings
     assert label.origin == "service"
+
+
+def test_a_label_names_the_bytes_of_its_picture(page: Any, tmp_path: Path) -> None:
+    """It named the file alone: corrections landed on another picture of that name."""
+    assert saved(page, tmp_path).sha256 == hashlib.sha256(png(probability())).hexdigest()
+
+
+def test_the_service_hashes_where_the_page_may_not(browser: Any, tmp_path: Path) -> None:
+    """Over plain HTTP a browser has no `crypto.subtle`."""
+    service = FakeService()
+    service.file = png(probability())
+    with opened(browser, service) as page:
+        page.add_init_script("Object.defineProperty(crypto, 'subtle', { value: undefined })")
+        page.goto(f"{page.url}viewer/label.html")
+        page.set_input_files("#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())})
+        page.wait_for_selector("#instances button")
+        assert saved(page, tmp_path).sha256 == hashlib.sha256(png(probability())).hexdigest()
+
+
+def test_only_what_somebody_confirmed_or_changed_is_a_correction(page: Any, tmp_path: Path) -> None:
+    """Pictures that nobody touched became corrections. Removing a cable is a change, though no cable was redrawn."""
+    page.click("#confirm")
+    assert "confirmed" in page.inner_text("#pictures button")
+    assert saved(page, tmp_path).origin == "corrected"
+    page.click("#confirm")
+    assert saved(page, tmp_path).origin == "service"
+    tool(page, "delete")
+    click(page, 80, 11)
+    assert saved(page, tmp_path).origin == "corrected"
+    page.click("#undo")
+    assert saved(page, tmp_path).origin == "service"
 
 
 def test_two_clicks_on_a_missed_cable_snap_to_its_centerline(page: Any, tmp_path: Path) -> None:
@@ -198,7 +230,13 @@ def test_an_edge_is_pulled_and_with_shift_the_width(page: Any, tmp_path: Path) -
 
 
 def test_coco_from_the_page_is_read_like_any_other(page: Any, tmp_path: Path) -> None:
+    with page.expect_download() as download:
+        page.click("#save-coco")
+    download.value.save_as(tmp_path / "unconfirmed.json")
+    assert READERS["coco"](tmp_path / "unconfirmed.json").not_annotated == {"shelf.png": "nobody confirmed it"}
+    page.click("#confirm")
     label = saved(page, tmp_path, "#save-coco", "coco")
+    assert label.sha256 == hashlib.sha256(png(probability())).hexdigest()
     for got, true in zip(label.instances, samples.two_cables().instances, strict=True):
         assert np.array_equal(mask(got), mask(true))
     data = json.loads((tmp_path / "coco.json").read_text())

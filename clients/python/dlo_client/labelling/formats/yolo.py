@@ -90,13 +90,13 @@ def _sides(contents: Mapping[str, str]) -> dict[str, str]:
 
 
 def _short(name: str) -> str:
-    """Ultralytics finds a label by the last folder ``images`` of the picture's path: no other may be called so."""
-    parts = ["images_" if part == "images" else part for part in PurePosixPath(stem(name)).parts]
-    return str(PurePosixPath(*parts))
+    """All in one folder: not every reader looks into those below, and Ultralytics finds a label by the last folder
+    ``images`` of its picture's path."""
+    return stem(name).replace("/", "__")
 
 
 def _long(name: str) -> str:
-    return _short(f"{stem_and_suffix(name)}.txt")
+    return stem_and_suffix(name).replace("/", "__")
 
 
 def _suffix(name: str) -> str:

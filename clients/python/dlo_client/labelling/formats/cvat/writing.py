@@ -52,7 +52,7 @@ def _meta() -> str:
             for a in attributes
         )
         labels.append(f"<label><name>{name}</name><type>any</type><attributes>{listed}</attributes></label>")
-    return f"<meta><job><labels>{''.join(labels)}</labels></job></meta>"
+    return f"<meta><task><mode>annotation</mode><labels>{''.join(labels)}</labels></task></meta>"
 
 
 def _shapes(label: PictureLabel) -> Iterator[str]:
