@@ -43,10 +43,7 @@ class FakeService:
                 Route("/", lambda _: FileResponse(VIEWER / "index.html")),
                 Route("/v1/models", self._networks),
                 Route("/v1/images", self._upload, methods=["POST"]),
-<<<<<<< HEAD
                 Route("/v1/images/{id}/preview", lambda _: Response(self.preview, media_type="image/png")),
-=======
->>>>>>> 33db670 (Exports load in their tools; video tracks, hashes and confirmation from the corrector page)
                 Route("/v1/jobs", self._submit, methods=["POST"]),
                 Route("/v1/jobs/{id}", self._job),
                 Route("/v1/jobs/{id}", self._cancel, methods=["DELETE"]),
@@ -56,16 +53,12 @@ class FakeService:
         )
 
     async def _upload(self, request: Request) -> Response:
-<<<<<<< HEAD
-        await request.body()
+        digest = hashlib.sha256(await request.body()).hexdigest()
         if self.preview is None:
             problem = samples.refused(422, code="invalid_image")
             return Response(problem.model_dump_json(), 422, media_type="application/problem+json")
-        info = ImageInfo(id=samples.SHA, sha256=samples.SHA, width=samples.WIDTH, height=samples.HEIGHT, bytes=1)
+        info = ImageInfo(id=digest, sha256=digest, width=samples.WIDTH, height=samples.HEIGHT, bytes=1)
         return Response(info.model_dump_json(), 201, media_type="application/json")
-=======
-        return JSONResponse({"sha256": hashlib.sha256(await request.body()).hexdigest()}, 201)
->>>>>>> 33db670 (Exports load in their tools; video tracks, hashes and confirmation from the corrector page)
 
     async def _submit(self, request: Request) -> Response:
         self.keys.append(request.headers.get("Authorization"))

@@ -95,7 +95,7 @@ def test_a_label_names_the_bytes_of_its_picture(page: Any, tmp_path: Path) -> No
 def test_the_service_hashes_where_the_page_may_not(browser: Any, tmp_path: Path) -> None:
     """Over plain HTTP a browser has no `crypto.subtle`."""
     service = FakeService()
-    service.file = png(probability())
+    service.file = service.preview = png(probability())
     with opened(browser, service) as page:
         page.add_init_script("Object.defineProperty(crypto, 'subtle', { value: undefined })")
         page.goto(f"{page.url}viewer/label.html")

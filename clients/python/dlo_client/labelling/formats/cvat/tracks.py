@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from xml.etree.ElementTree import Element
@@ -79,11 +78,9 @@ def _track(element: Element) -> _Track:
         if shape.get("frame") is None:
             continue
         number = whole(shape.get("frame"), "a frame's number", 0, _MOST_FRAMES)
-        whole_shape = copy(shape)
-        for key in ("label", "group_id"):
-            if element.get(key) and not shape.get(key):
-                whole_shape.set(key, element.get(key, ""))
-        written[number] = whole_shape
+        inherited = {key: element.get(key, "") for key in ("label", "group_id") if element.get(key)}
+        own = {key: value for key, value in shape.attrib.items() if value}
+        written[number] = _like(shape, inherited | own)
     return _Track(sorted(written), [written[k] for k in sorted(written)])
 
 
@@ -134,9 +131,14 @@ def _between(shape: Element, following: Element, share: float) -> Element:
     if len(before) != len(after):
         before, after = _alike(before, after, shape.tag == "polygon")
     moved = (1 - share) * before + share * after
-    between = copy(shape)
-    between.set("points", ";".join(f"{x:.4f},{y:.4f}" for x, y in moved))
-    return between
+    return _like(shape, shape.attrib | {"points": ";".join(f"{x:.4f},{y:.4f}" for x, y in moved)})
+
+
+def _like(shape: Element, attributes: dict[str, str]) -> Element:
+    """The shape with other attributes. (A copy of an element shares them with it.)"""
+    other = Element(shape.tag, attributes)
+    other.extend(shape)
+    return other
 
 
 def _points(shape: Element) -> Ring:
