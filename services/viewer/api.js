@@ -29,7 +29,6 @@ export class Api {
     return job;
   }
 
-<<<<<<< HEAD
   /** A picture, upright: from the browser, or for what only the service can decode (a TIFF) from there; null if
    *  nobody can. */
   async bitmap(file) {
@@ -43,13 +42,13 @@ export class Api {
   async preview(file) {
     const { id } = await this.json("v1/images", { method: "POST", body: file });
     return createImageBitmap(await (await this.fetch(`v1/images/${id}/preview`)).blob());
-=======
+  }
+
   /** SHA-256 of a file's bytes, in hex. A page over plain HTTP may not hash: there the service does. */
   async digest(file) {
     if (!globalThis.crypto?.subtle) return (await this.json("v1/images", { method: "POST", body: file })).sha256;
     const bytes = new Uint8Array(await crypto.subtle.digest("SHA-256", await file.arrayBuffer()));
     return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
->>>>>>> 33db670 (Exports load in their tools; video tracks, hashes and confirmation from the corrector page)
   }
 
   cancel = (id) => this.json(`v1/jobs/${id}`, { method: "DELETE" });

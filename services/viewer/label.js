@@ -59,13 +59,9 @@ async function analyzed(file) {
     format: "dlo-label/1", name, sha256, width, height, instances, crossings,
     origin: "service", method, threshold, models,
   };
-<<<<<<< HEAD
   const bitmap = await api.bitmap(file);
   if (!bitmap) throw new Error("this picture cannot be shown here");
-  return { file, bitmap, mask, label, history: [], touched: false };
-=======
-  return { file, bitmap: await createImageBitmap(file), mask, label, history: [], confirmed: false };
->>>>>>> 33db670 (Exports load in their tools; video tracks, hashes and confirmation from the corrector page)
+  return { file, bitmap, mask, label, history: [], confirmed: false };
 }
 
 function prepared({ bitmap, mask, label: { width, height } }) {
