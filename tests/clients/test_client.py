@@ -140,7 +140,8 @@ def test_what_will_not_pass_is_not_tried_again(connect: Connect, answer: Reply) 
         (422, errors.InvalidRequest),
         (429, errors.QueueFull),
         (500, errors.ServiceFault),
-        (503, errors.ServiceFault),
+        (503, errors.Unavailable),
+        (507, errors.StorageFull),
     ],
 )
 def test_a_refusal_is_the_error_of_its_status(connect: Connect, status: int, error: type[errors.APIError]) -> None:
