@@ -17,7 +17,7 @@ from models.instances.section_matching import SectionMatchingParams
 from models.library import arguments, loading
 from models.library.arguments import ArgumentError
 from models.segmentation import segment as foreground
-from models.topology.classifiers import JUDGES, Judges
+from models.topology.evidence import judges_of
 from models.topology.extraction import extract
 from models.topology.order import depth_map
 from models.topology.scene import Topology
@@ -100,7 +100,7 @@ def topology(
         depth = arguments.depth(depth_m, "depth_m")
         arguments.same_size(seen, depth, ("picture" if mask is None else "mask", "depth_m"))
         surfaces.append(depth_map(depth))
-    judges = Judges(*(loading.default(task) for task in JUDGES))
+    judges = judges_of(loading.default)
     return extract(seen, loading.default("topology"), judges, image, surfaces)
 
 
