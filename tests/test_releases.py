@@ -17,8 +17,13 @@ CLIENT = ROOT / "clients" / "python"
 # Modules that neither the library nor what it imports may need.
 USE = """
 import sys
-for name in ("torch", "fastapi", "redis", "rq", "pydantic", "models", "dlo_client"):
-    sys.modules[name] = None
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("torch", "fastapi", "redis", "rq", "pydantic", "models", "dlo_client"):
+            raise ModuleNotFoundError(f"{name} is not installed")
+
+sys.meta_path.insert(0, Absent())
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 import dlo

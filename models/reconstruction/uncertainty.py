@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import cKDTree
-from scipy.stats import chi2
 
 from models.geometry.arrays import BoolArray, FloatArray
 from models.geometry.cameras import NEAREST_M, Camera
@@ -114,5 +113,5 @@ def covers(curve: Curve, truth_m: FloatArray, level: float) -> BoolArray:
     values, axes = np.linalg.eigh(curve.covariance_m2)
     along = np.einsum("nij,ni->nj", axes[:, :, 1:], off)
     squared = np.sum(along**2 / np.maximum(values[:, 1:], 1e-18), axis=1)
-    inside: BoolArray = squared <= chi2.ppf(level, 2)
+    inside: BoolArray = squared <= -2.0 * np.log1p(-level)  # the chi-squared quantile of two degrees of freedom
     return inside
