@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.disentangling import plan as disentangling
+from models.disentangling.evidence import MOVE_FEATURES
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths
 from models.library import arguments, loading
@@ -123,7 +124,7 @@ def plan_disentangle(
     """
     if not isinstance(topology, Topology):
         raise ArgumentError("topology", f"is a {type(topology).__name__}; dlo.topology() gives a Topology")
-    return disentangling.plan(topology, loading.default("moves"), params)
+    return disentangling.plan(topology, loading.default("moves").weighing(MOVE_FEATURES), params)
 
 
 def _dynamics() -> Dynamics:
