@@ -26,7 +26,7 @@ class Health(BaseModel):
 class Version(BaseModel):
     """The release that answers; the SDK and the library of that release have the same version."""
 
-    version: str = __version__
+    version: str = Field(default=__version__, description="of the service, as in its package")
 
 
 @router.get("/healthz")
