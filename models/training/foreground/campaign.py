@@ -22,10 +22,14 @@ from torch import Tensor
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import load_pool
 from models.training.foreground.augmentation import UNKNOWN, Cut, cut_out, recolored
+from models.training.foreground.initial import unfold
 from models.training.foreground.networks import build
 from models.training.foreground.real_pictures import RealPictures, load_empty, load_labelled
 from models.training.foreground.stream import SceneStream
 from models.training.foreground.train import normalize
+
+_CALIBRATION_BATCHES = 12
+"""From which the statistics of a network that begins from an export are taken."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,12 @@ class Campaign:
         self.optimizer.load_state_dict(state["optimizer"])
         self.step, self.pictures, self.seconds = (state["progress"][k] for k in ("step", "pictures", "seconds"))
 
+    def take(self, exported: Path, mixture: Mixture) -> None:
+        """Begin from an exported network of the same kind, unless the folder has a checkpoint."""
+        if self.step == 0:
+            unfold(exported, self.network, (normalize(mixture.batch()[0]) for _ in range(_CALIBRATION_BATCHES)))
+            self.average.load_state_dict(self.network.state_dict())
+
     def save(self) -> None:
         state = {
             "network": self.network.state_dict(),
@@ -156,11 +166,13 @@ def rate_share(step: int, share: float) -> float:
     return min((step + 1) / 300, 1.0) * float(np.clip((1 - share) / 0.35, 0.01, 1.0))
 
 
-def run(params: CampaignParams, mixture: Mixture, folder: Path) -> None:
+def run(params: CampaignParams, mixture: Mixture, folder: Path, initial: Path | None = None) -> None:
     """Train until ``minutes`` are over, a checkpoint and a line of ``log.jsonl`` every ``check_every``."""
     campaign = Campaign(params, folder)
     while mixture.stream.filled() < min(200, params.slots // 2):
         time.sleep(0.5)
+    if initial is not None:
+        campaign.take(initial, mixture)
     losses: list[float] = []
     checked, last = campaign.seconds, time.monotonic()
     campaign.network.train()
@@ -195,6 +207,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="checkpoint folder; goes on from last.pt when it is there")
     parser.add_argument("--textures", type=Path, required=True, help="pack or folder of backgrounds")
     parser.add_argument("--labelled", dest="photographs", type=Path, required=True, help="folder with imgs/ and masks/")
+    parser.add_argument("--initial", type=Path, help="exported network of the same kind to begin from")
     parser.add_argument("--empty-pictures", type=Path, required=True, help="folder of photographs without cables")
     for name, default in asdict(CampaignParams()).items():
         flag = {"labelled": "labelled-share", "empty": "empty-share"}.get(name, name.replace("_", "-"))
@@ -217,11 +230,8 @@ def main() -> None:
         scenes, load_pool(args.textures), seed=seed, slots=params.slots, renderers=1, reuse=params.reuse
     )
     try:
-        run(
-            params,
-            Mixture(stream, load_labelled(args.photographs), load_empty(args.empty_pictures), params),
-            args.folder,
-        )
+        photographs, empty = load_labelled(args.photographs), load_empty(args.empty_pictures)
+        run(params, Mixture(stream, photographs, empty, params), args.folder, args.initial)
     finally:
         stream.close()
 
