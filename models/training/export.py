@@ -154,6 +154,9 @@ def register(name: str, path: Path, card: Card, parameters: int) -> None:
     file = WEIGHTS / "manifest.toml"
     entries = tomllib.loads(file.read_text()) if file.exists() else {}
     data = path.read_bytes()
+    if card.default:
+        for entry in entries.values():
+            entry["default"] = entry["default"] and entry["task"] != card.task
     entries[name] = {
         "version": card.version,
         "task": card.task,

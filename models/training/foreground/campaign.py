@@ -28,6 +28,10 @@ from models.training.foreground.real_pictures import RealPictures, load_empty, l
 from models.training.foreground.stream import SceneStream
 from models.training.foreground.train import normalize
 
+_DATA = (
+    "models.synthesis scenes over permissively licensed textures and photographs, and hand-marked photographs of open "
+    "hardware projects (NOTICE names them)"
+)
 _CALIBRATION_BATCHES = 12
 """From which the statistics of a network that begins from an export are taken."""
 
@@ -131,6 +135,8 @@ class Campaign:
             "progress": {"step": self.step, "pictures": self.pictures, "seconds": self.seconds},
             "params": asdict(self.params),
             "metrics": {},
+            "command": "python -m models.training.foreground.campaign",
+            "data": _DATA,
         }
         torch.save(state, self.folder / "last.tmp")
         (self.folder / "last.tmp").replace(self.folder / "last.pt")

