@@ -122,7 +122,7 @@ def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.Mon
         "campaign", str(tmp_path / "out"), "--textures", str(tmp_path / "textures"),
         "--labelled", str(tmp_path / "real"), "--empty-pictures", str(tmp_path / "empty"),
         "--height", "64", "--width", "96", "--batch", "2",
-        "--slots", "8", "--minutes",
+        "--slots", "8", "--validate", "12", "--minutes",
     ]  # fmt: skip
     for minutes in ("0.02", "0.05"):
         monkeypatch.setattr("sys.argv", [*command, minutes])
@@ -132,6 +132,7 @@ def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.Mon
     assert lines[1]["pictures"] == 2 * lines[1]["step"]
     state = torch.load(tmp_path / "out" / "last.pt", weights_only=True)
     assert state["params"]["network"] == "dense"
+    assert 0 <= state["metrics"]["dice"] <= 1
 
 
 @pytest.mark.parametrize("share", ["air_share", "fan_share", "ribbon_share", "alike_share"])

@@ -182,6 +182,14 @@ def test_the_whole_chain_from_a_picture(tools, method, networks):
     assert [m.name for m in outcome.result.models] == ["foreground_compact", *networks]
 
 
+@pytest.mark.parametrize(("effort", "suffix"), [("fast", "_int8"), ("normal", ""), ("thorough", "")])
+def test_every_effort_finds_the_crossing(tools, effort, suffix):
+    image = put(tools, Image.fromarray(crossing_picture()))
+    result = stages.instances.run(InstancesRequest(image=image, effort=effort, files=[]), tools).result
+    assert result.models[0].name == inference.default_name("foreground") + suffix
+    assert len(result.instances) == 2
+
+
 def test_equal_requests_give_equal_bytes(tools):
     image = put(tools, Image.fromarray(crossing_picture()))
     mask = put(tools, Image.fromarray(crossing_mask()))

@@ -8,13 +8,16 @@ import numpy as np
 from dlo_client.contracts import DisentangleRequest, InstancesRequest, ModelUsed, TopologyRequest
 from numpy.typing import NDArray
 
-from models.segmentation.segment import ForegroundInput, foreground_mask, segment
+from models.segmentation.effort import Effort, look
+from models.segmentation.segment import ForegroundInput, foreground_mask
 from models.weights.inference import default_name, manifest
 from workers.stages.encoding import model_used
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.pictures import Picture, read_mask, read_picture
 
 TASK = "foreground"
+_EIGHT_BIT = "_int8"
+"""Ends the name of a network's 8-bit form."""
 MASK_THRESHOLD = 0.5
 _ABOVE_ZERO = 1e-6
 _GRAY = 140
@@ -82,9 +85,15 @@ def check_size(field: str, size: tuple[int, ...], other: str, wanted: tuple[int,
 
 
 def find_foreground(
-    source: Source, tools: Tools, *, model: str | None = None, threshold: float | None = None
+    source: Source,
+    tools: Tools,
+    *,
+    model: str | None = None,
+    threshold: float | None = None,
+    effort: Effort = "normal",
 ) -> Foreground:
-    """The mask, or what the network named ``model`` (the default one where it is None) sees in the picture.
+    """The mask, or what the network named ``model`` (the default one where it is None) sees in the picture. In a hurry
+    its 8-bit form looks, where there is one.
 
     Raises InvalidInput naming ``model``.
     """
@@ -99,8 +108,10 @@ def find_foreground(
     if spec is None or spec.task != TASK:
         known = ", ".join(s.name for s in manifest().values() if s.task == TASK)
         raise InvalidInput("model", f"there is no foreground network {name!r}; there are: {known}", "invalid_model")
+    if effort == "fast":
+        spec = manifest().get(f"{name}{_EIGHT_BIT}", spec)
     settings = ForegroundInput.from_manifest(spec.preprocess)
-    probability = segment(source.image, tools.network(name), settings)
+    probability = look(source.image, tools.network(spec.name), settings, effort)
     applied = settings.threshold if threshold is None else threshold
     cable = foreground_mask(probability, settings, threshold)
     return Foreground(probability, cable, applied, source.image, [model_used(spec)])

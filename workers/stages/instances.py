@@ -39,7 +39,13 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         source = read_source(request, tools)
     tools.progress(0.1)
     seen = perceive(
-        source, tools, model=request.model, threshold=request.threshold, method=request.method, params=request.params
+        source,
+        tools,
+        model=request.model,
+        threshold=request.threshold,
+        effort=request.effort,
+        method=request.method,
+        params=request.params,
     )
     tools.progress(0.8)
     with watch.step("encode"):

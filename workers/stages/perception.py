@@ -8,6 +8,7 @@ from dlo_client.contracts import ModelUsed
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
 
 from models.instances.scene import Scene
+from models.segmentation.effort import Effort
 from models.strands.stopwatch import Stopwatch
 from workers.stages.encoding import model_used
 from workers.stages.foreground import Foreground, Source, find_foreground
@@ -31,13 +32,14 @@ def perceive(
     *,
     model: str | None = None,
     threshold: float | None = None,
+    effort: Effort = "normal",
     method: InstanceMethod = DEFAULT_METHOD,
     params: MethodParams | None = None,
 ) -> Perception:
     """The whole chain. Raises InvalidInput naming ``model``."""
     watch = Stopwatch()
     with watch.step("segment"):
-        foreground = find_foreground(source, tools, model=model, threshold=threshold)
+        foreground = find_foreground(source, tools, model=model, threshold=threshold, effort=effort)
     extract, networks = extract_with(method, params, tools)
     with watch.step("instances"):
         scene = extract(foreground.cable, source.image)

@@ -62,7 +62,9 @@ def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list
     for index, given in enumerate(request.views):
         picture, camera = read_view(given, f"views.{index}", tools, may_be_mask=request.model is None)
         remarks += picture.remarks
-        found = perceive(Source.of(picture), tools, model=request.model, threshold=request.threshold)
+        found = perceive(
+            Source.of(picture), tools, model=request.model, threshold=request.threshold, effort=request.effort
+        )
         scale = min(1.0, WORKING_SIDE / max(picture.rgb.shape[:2]))
         strands, ids = strands_of(found.scene, found.foreground.probability, picture.rgb, camera, scale)
         working = replace(camera, intrinsics=camera.intrinsics.scaled(scale))

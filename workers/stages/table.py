@@ -49,7 +49,7 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
         raise InvalidInput("image", "is missing: give state_m, or a picture beside the homography")
     assert request.homography is not None
     picture = read_picture(request.image, "image", tools, may_be_mask=request.model is None)
-    perception = perceive(Source.of(picture), tools, model=request.model)
+    perception = perceive(Source.of(picture), tools, model=request.model, effort=request.effort)
     lines = [to_table(i.centerline_xy, np.array(request.homography)) for i in perception.scene.instances]
     if not lines:
         raise InvalidInput("image", "no DLO was found in it", "none_found")

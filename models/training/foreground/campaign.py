@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ from models.training.foreground.initial import unfold
 from models.training.foreground.networks import build
 from models.training.foreground.real_pictures import RealPictures, load_empty, load_labelled
 from models.training.foreground.stream import SceneStream
-from models.training.foreground.train import normalize
+from models.training.foreground.train import normalize, validate
 
 _DATA = (
     "models.synthesis scenes over permissively licensed textures and photographs, and hand-marked photographs of open "
@@ -105,13 +106,14 @@ class Campaign:
     """Network, its averaged copy, optimizer and how far it has come."""
 
     def __init__(self, params: CampaignParams, folder: Path) -> None:
-        self.params, self.folder = params, folder
+        self.params, self.folder, self.device = params, folder, torch.device("cpu")
         torch.manual_seed(params.seed)
         self.network = build(params.network).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = build(params.network).eval()
         self.average.load_state_dict(self.network.state_dict())
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=params.rate, weight_decay=0.02)
         self.step, self.pictures, self.seconds = 0, 0, 0.0
+        self.metrics: dict[str, float] = {}
         if (folder / "last.pt").exists():
             self._resume(torch.load(folder / "last.pt", map_location="cpu", weights_only=True))
 
@@ -134,7 +136,7 @@ class Campaign:
             "optimizer": self.optimizer.state_dict(),
             "progress": {"step": self.step, "pictures": self.pictures, "seconds": self.seconds},
             "params": asdict(self.params),
-            "metrics": {},
+            "metrics": self.metrics,
             "command": "python -m models.training.foreground.campaign",
             "data": _DATA,
         }
@@ -172,8 +174,15 @@ def rate_share(step: int, share: float) -> float:
     return min((step + 1) / 300, 1.0) * float(np.clip((1 - share) / 0.35, 0.01, 1.0))
 
 
-def run(params: CampaignParams, mixture: Mixture, folder: Path, initial: Path | None = None) -> None:
-    """Train until ``minutes`` are over, a checkpoint and a line of ``log.jsonl`` every ``check_every``."""
+def run(
+    params: CampaignParams,
+    mixture: Mixture,
+    folder: Path,
+    measure: Callable[[Campaign], dict[str, float]],
+    initial: Path | None = None,
+) -> None:
+    """Train until ``minutes`` are over, a checkpoint and a line of ``log.jsonl`` every ``check_every``; at the end the
+    checkpoint gets what ``measure`` finds."""
     campaign = Campaign(params, folder)
     while mixture.stream.filled() < min(200, params.slots // 2):
         time.sleep(0.5)
@@ -191,6 +200,7 @@ def run(params: CampaignParams, mixture: Mixture, folder: Path, initial: Path | 
             checked = campaign.seconds
             _check(campaign, mixture, losses)
             losses = []
+    campaign.metrics = measure(campaign)
     _check(campaign, mixture, losses)
 
 
@@ -202,6 +212,7 @@ def _check(campaign: Campaign, mixture: Mixture, losses: list[float]) -> None:
         "minutes": round(campaign.seconds / 60, 1),
         "loss": round(float(np.mean(losses or [0.0])), 4),
         "rendered": mixture.stream.rendered.value,
+        **campaign.metrics,
     }
     print(json.dumps(line), flush=True)
     with (campaign.folder / "log.jsonl").open("a") as file:
@@ -213,6 +224,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="checkpoint folder; goes on from last.pt when it is there")
     parser.add_argument("--textures", type=Path, required=True, help="pack or folder of backgrounds")
     parser.add_argument("--labelled", dest="photographs", type=Path, required=True, help="folder with imgs/ and masks/")
+    parser.add_argument("--validate", type=int, default=64, help="rendered pictures to measure on at the end")
     parser.add_argument("--initial", type=Path, help="exported network of the same kind to begin from")
     parser.add_argument("--empty-pictures", type=Path, required=True, help="folder of photographs without cables")
     for name, default in asdict(CampaignParams()).items():
@@ -231,13 +243,14 @@ def main() -> None:
         ribbon_share=0.06,
         alike_share=0.12,
     )
-    seed = int(time.time())
-    stream = SceneStream(
-        scenes, load_pool(args.textures), seed=seed, slots=params.slots, renderers=1, reuse=params.reuse
-    )
+    seed, pool = int(time.time()), load_pool(args.textures)
+    stream = SceneStream(scenes, pool, seed=seed, slots=params.slots, renderers=1, reuse=params.reuse)
     try:
         photographs, empty = load_labelled(args.photographs), load_empty(args.empty_pictures)
-        run(params, Mixture(stream, photographs, empty, params), args.folder, args.initial)
+        mixture = Mixture(stream, photographs, empty, params)
+        run(
+            params, mixture, args.folder, lambda campaign: validate(campaign, pool, scenes, args.validate), args.initial
+        )
     finally:
         stream.close()
 

@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -24,7 +24,7 @@ from models.synthesis.scenes import SceneParams, render_scene
 from models.synthesis.textures import TexturePool, load_pool
 from models.training.foreground.initial import unfold
 from models.training.foreground.network_compact import foreground_loss
-from models.training.foreground.networks import NETWORKS, build, stored
+from models.training.foreground.networks import NETWORKS, ForegroundNetwork, build, stored
 from models.training.foreground.stream import SceneStream
 
 MEAN = (0.485, 0.456, 0.406)
@@ -178,8 +178,16 @@ class Training:
             file.write(line + "\n")
 
 
+class Validated(Protocol):
+    """A training with averaged weights, and a folder for the pictures of its validation."""
+
+    average: ForegroundNetwork
+    device: torch.device
+    folder: Path
+
+
 @torch.no_grad()
-def validate(training: Training, pool: TexturePool, scenes: SceneParams, count: int = 64) -> dict[str, float]:
+def validate(training: Validated, pool: TexturePool, scenes: SceneParams, count: int = 64) -> dict[str, float]:
     """Mean Dice at 0.5 over pictures with cables, share of false pixels on pictures without; saves a sheet."""
     dice, false, sheet = [], [], []
     training.average.eval()

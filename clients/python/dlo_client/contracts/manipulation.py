@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from dlo_client.contracts.base import Contract, Numbers, Reply, Taken
 from dlo_client.contracts.images import ImageSource
-from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
 
 FARTHEST_M = 1e3
 Meters = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
@@ -235,6 +235,7 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
         default=None, description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters"
     )
     model: ModelName | None = Field(default=None, description="foreground network for the picture")
+    effort: Effort = "normal"
     target_m: Shape = Field(description="the DLO as it should be, the same end first")
     object: DloObject = Field(description="what is known of the DLO")
     parameters: RopeParameters | None = Field(default=None, description="default: estimated from the history")

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Point, Probability, Reply
 from dlo_client.contracts.cameras import AnyIntrinsics, CameraPose, CameraView, Pose
-from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
 
 Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
@@ -162,6 +162,7 @@ class ReconstructRequest(JobRequest[ReconstructResult]):
         default="spline_bundle", description="`spline_bundle` takes any poses, `dlo3ds` a slide along x"
     )
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
+    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own")
     points: int = Field(default=60, ge=4, le=1000, description="of a curve")
     files: list[ReconstructFile] = Field(

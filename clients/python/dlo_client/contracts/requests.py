@@ -28,7 +28,7 @@ from dlo_client.contracts.reconstruction import (
     ReconstructRequest,
     ReconstructResult,
 )
-from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
 from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult, TopologyRequest, TopologyResult
 
 
@@ -60,6 +60,7 @@ class SegmentRequest(JobRequest[SegmentResult]):
     kind: Literal["segment"] = Field(default="segment", description="of the job")
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     model: ModelName | None = Field(default=None, description="name in /v1/models; default the best one")
+    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own")
 
 
@@ -92,6 +93,7 @@ class InstancesRequest(JobRequest[InstancesResult]):
     mask: ImageSource | None = Field(default=None, description="or a `mask` part")
     method: InstanceMethod = Field(default=DEFAULT_METHOD, description="how instances are told apart")
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
+    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
     params: MethodParams | None = Field(default=None, description="those of `method`")
     points_per_instance: int | None = Field(

@@ -9,6 +9,13 @@ from pydantic import Field
 from dlo_client.contracts.base import Contract, Reply, ResultT
 
 Priority = Literal["interactive", "batch"]
+Effort = Annotated[
+    Literal["fast", "normal", "thorough"],
+    Field(
+        description="how hard the foreground is looked for: `fast` takes the 8-bit network; `normal` looks again, "
+        "closer, where strands are thin in a large picture; `thorough` sees the picture at three sizes and mirrored"
+    ),
+]
 ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
 
 

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Point, Probability, Reply, Taken
 from dlo_client.contracts.images import ImageSource, PictureWarnings
-from dlo_client.contracts.submission import JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 LengthUnit = Literal["px", "mm", "cm", "m", "in"]
@@ -182,6 +182,7 @@ class _HarnessSource(Contract):
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     mask: ImageSource | None = Field(default=None, description="or a `mask` part; what is not background is DLO")
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
+    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
     depth: ImageSource | None = Field(
         default=None, description="16-bit gray, millimeters to the camera, 0 unknown, of the picture's size"
