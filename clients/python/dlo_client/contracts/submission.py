@@ -13,7 +13,7 @@ Effort = Annotated[
     Literal["fast", "normal", "thorough"],
     Field(
         description="how hard the foreground is looked for: `fast` takes the 8-bit network; `normal` looks again, "
-        "closer, where strands are thin in a large picture; `thorough` sees the picture at three sizes and mirrored"
+        "closer, where strands are thin in a large picture; `thorough` sees the picture at two sizes and mirrored"
     ),
 ]
 ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
