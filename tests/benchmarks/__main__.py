@@ -23,6 +23,14 @@ def commands(shared: Path) -> dict[str, list[str]]:
     return {
         "http": ["tests.benchmarks.bench_http"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
+        "photographs_workshop": [
+            "tests.benchmarks.bench_photographs",
+            str(shared),
+            "--network",
+            "foreground_workshop",
+            "--name",
+            "photographs_workshop",
+        ],
         "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
         "planner": ["tests.benchmarks.bench_planner"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],

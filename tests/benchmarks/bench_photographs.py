@@ -154,6 +154,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--network", help="default: the manifest's")
+    parser.add_argument("--name", default="photographs", help="of the JSON file")
     parser.add_argument("--sheets", type=Path, help="folder for the worst pictures")
     parser.add_argument("--every", type=int, default=1, help="only every n-th picture at other scales")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
@@ -184,7 +185,7 @@ def main() -> None:
     report["middle"] = measure_middle(args.shared, mask)
     report["large"] = measure_large(mask)
     args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "photographs.json").write_text(json.dumps(report, indent=1))
+    (args.out / f"{args.name}.json").write_text(json.dumps(report, indent=1))
     print(json.dumps(report, indent=1))
 
 

@@ -118,6 +118,7 @@ SECTIONS: dict[str, Any] = {
     "http": _http,
     "foreground": _foreground,
     "photographs": photographs,
+    "photographs_workshop": photographs,
     "instances_ewd": _instances(
         "RT-DLO on the published masks of `ewd`",
         "`masks_r101` at threshold 77. Floor: IoU ≥ 78, median ≤ 13 ms, p95 ≤ 22 ms; published 79.9, "

@@ -31,6 +31,7 @@ def dynamic_sides() -> dict[int, Any]:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m models.training.foreground.export", description=__doc__)
     parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--name", help="of the file and in requests; default foreground_<network>")
     parser.add_argument("--version", default="1")
     parser.add_argument("--long-side", type=int, default=640)
     parser.add_argument("--threshold", type=float, default=0.5)
@@ -51,7 +52,8 @@ def export_checkpoint(state: Mapping[str, Any], args: argparse.Namespace) -> flo
     """Returns the largest difference to torch. Raises ValueError for a network that finds next to nothing."""
     name, slim = stored(state["params"])
     metrics = {f"rendered_{name}": value for name, value in state["metrics"].items()}
-    refuse_useless(f"foreground_{name}", metrics, {"rendered_dice": _LEAST_DICE})
+    exported = args.name or f"foreground_{name}"
+    refuse_useless(exported, metrics, {"rendered_dice": _LEAST_DICE})
     network = build(name, slim)
     network.load_state_dict(state["average"])
     card = Card(
@@ -77,7 +79,7 @@ def export_checkpoint(state: Mapping[str, Any], args: argparse.Namespace) -> flo
         metrics=metrics,
     )  # fmt: skip
     examples = [torch.randn(1, 3, *size) for size in SIZES]
-    return export(network, f"foreground_{name}", card, examples, dynamic_sides(), tolerance=1e-3)
+    return export(network, exported, card, examples, dynamic_sides(), tolerance=1e-3)
 
 
 if __name__ == "__main__":
