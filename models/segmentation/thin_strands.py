@@ -2,8 +2,8 @@
 
 Strategy: a large picture is reduced before the network sees it, and a wire may be left with two or three pixels. Where
 the first pass hints at something that thin, the picture is cut into tiles at two or four times that scale, the ones
-with most hints first, until the budget is spent. In a tile the closer look decides wherever neither look sees
-anything thick; thick strands keep the first pass, which sees more of what is around them.
+with most hints first, until the budget is spent. In a tile the closer look decides around the hints; elsewhere, and
+on thick strands, the first pass does, which sees more of what is around.
 """
 
 from __future__ import annotations
@@ -90,8 +90,10 @@ def _closer(
     far = _part(probability, rows, columns, image.shape[:2], close.shape)
     zoom = scale * image.shape[1] / probability.shape[1]
     seen = np.maximum(close, far) >= 0.5
-    thick = seen & ~_thin(seen, round(THIN_PX * zoom))
-    merged = enlarged(np.where(thick, far, close), (rows.stop - rows.start, columns.stop - columns.start))
+    thin_px = round(THIN_PX * zoom)
+    thick = seen & ~_thin(seen, thin_px)
+    hinted = cv2.dilate((far >= _HINT).astype(np.uint8), np.ones((thin_px, thin_px), np.uint8)) > 0
+    merged = enlarged(np.where(hinted & ~thick, close, far), (rows.stop - rows.start, columns.stop - columns.start))
     top, left = tile.rows.start - rows.start, tile.columns.start - columns.start
     height, width = tile.rows.stop - tile.rows.start, tile.columns.stop - tile.columns.start
     return merged[top : top + height, left : left + width]
