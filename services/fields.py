@@ -32,11 +32,14 @@ def body_problems(errors: Iterable[Error], given: object, *, whole: str) -> list
     """Problems of a JSON body.
 
     ``given`` is the parsed body: it tells the user's names from those of union members, which pydantic mixes
-    into an error's place. Of a union's members only the nearest is reported: the one with the fewest errors.
+    into an error's place. Of a union's members only the nearest is reported: the one with the fewest errors, where
+    what is missing counts twice: what is there names the member that was meant.
     ``whole`` names the body itself, for errors of no single field.
     """
     placed = [(error, _place(error, given)) for error in errors]
-    counts = Counter((place.union, place.member) for _, place in placed)
+    counts: Counter[tuple[tuple[Step, ...] | None, Step | None]] = Counter()
+    for error, place in placed:
+        counts[place.union, place.member] += 2 if error["type"] == "missing" else 1
     fewest: dict[tuple[Step, ...] | None, int] = {}
     for (union, _), count in counts.items():
         fewest[union] = min(count, fewest.get(union, count))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,6 +17,8 @@ from workers import stages
 from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.pictures import read_mask, read_picture
+
+SAMPLES = Path(__file__).parents[1] / "samples"
 
 
 @pytest.fixture(scope="module")
@@ -183,11 +186,11 @@ def test_the_whole_chain_from_a_picture(tools, method, networks):
 
 
 @pytest.mark.parametrize(("effort", "suffix"), [("fast", "_int8"), ("normal", ""), ("thorough", "")])
-def test_every_effort_finds_the_crossing(tools, effort, suffix):
-    image = put(tools, Image.fromarray(crossing_picture()))
+def test_every_effort_finds_cables(tools, effort, suffix):
+    image = put(tools, Image.open(SAMPLES / "plain.jpg"))
     result = stages.instances.run(InstancesRequest(image=image, effort=effort, files=[]), tools).result
     assert result.models[0].name == inference.default_name("foreground") + suffix
-    assert len(result.instances) == 2
+    assert len(result.instances) >= 3
 
 
 def test_equal_requests_give_equal_bytes(tools):

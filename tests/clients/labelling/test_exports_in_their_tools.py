@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -55,31 +57,23 @@ def areas() -> list[int]:
     return [int(drawn.mask(item).sum()) for item in drawn.label().instances]
 
 
-def test_ultralytics_loads_the_yolo_export(out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ultralytics_loads_the_yolo_export(out: Path, tmp_path: Path) -> None:
     """`path: .` was looked for in the working folder, there were no pictures, and training was validated on itself."""
     folder = yolo(out)
-    monkeypatch.setenv("YOLO_CONFIG_DIR", str(tmp_path))
-    monkeypatch.setenv("YOLO_OFFLINE", "true")
-    version = importlib.metadata.version
-    # Ultralytics asks for the version of torchvision, which it needs for networks, not for data.
-    monkeypatch.setattr(importlib.metadata, "version", lambda n: "0.28.0" if n == "torchvision" else version(n))
-    from ultralytics.data import utils
-    from ultralytics.data.dataset import YOLODataset
-    from ultralytics.data.utils import check_det_dataset
-
-    # It would fetch a font to draw with.
-    monkeypatch.setattr(utils, "check_font", lambda *_: None)
-    data = check_det_dataset(str(folder / "dataset.yaml"), autodownload=False)
-    assert data["names"] == {0: "dlo"}
-    seen: dict[str, list[str]] = {}
-    for side in ("train", "val"):
-        dataset = YOLODataset(img_path=data[side], data=data, task="segment", imgsz=96, augment=False, rect=False)
-        assert {len(label["segments"]) for label in dataset.labels} == {3}
-        assert {label["shape"] for label in dataset.labels} == {(drawn.HEIGHT, drawn.WIDTH)}
-        seen[side] = [Path(label["im_file"]).name for label in dataset.labels]
-    assert len(seen["train"]) + len(seen["val"]) == len(NAMES)
-    assert seen["val"]
-    assert not set(seen["train"]) & set(seen["val"])
+    script = Path(__file__).with_name("load_with_ultralytics.py")
+    environment = {**os.environ, "YOLO_CONFIG_DIR": str(tmp_path), "YOLO_OFFLINE": "true"}
+    command = [sys.executable, str(script), str(folder / "dataset.yaml")]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert run.returncode == 0, run.stderr[-2000:]
+    found = json.loads(run.stdout.splitlines()[-1])
+    assert found["names"] == [[0, "dlo"]]
+    pictures = [*found["train"], *found["val"]]
+    assert {picture["segments"] for picture in pictures} == {3}
+    assert {tuple(picture["shape"]) for picture in pictures} == {(drawn.HEIGHT, drawn.WIDTH)}
+    train, val = ({picture["file"] for picture in found[side]} for side in ("train", "val"))
+    assert len(pictures) == len(train | val) == len(NAMES)
+    assert val
+    assert not train & val
 
 
 def test_supervision_loads_the_yolo_export(out: Path) -> None:

@@ -54,7 +54,7 @@ def test_yolo_polygons_fill_to_the_same_masks(tmp_path: Path) -> None:
 
     folder = yolo.write(_labels, tmp_path)
     files = {file.name: file for file in (folder / "labels").rglob("*.txt")}
-    text = files["näh bild.txt"].read_text()
+    text = files["shelf 2__näh bild.txt"].read_text()
     found = yolo.masks_of(text, drawn.HEIGHT, drawn.WIDTH)
     for got, item in zip(found, drawn.label().instances, strict=True):
         assert np.array_equal(got, drawn.mask(item))
