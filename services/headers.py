@@ -5,7 +5,7 @@ from __future__ import annotations
 from starlette.datastructures import MutableHeaders
 
 _OWN = "default-src 'none'; connect-src 'self' blob:; img-src 'self' blob: data:; font-src 'self'; form-action 'self'"
-_ALWAYS = "base-uri 'none'; frame-ancestors 'none'"
+_ALWAYS = "base-uri 'self'; frame-ancestors 'none'"
 _VIEWER = f"{_OWN}; script-src 'self'; style-src 'self'; {_ALWAYS}"
 _DOCUMENTATION = (
     f"{_OWN}; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; worker-src blob:; {_ALWAYS}"
