@@ -1,0 +1,113 @@
+"""Rendered clips: cables that move over one ground, and an arm that now and then covers a part of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from models.synthesis.cables import Cable, paint_cables
+from models.synthesis.canvas import Canvas
+from models.synthesis.curves import FloatArray, axes, interpolate
+from models.synthesis.looks import random_color, random_light, random_look
+from models.synthesis.textures import TexturePool
+
+Rng = np.random.Generator
+_CONTROLS = 9
+
+
+@dataclass(frozen=True)
+class ClipParams:
+    """``frames`` of ``size`` (height, width) px with ``cables`` of ``width_px``; ``speed`` in widths a frame, at most;
+    ``same_look`` paints all alike. From frame ``covered`` (start, stop) on an arm lies over about ``share`` of the
+    picture's width."""
+
+    size: tuple[int, int] = (360, 640)
+    frames: int = 300
+    cables: int = 4
+    width_px: float = 9.0
+    speed: float = 0.5
+    same_look: bool = True
+    covered: tuple[int, int] = (0, 0)
+    share: float = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """``rgb`` (3, H, W) float; ``ids`` (H, W) int16, k the k-th cable where it is on top; ``centerlines`` (m, 2)
+    px from the same end in every frame; ``visible`` share of each that is on top and in the picture."""
+
+    rgb: Tensor
+    ids: Tensor
+    centerlines: tuple[FloatArray, ...]
+    visible: tuple[float, ...]
+
+
+def render_clip(rng: Rng, params: ClipParams, pool: TexturePool) -> Iterator[Frame]:
+    """Frame after frame; everything random comes from ``rng``, drawn before the first one."""
+    ground = pool.sample(rng, params.size, torch.device("cpu"))
+    courses = [_Course(rng, params) for _ in range(params.cables)]
+    look = random_look(rng, random_color(rng), params.width_px)
+    looks = [look if params.same_look else random_look(rng, random_color(rng), params.width_px) for _ in courses]
+    light, noise = random_light(rng), rng.uniform(0.005, 0.02)
+    arm = rng.uniform((0.3, 0.3), (0.7, 0.7)) * params.size[::-1], rng.uniform(-np.pi, np.pi)
+    for t in range(params.frames):
+        canvas = Canvas(ground.clone())
+        curves = [course.at(t) for course in courses]
+        painted = [
+            Cable(c, np.full(len(c), params.width_px / 2, np.float32), k) for c, k in zip(curves, looks, strict=True)
+        ]
+        plan = paint_cables(canvas, painted, light, np.random.default_rng(0))
+        if params.covered[0] <= t < params.covered[1]:
+            _cover(canvas, arm[0] + 20 * np.array([np.sin(0.1 * t), np.cos(0.13 * t)]), arm[1], params.share)
+        owner = torch.tensor([0, *(p.cable + 1 for p in plan.pieces)], dtype=torch.int16)
+        ids = owner[canvas.ids.long()]
+        rgb = canvas.rgb + noise * torch.as_tensor(rng.standard_normal(canvas.rgb.shape, dtype=np.float32))
+        lines = tuple(c[:, :2] for c in curves)
+        yield Frame(rgb.clamp(0, 1), ids, lines, tuple(_seen(ids, c, k) for k, c in enumerate(lines, start=1)))
+
+
+class _Course:
+    """A cable that drifts, turns and bends slowly about a first shape, as one that hands or an arm move."""
+
+    def __init__(self, rng: Rng, params: ClipParams) -> None:
+        height, width = params.size
+        along = axes(rng.uniform(-np.pi, np.pi))
+        length, middle = rng.uniform(0.5, 0.8) * width, rng.uniform((0.35, 0.35), (0.65, 0.65)) * (width, height)
+        u = np.linspace(-0.5, 0.5, _CONTROLS)
+        wave = sum(
+            rng.normal(0, 0.07 / k) * length * np.sin(2 * np.pi * k * u + rng.uniform(0, 6)) for k in (0.5, 1.0, 1.5)
+        )
+        xy = middle + (u * length)[:, None] * along[0] + np.asarray(wave)[:, None] * along[1]
+        height_above = np.cumsum(rng.normal(0, 0.2, _CONTROLS)) + rng.uniform(0, 1)
+        self.base = np.column_stack([xy, height_above])
+        # Modes along the cable: all of it, its two ends against each other, its middle against its ends.
+        self.modes = np.stack([np.ones_like(u), 2 * u, np.cos(2 * np.pi * u)])
+        self.turn = rng.uniform(0.015, 0.05, (3, 2))
+        self.phase = rng.uniform(0, 2 * np.pi, (3, 2))
+        # Speed of a swing is its reach times its rate; three of them together reach the speed asked for.
+        self.reach = params.speed * params.width_px / self.turn * rng.uniform(0.2, 0.5, (3, 2))
+
+    def at(self, t: int) -> FloatArray:
+        """(m, 3) dense centerline at frame ``t``."""
+        control = self.base.copy()
+        control[:, :2] += self.modes.T @ (self.reach * np.sin(self.turn * t + self.phase))
+        return interpolate(control.astype(np.float32), 0.7)
+
+
+def _cover(canvas: Canvas, at: FloatArray, angle: float, share: float) -> None:
+    half = np.array([0.5 * share * canvas.width, 0.09 * canvas.width])
+    for place in (at, at + axes(angle)[1] * 0.5 * half[1]):
+        canvas.box(place, half, angle, (0.35, 0.36, 0.4), corner=0.1 * half[1], bevel=0.3, covers=True)
+
+
+def _seen(ids: Tensor, line: FloatArray, number: int) -> float:
+    column, row = np.rint(line).astype(int).T
+    inside = (row >= 0) & (column >= 0) & (row < ids.shape[0]) & (column < ids.shape[1])
+    if not inside.any():
+        return 0.0
+    own = ids[torch.as_tensor(row[inside]), torch.as_tensor(column[inside])] == number
+    return float(own.sum()) / len(line)

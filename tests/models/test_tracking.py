@@ -1,0 +1,184 @@
+"""Cables keep their ids: they move, swap places, are covered, leave, come back and cross."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from models.geometry.polylines import arc_lengths, resample
+from models.geometry.splines import Spline
+from models.instances.scene import Crossing, Endpoint, EndpointKind, Instance, Scene, StrandPosition
+from models.tracking.state import NODES, Track
+from models.tracking.track import TrackParams, follow
+
+WIDTH = 8.0
+FREE: tuple[EndpointKind, EndpointKind] = ("free", "free")
+SPLINE = Spline(degree=3, knots=np.zeros(0), control_xy=np.zeros((0, 2)))
+
+
+def instance(xy: np.ndarray, ends: tuple[EndpointKind, EndpointKind] = FREE, width: float = WIDTH) -> Instance:
+    length = float(arc_lengths(xy)[-1])
+    points = resample(xy, max(int(length / 3), 2))
+    places = [Endpoint((float(x), float(y)), kind) for (x, y), kind in zip(points[[0, -1]], ends, strict=True)]
+    return Instance(points, width, length, False, SPLINE, tuple(places), score=0.95)
+
+
+def scene(*instances: Instance, crossings: Sequence[Crossing] = ()) -> Scene:
+    return Scene(tuple(instances), tuple(crossings), np.zeros((400, 640), np.uint8))
+
+
+def wave(y: float, t: float = 0.0, dx: float = 0.0) -> np.ndarray:
+    """A long cable about row ``y``, bending with time."""
+    x = np.linspace(60, 560, 200)
+    return np.column_stack([x + dx, y + 25 * np.sin(x / 90 + t)])
+
+
+def run(frames: Sequence[Scene], params: TrackParams | None = None) -> list[Track]:
+    track, tracks = Track(), []
+    for frame in frames:
+        track = follow(track, frame, params=params)
+        tracks.append(track)
+    return tracks
+
+
+def ids_by_number(track: Track) -> dict[int, int]:
+    return {cable.number: cable.id for cable in track.cables if cable.number}
+
+
+def test_ids_stay_although_the_order_of_the_instances_changes() -> None:
+    rng = np.random.default_rng(0)
+    track = Track()
+    names: list[int] = []
+    for t in range(60):
+        rows = [100 + 40 * k + 12 * np.sin(0.2 * t + k) for k in range(4)]
+        order = rng.permutation(4)
+        track = follow(track, scene(*(instance(wave(rows[k], 0.05 * t)[:: rng.choice([-1, 1])]) for k in order)))
+        ids = ids_by_number(track)
+        now = [ids[int(np.flatnonzero(order == k)[0]) + 1] for k in range(4)]
+        names = names or now
+        assert now == names
+    assert all(cable.state == "seen" and cable.certainty > 0.9 for cable in track.cables)
+
+
+def test_a_node_stays_the_same_place_on_the_cable() -> None:
+    """Whichever way round the instance is given, node k keeps its arc length from the same end."""
+    frames = [scene(instance(wave(200, 0.04 * t, 2.0 * t)[:: (-1) ** t])) for t in range(40)]
+    for t, track in enumerate(run(frames)):
+        true = resample(wave(200, 0.04 * t, 2.0 * t), NODES)
+        assert np.abs(track.cables[0].xy - true).max() < WIDTH / 2
+
+
+def test_a_covered_middle_leaves_one_cable_in_two_pieces() -> None:
+    (whole,) = (wave(200),)
+    pieces = [instance(whole[:80], ("free", "hidden")), instance(whole[130:], ("hidden", "free"))]
+    tracks = run([scene(instance(whole)), scene(*pieces), scene(*pieces), scene(instance(whole))])
+    covered = tracks[2].cables
+    assert [c.id for c in covered] == [1]
+    assert covered[0].state == "partly_covered"
+    ((first, last),) = covered[0].covered
+    assert first == pytest.approx(0.42, abs=0.05)
+    assert last == pytest.approx(0.63, abs=0.05)
+    assert np.abs(covered[0].xy - resample(whole, NODES)).max() < WIDTH
+    assert tracks[3].cables[0].state == "seen"
+    assert len(tracks[3].cables) == 1
+
+
+def test_a_covered_end_keeps_the_correspondence_of_the_rest() -> None:
+    whole = wave(200)
+    part = instance(whole[60:], ("hidden", "free"))
+    track = run([scene(instance(whole)), scene(part)])[-1]
+    assert track.cables[0].covered[0][0] == 0.0
+    assert np.abs(track.cables[0].xy - resample(whole, NODES)).max() < WIDTH
+
+
+def test_a_cable_that_was_away_gets_its_id_back() -> None:
+    three = [instance(wave(y)) for y in (100, 200, 300)]
+    hidden = [three[0], three[2]]
+    tracks = run([scene(*three)] * 3 + [scene(*hidden)] * 30 + [scene(*three)] * 2)
+    assert [c.state for c in tracks[20].cables] == ["seen", "lost", "seen"]
+    assert [c.id for c in tracks[-1].cables] == [1, 2, 3]
+    assert [c.state for c in tracks[-1].cables] == ["seen"] * 3
+    assert tracks[-1].cables[1].certainty < tracks[-1].cables[0].certainty
+
+
+def test_a_cable_away_for_too_long_is_forgotten() -> None:
+    tracks = run([scene(instance(wave(100)))] + [scene()] * 6, TrackParams(keep_frames=5))
+    assert len(tracks[5].cables) == 1
+    assert len(tracks[6].cables) == 0
+
+
+def test_a_new_cable_gets_an_id_that_nobody_had() -> None:
+    tracks = run([scene(instance(wave(100))), scene(), scene(instance(wave(100)), instance(wave(300)))])
+    assert [(c.id, c.state) for c in tracks[-1].cables] == [(1, "seen"), (2, "new")]
+    assert run([scene(instance(wave(300), width=20.0))])[0].cables[0].id == 1
+
+
+def test_two_cables_that_change_places_keep_their_ids() -> None:
+    """They cross each other on the way: whole curves and velocities tell them apart."""
+    tracks = run([scene(instance(wave(150 + 3 * t)), instance(wave(250 - 3 * t, 1.0))) for t in range(34)])
+    last = {c.id: c.xy[:, 1].mean() for c in tracks[-1].cables}
+    assert last[1] > last[2]
+    assert len(tracks[-1].cables) == 2
+
+
+def test_what_could_be_either_of_two_is_not_certain() -> None:
+    """One of two equal cables is gone and the other is right between their places."""
+    near = [instance(wave(190)), instance(wave(210))]
+    track = run([scene(*near), scene(instance(wave(200)))])[-1]
+    assert min(c.certainty for c in track.cables if c.state != "lost") < 0.7
+
+
+def test_a_cable_that_comes_in_over_the_border_grows() -> None:
+    whole = wave(200)
+    frames = [scene(instance(whole[200 - n :], ("border", "free"))) for n in (100, 120, 140, 160, 180, 200)]
+    track = run(frames)[-1]
+    assert [c.id for c in track.cables] == [1]
+    assert track.cables[0].length_px == pytest.approx(float(arc_lengths(whole)[-1]), rel=0.05)
+    assert np.abs(track.cables[0].xy - resample(whole, NODES)).max() < WIDTH
+
+
+def crossed(over: int, score: float) -> Scene:
+    cables = instance(wave(200)), instance(np.column_stack([np.full(150, 300.0), np.linspace(80, 330, 150)]))
+    u = 0.49, 0.48
+    ids = (1, 2) if over == 1 else (2, 1)
+    places = [StrandPosition(k, u[k - 1]) for k in ids]
+    return scene(*cables, crossings=[Crossing((300.0, 200.0), places[0], places[1], score)])
+
+
+def test_one_doubtful_frame_does_not_turn_a_crossing_over() -> None:
+    tracks = run([crossed(1, 0.97)] * 3 + [crossed(2, 0.7)] + [crossed(1, 0.97)])
+    assert [(t.crossings[0].over, t.crossings[0].under) for t in tracks] == [(1, 2)] * 5
+    assert tracks[3].crossings[0].score < tracks[2].crossings[0].score
+
+
+def test_clear_frames_turn_a_crossing_over_at_last() -> None:
+    tracks = run([crossed(1, 0.9)] * 2 + [crossed(2, 0.97)] * 8)
+    assert tracks[-1].crossings[0].over == 2
+
+
+def test_a_crossing_under_an_arm_is_remembered() -> None:
+    full = crossed(1, 0.97)
+    upper, lower = full.instances
+    pieces = [
+        instance(lower.centerline_xy[:30], ("free", "hidden")),
+        instance(lower.centerline_xy[50:], ("hidden", "free")),
+    ]
+    track = run([full] * 3 + [scene(upper, *pieces)] * 5)[-1]
+    assert [(c.over, c.under) for c in track.crossings] == [(1, 2)]
+    assert 0.5 < track.crossings[0].score < 0.999
+
+
+def test_an_empty_frame_and_an_empty_track_are_fine() -> None:
+    assert follow(Track(), scene()).cables == ()
+    assert follow(Track(), scene()).frame == 1
+
+
+def test_colors_tell_equal_cables_apart() -> None:
+    """Both jump to each other's place; only their colors say so."""
+    image = np.zeros((400, 640, 3), np.uint8)
+    image[:200], image[200:] = (200, 30, 30), (30, 30, 200)
+    both = scene(instance(wave(172)), instance(wave(228)))
+    swapped = follow(follow(Track(), both, image), both, np.ascontiguousarray(image[::-1]))
+    assert ids_by_number(swapped) == {1: 2, 2: 1}
