@@ -76,7 +76,7 @@ def assign(
     for j, i in _by_cost(total):
         if all(j not in used for used in taken.values()) and _fits(found, taken.get(i, []), j, i, cables[i]):
             taken.setdefault(i, []).append(j)
-    return {i: _match(i, used, parts, found, total, reaches) for i, used in taken.items()}
+    return {i: _match(i, used, parts, found, costs, reaches) for i, used in taken.items()}
 
 
 def _owners(
@@ -142,12 +142,12 @@ def _match(
     used: list[int],
     parts: Sequence[Observation],
     found: list[list[Alignment]],
-    total: FloatArray,
+    costs: FloatArray,
     reaches: FloatArray,
 ) -> Match:
     """Where a cable may be anywhere within a wide reach, it is less likely to be just here."""
     used = sorted(used, key=lambda j: -parts[j].length_px)
     lengths = np.array([parts[j].length_px for j in used])
-    likely = np.exp(-(total[used] - total[used, i][:, None]) / _SHARPNESS) * (reaches[i] / reaches) ** 2
+    likely = np.exp(-(costs[used] - costs[used, i][:, None]) / _SHARPNESS) * (reaches[i] / reaches) ** 2
     probability = float(np.average(1.0 / likely.sum(1), weights=lengths))
     return Match(tuple(Piece(parts[j], found[j][i]) for j in used), probability)

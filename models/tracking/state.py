@@ -18,8 +18,8 @@ CableState = Literal["seen", "partly_covered", "lost", "new"]
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """One cable as a single picture shows it, or the part of one between two crossings. ``xy`` (n, 2) px; ``color`` (3,)
-    CIE Lab along its middle, or None; ``number`` is its id in the picture's scene, ``span`` the share of that
+    """One cable as a single picture shows it, or the part of one between two crossings. ``xy`` (n, 2) px; ``color``
+    (3,) CIE Lab along its middle, or None; ``number`` is its id in the picture's scene, ``span`` the share of that
     instance's length."""
 
     number: int

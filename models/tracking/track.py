@@ -62,7 +62,7 @@ def follow(track: Track, scene: Scene, image: ByteArray | None = None, params: T
 
 def observe(scene: Scene, image: ByteArray | None) -> list[Observation]:
     """The instances of a scene, with their colors where there is a picture."""
-    lab = cv2.cvtColor(image, cv2.COLOR_RGB2LAB) if image is not None else None
+    lab = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2LAB), np.uint8) if image is not None else None
     return [
         Observation(
             number=number,
