@@ -92,17 +92,8 @@ class Course:
         self.optimizer.step()
         self.steps += 1
         if self.config.keep:
-            self._take_mean()
+            take_mean(self.average, self.network, min(self.config.keep, self.steps / (10 + self.steps)))
         return float(loss.detach())
-
-    @torch.no_grad()
-    def _take_mean(self) -> None:
-        keep = min(self.config.keep, self.steps / (10 + self.steps))
-        for mean, new in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
-            if mean.dtype.is_floating_point:
-                mean.lerp_(new, 1 - keep)
-            else:
-                mean.copy_(new)
 
     def result(self) -> nn.Module:
         """The network to use, in evaluation mode: the running mean where there is one."""
@@ -129,6 +120,16 @@ class Course:
         for name in ("network", "average", "optimizer"):
             getattr(self, name).load_state_dict(state[name])
         self.epochs, self.steps, self.seconds = (state["progress"][k] for k in ("epochs", "steps", "seconds"))
+
+
+@torch.no_grad()
+def take_mean(average: nn.Module, network: nn.Module, keep: float) -> None:
+    """Move the weights of ``average`` to those of ``network``, but for the share ``keep``; counters are copied."""
+    for mean, new in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
+        if mean.dtype.is_floating_point:
+            mean.lerp_(new, 1 - keep)
+        else:
+            mean.copy_(new)
 
 
 def kept(file: Path, make: Callable[[], T]) -> T:

@@ -28,6 +28,7 @@ from models.training.foreground.networks import build
 from models.training.foreground.real_pictures import RealPictures, load_empty, load_labelled
 from models.training.foreground.stream import SceneStream
 from models.training.foreground.train import normalize, validate
+from models.training.state import take_mean
 
 _DATA = (
     "models.synthesis scenes over permissively licensed textures and photographs, and hand-marked photographs of open "
@@ -159,14 +160,9 @@ class Campaign:
         self._average()
         return float(loss.detach())
 
-    @torch.no_grad()
     def _average(self) -> None:
         decay = min(self.params.decay, (1 + self.step) / (10 + self.step))
-        for kept, new in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
-            if kept.dtype.is_floating_point:
-                kept.lerp_(new, 1 - decay)
-            else:
-                kept.copy_(new)
+        take_mean(self.average, self.network, decay)
 
 
 def rate_share(step: int, share: float) -> float:

@@ -26,6 +26,7 @@ from models.training.foreground.initial import unfold
 from models.training.foreground.network_compact import foreground_loss
 from models.training.foreground.networks import NETWORKS, ForegroundNetwork, build, stored
 from models.training.foreground.stream import SceneStream
+from models.training.state import take_mean
 
 MEAN = (0.485, 0.456, 0.406)
 STD = (0.229, 0.224, 0.225)
@@ -162,14 +163,9 @@ class Training:
         self.progress.pictures += len(images)
         return float(loss.detach())
 
-    @torch.no_grad()
     def _average(self) -> None:
         decay = min(self.params.decay, (1 + self.progress.step) / (10 + self.progress.step))
-        for kept, new in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
-            if kept.dtype.is_floating_point:
-                kept.lerp_(new, 1 - decay)
-            else:
-                kept.copy_(new)
+        take_mean(self.average, self.network, decay)
 
     def log(self, **fields: Any) -> None:
         line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in fields.items()})
