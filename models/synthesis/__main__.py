@@ -1,4 +1,5 @@
-"""``python -m models.synthesis pack | render | samples``: background pool, labelled pictures, bundled ones."""
+"""``python -m models.synthesis pack | render | samples | kinds``: background pool, labelled pictures, bundled ones,
+plates of every kind."""
 
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ import torch
 
 from models.synthesis.canvas import Canvas
 from models.synthesis.clutter import Style
+from models.synthesis.kinds import LOOKALIKES, SCENES, lookalike_plate, scene_plate
 from models.synthesis.paint import mural
 from models.synthesis.scenes import Labelled, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool, pack
@@ -46,6 +48,18 @@ def samples(args: argparse.Namespace) -> None:
         scene = render_scene(np.random.default_rng([_SAMPLES_SEED, number]), params, pool)
         file = args.out / f"{style}.jpg"
         cv2.imwrite(str(file), to_uint8(scene.rgb)[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 92])
+
+
+def kinds(args: argparse.Namespace) -> None:
+    """A plate of every kind of scene and of clutter."""
+    import cv2
+
+    pool = load_pool(args.textures)
+    plates = {name: scene_plate(name, pool) for name in SCENES}
+    plates |= {name: lookalike_plate(name, pool) for name in LOOKALIKES}
+    args.out.mkdir(parents=True, exist_ok=True)
+    for name, picture in plates.items():
+        cv2.imwrite(str(args.out / f"{name}.jpg"), picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
 
 
 def render(args: argparse.Namespace) -> None:
@@ -118,6 +132,10 @@ def main() -> None:
     bundled.add_argument("out", type=Path)
     bundled.add_argument("--textures", type=Path, required=True, help="folder that holds ambientcg128 alone")
     bundled.set_defaults(run=samples)
+    plates = commands.add_parser("kinds", help="write a plate of every kind of scene and of clutter")
+    plates.add_argument("out", type=Path)
+    plates.add_argument("--textures", type=Path, help="a pack or a folder; without it backgrounds are noise")
+    plates.set_defaults(run=kinds)
     args = parser.parse_args()
     args.run(args)
 

@@ -52,7 +52,8 @@ def arrow(canvas: Canvas, rng: Rng) -> None:
 
 
 def ruled_mat(canvas: Canvas, rng: Rng) -> None:
-    """A cutting mat or ruled paper: thin lines in both directions, every fifth one thicker."""
+    """A cutting mat or ruled paper: thin lines in both directions, every fifth one thicker, some rays at 30, 45 or 60
+    degrees."""
     w = canvas.width
     pitch, angle = rng.uniform(0.012, 0.08) * w, rng.normal(0, 0.6)
     center = rng.uniform((0, 0), (w, canvas.height))
@@ -67,6 +68,9 @@ def ruled_mat(canvas: Canvas, rng: Rng) -> None:
             across = axes(turn)[1]
             for k in range(-count // 2, count // 2 + 1, step):
                 canvas.box(center + across * k * pitch, (2 * w, half), turn, line, opacity=opacity)
+    for degrees in rng.choice([30, 45, 60, 120, 135, 150], rng.integers(0, 4), replace=False):
+        corner = center + pitch * 5 * rng.integers(-2, 3, 2)
+        canvas.box(corner, (2 * w, 1.2 * thin), angle + np.deg2rad(degrees), line, opacity=opacity)
 
 
 def grille(canvas: Canvas, rng: Rng) -> None:

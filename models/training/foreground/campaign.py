@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -42,7 +42,8 @@ _CALIBRATION_BATCHES = 12
 class CampaignParams:
     """``minutes`` of training by the clock; ``batch`` cuts a step of which ``labelled`` are of marked photographs
     and ``empty`` of photographs without cables, on average; ``rate`` at its highest; ``decay`` of the averaged weights;
-    every render is drawn ``reuse`` times, each time cut anew."""
+    every render is drawn ``reuse`` times, each time cut anew. ``plain`` is the share of the renders that lie on a table
+    as in a laboratory, none of them in the air."""
 
     network: str = "dense"
     height: int = 256
@@ -51,6 +52,7 @@ class CampaignParams:
     batch: int = 8
     labelled: float = 1.7
     empty: float = 0.6
+    plain: float = 0.0
     rate: float = 1.5e-3
     decay: float = 0.999
     seed: int = 1
@@ -59,11 +61,28 @@ class CampaignParams:
     check_every: float = 10.0
 
 
-class Mixture:
-    """Batches of renders, labelled photographs and photographs without cables."""
+class Streams(NamedTuple):
+    """Renders: of ``workshop`` scenes, and ``plain`` ones of a table (the same stream when none are wanted)."""
 
-    def __init__(self, stream: SceneStream, real: RealPictures, empty: RealPictures, params: CampaignParams) -> None:
-        self.stream, self.real, self.empty, self.params = stream, real, empty, params
+    workshop: SceneStream
+    plain: SceneStream
+
+    def filled(self) -> int:
+        return min(stream.filled() for stream in self)
+
+    def rendered(self) -> int:
+        return sum(stream.rendered.value for stream in set(self))
+
+    def close(self) -> None:
+        for stream in set(self):
+            stream.close()
+
+
+class Mixture:
+    """Batches of renders of two kinds, labelled photographs and photographs without cables."""
+
+    def __init__(self, streams: Streams, real: RealPictures, empty: RealPictures, params: CampaignParams) -> None:
+        self.streams, self.real, self.empty, self.params = streams, real, empty, params
         self.rng = np.random.default_rng([params.seed, time.time_ns() % 2**32])
         size = params.height, params.width
         self.near = Cut(size, (0.3, 1.3), 0.25)
@@ -81,7 +100,8 @@ class Mixture:
             return self.real.sample(self.rng, self.near)
         if kind < self.params.labelled + self.params.empty:
             return self.empty.sample(self.rng, self.near)
-        images, masks = self.stream.draw(self.rng, 1)
+        stream = self.streams.plain if self.rng.random() < self.params.plain else self.streams.workshop
+        images, masks = stream.draw(self.rng, 1)
         image = np.ascontiguousarray(images[0].numpy().transpose(1, 2, 0))
         labels = masks[0].numpy() * 255
         if self.rng.random() < 0.3:  # as rendered, sharp to the pixel
@@ -180,7 +200,7 @@ def run(
     """Train until ``minutes`` are over, a checkpoint and a line of ``log.jsonl`` every ``check_every``; at the end the
     checkpoint gets what ``measure`` finds."""
     campaign = Campaign(params, folder)
-    while mixture.stream.filled() < min(200, params.slots // 2):
+    while mixture.streams.filled() < min(200, params.slots // 2):
         time.sleep(0.5)
     if initial is not None:
         campaign.take(initial, mixture)
@@ -207,7 +227,7 @@ def _check(campaign: Campaign, mixture: Mixture, losses: list[float]) -> None:
         "pictures": campaign.pictures,
         "minutes": round(campaign.seconds / 60, 1),
         "loss": round(float(np.mean(losses or [0.0])), 4),
-        "rendered": mixture.stream.rendered.value,
+        "rendered": mixture.streams.rendered(),
         **campaign.metrics,
     }
     print(json.dumps(line), flush=True)
@@ -230,8 +250,9 @@ def main() -> None:
     torch.set_num_threads(1)
     params = CampaignParams(**{name: getattr(args, name) for name in asdict(CampaignParams())})
     args.folder.mkdir(parents=True, exist_ok=True)
+    size = params.height, params.width
     scenes = SceneParams(
-        (params.height, params.width),
+        size,
         width_share=(0.0045, 0.17),
         style="workshop",
         air_share=0.3,
@@ -240,15 +261,20 @@ def main() -> None:
         alike_share=0.12,
     )
     seed, pool = int(time.time()), load_pool(args.textures)
-    stream = SceneStream(scenes, pool, seed=seed, slots=params.slots, renderers=1, reuse=params.reuse)
+    workshop = SceneStream(scenes, pool, seed=seed, slots=params.slots, renderers=1, reuse=params.reuse)
+    plain = workshop
+    if params.plain:
+        table = SceneParams(size, width_share=(0.006, 0.12))
+        plain = SceneStream(table, pool, seed=seed + 1, slots=params.slots, renderers=1, reuse=params.reuse)
+    streams = Streams(workshop, plain)
     try:
         photographs, empty = load_labelled(args.photographs), load_empty(args.empty_pictures)
-        mixture = Mixture(stream, photographs, empty, params)
+        mixture = Mixture(streams, photographs, empty, params)
         run(
             params, mixture, args.folder, lambda campaign: validate(campaign, pool, scenes, args.validate), args.initial
         )
     finally:
-        stream.close()
+        streams.close()
 
 
 if __name__ == "__main__":
