@@ -67,7 +67,8 @@ $(BIN)/.service: requirements/service.txt clients/python/pyproject.toml | $(BIN)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --editable clients/python
 	@touch $@
 
-$(BIN)/.dev: requirements/dev.txt requirements/label-tools.txt $(BIN)/.service
-	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements/service.txt -r requirements/dev.txt
+$(BIN)/.dev: requirements/dev.txt requirements/s3.txt requirements/telemetry.txt requirements/label-tools.txt $(BIN)/.service
+	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements/service.txt -r requirements/s3.txt \
+		-r requirements/telemetry.txt -r requirements/dev.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements/label-tools.txt
 	@touch $@

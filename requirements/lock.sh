@@ -8,8 +8,17 @@ trap 'rm -rf "$fresh"' EXIT
 frozen() { "$fresh/bin/pip" freeze | grep -vE '^(pip|setuptools)==' | sed 's/+cpu$//'; }
 "$fresh/bin/pip" install --quiet -r "$here/service.in"
 { echo "# Exact versions of service.in (Python 3.11); made by 'make lock'"; frozen; } >"$here/service.txt"
-"$fresh/bin/pip" install --quiet -r "$here/service.txt" -r "$here/dev.in"
+for extra in s3 telemetry; do
+  rm -rf "$fresh" && "${1:-python3.11}" -m venv "$fresh"
+  "$fresh/bin/pip" install --quiet -r "$here/service.txt" -r "$here/$extra.in"
+  {
+    echo "# Exact versions of $extra.in on top of service.txt (Python 3.11); made by 'make lock'"
+    frozen | grep -vxFf "$here/service.txt"
+  } >"$here/$extra.txt"
+done
+with=(-r "$here/service.txt" -r "$here/s3.txt" -r "$here/telemetry.txt")
+"$fresh/bin/pip" install --quiet "${with[@]}" -r "$here/dev.in"
 {
-  echo "# Exact versions of dev.in on top of service.txt (Python 3.11); made by 'make lock'"
-  frozen | grep -vxFf "$here/service.txt"
+  echo "# Exact versions of dev.in on top of service.txt, s3.txt and telemetry.txt (Python 3.11); made by 'make lock'"
+  frozen | grep -vxF -f "$here/service.txt" -f "$here/s3.txt" -f "$here/telemetry.txt"
 } >"$here/dev.txt"

@@ -17,7 +17,7 @@ from services.problems import ProblemError
 from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
-from workers.blobs import FolderBlobs
+from workers.blobs import Blobs
 from workers.queue import AsyncJobQueue, JobQueue
 
 
@@ -28,7 +28,7 @@ class Backend:
     settings: ServiceSettings
     queue: JobQueue
     waiting: AsyncJobQueue
-    blobs: FolderBlobs
+    blobs: Blobs
     uploads: Uploads
     submissions: Submissions
     previews: Previews

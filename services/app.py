@@ -15,21 +15,21 @@ import structlog
 from anyio import to_thread
 from dlo_client.version import __version__
 from fastapi import FastAPI
-from prometheus_client import CollectorRegistry
 
-from services import documents, problems, validation
+from services import documents, problems, telemetry, validation
 from services.access import Backend
 from services.exposure import exposed
 from services.gate import Gate
+from services.http_protocol import limit_connections
 from services.keys import KeyRing
-from services.metrics import QueueCollector, RequestDurations
+from services.metrics import RequestDurations, registry
 from services.middleware import Requests
 from services.preview import Previews
 from services.routes import docs, health, images, jobs, metrics, viewer, webhooks
 from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
-from workers.blobs import FolderBlobs
+from workers.blobs import BlobsUnreachableError, open_blobs
 from workers.queue import AsyncJobQueue, JobQueue
 
 DESCRIPTION = """Finds deformable linear objects (cables, wires, ropes) in pictures.
@@ -55,6 +55,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
         lifespan=_lifespan,
         docs_url=None,  # documentation pages of our own, without a network: routes.docs
         redoc_url=None,
+        telemetry=telemetry.configuration(),
     )
     app.state.backend = backend
     app.add_middleware(Gate, settings=settings)
@@ -69,10 +70,8 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
 
 
 def _assemble(settings: ServiceSettings) -> Backend:
-    blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s, settings.disk_reserve_bytes)
+    blobs = open_blobs(settings)
     queue = JobQueue(settings)
-    registry = CollectorRegistry()
-    registry.register(QueueCollector(queue))
     uploads = Uploads(settings, blobs)
     return Backend(
         settings=settings,
@@ -82,7 +81,7 @@ def _assemble(settings: ServiceSettings) -> Backend:
         uploads=uploads,
         submissions=Submissions(settings, uploads, validation.limiter(), queue.foreground_networks),
         previews=Previews(),
-        registry=registry,
+        registry=registry(queue),
         keys=KeyRing(settings.api_key_hashes, settings.api_keys_file),
     )
 
@@ -90,8 +89,9 @@ def _assemble(settings: ServiceSettings) -> Backend:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     backend: Backend = app.state.backend
-    with suppress(redis.RedisError, OSError):
-        await to_thread.run_sync(backend.queue.claim_folder)
+    limit_connections(backend.settings.max_connections)
+    with suppress(redis.RedisError, OSError, BlobsUnreachableError):
+        await to_thread.run_sync(backend.queue.claim_blobs)
     tasks = [asyncio.create_task(_reap_forever(backend.queue))]
     if not backend.settings.has_keys:
         tasks.append(asyncio.create_task(_stop_if_exposed()))
@@ -116,6 +116,6 @@ async def _reap_forever(queue: JobQueue) -> None:
     """Workers do this as well; with the last of them gone, nobody else would say that its job is lost."""
     while True:
         await asyncio.sleep(_REAP_EVERY_S)
-        with suppress(redis.RedisError, OSError):  # told by /readyz
+        with suppress(redis.RedisError, OSError, BlobsUnreachableError):  # /readyz names it
             await to_thread.run_sync(queue.reap)
-            await to_thread.run_sync(queue.claim_folder)
+            await to_thread.run_sync(queue.claim_blobs)

@@ -6,8 +6,8 @@ For ``uvicorn --http services.http_protocol:BoundedHttp``; ``python -m services`
 from __future__ import annotations
 
 import asyncio
-import os
 import resource
+import sys
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
@@ -17,36 +17,32 @@ HEADERS_WITHIN_S = 15.0
 REST_WITHIN_S = 10.0
 """For the rest of a body whose request is already answered."""
 
-VARIABLE = "DLO_MAX_CONNECTIONS"
-_MAX_CONNECTIONS = 2000
 _DESCRIPTORS = 65_536
 _SPARE_DESCRIPTORS = 100
 _DESCRIPTORS_EACH = 2  # a request that waits holds a connection to the queue as well
 
 
-def connection_limit() -> int:
-    """As the environment says, but never more than there are descriptors for; raises their limit if it can."""
+def connection_limit(asked: int) -> int:
+    """What was asked for, but never more than there are descriptors for; raises their limit if it can."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = _DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, _DESCRIPTORS)
     if soft < most:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
         soft = most
-    asked = int(os.environ.get(VARIABLE) or _MAX_CONNECTIONS)
     return max(1, min(asked, (soft - _SPARE_DESCRIPTORS) // _DESCRIPTORS_EACH))
 
 
 class BoundedHttp(HttpToolsProtocol):
     """uvicorn's protocol with a limit on connections and on the time for headers and left-over bodies."""
 
-    _limit: int | None = None
+    most = sys.maxsize
+    """Set by :func:`limit_connections`."""
     _timer: asyncio.TimerHandle | None = None
     _whole = True
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        if BoundedHttp._limit is None:
-            BoundedHttp._limit = connection_limit()
-        if len(self.connections) > BoundedHttp._limit:
+        if len(self.connections) > BoundedHttp.most:
             transport.write(_full())
             transport.close()
         else:
@@ -84,6 +80,11 @@ class BoundedHttp(HttpToolsProtocol):
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+
+def limit_connections(asked: int) -> None:
+    """Of every server of this process."""
+    BoundedHttp.most = connection_limit(asked)
 
 
 def _full() -> bytes:

@@ -15,7 +15,7 @@ from redis.exceptions import RedisError
 from starlette.exceptions import HTTPException
 
 from services.fields import parameter_problems
-from workers.blobs import BlobMissing, NoRoomError
+from workers.blobs import BlobMissing, BlobsUnreachableError, NoRoomError
 from workers.queue import IdempotencyConflict, JobGone, JobUnknown, QueueFull
 from workers.quota import QuotaExceededError
 
@@ -97,6 +97,9 @@ def problem_of(error: Exception) -> ProblemError:
         case NoRoomError():
             log.warning("no room on the disk", error=str(error))
             return _retry(507, "storage_full", "the disk of the service is too full for this; try again later", 60.0)
+        case BlobsUnreachableError():
+            log.error("pictures not reachable", error=str(error))
+            return _retry(503, "storage_unavailable", "the store of pictures cannot be reached; try again later", 2.0)
         case QuotaExceededError():
             return _retry(507, "quota_exceeded", "this API key keeps as many bytes as it may; try again later", 3600.0)
         case OSError() if error.errno in (errno.EMFILE, errno.ENFILE):
@@ -145,6 +148,7 @@ def install(app: FastAPI) -> None:
         JobGone,
         BlobMissing,
         NoRoomError,
+        BlobsUnreachableError,
         QuotaExceededError,
         IdempotencyConflict,
         QueueFull,

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, PositiveInt, field_validator, model_validator
 from pydantic_settings import NoDecode
 
 from workers.settings import Settings, comma_separated
@@ -28,6 +28,7 @@ class ServiceSettings(Settings):
         default=(),
         description="names under which the service may be reached, separated by commas; always: this machine's own",
     )
+    max_connections: PositiveInt = Field(default=2000, description="of one replica; above it 503")
     max_request_bytes: int = Field(default=4 * MEBIBYTE, gt=0, description="the JSON of one request")
 
     @property

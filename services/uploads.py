@@ -8,14 +8,14 @@ from dlo_client.contracts import ImageInfo
 from services.examples import PICTURES
 from services.problems import field_error
 from services.settings import ServiceSettings
-from workers.blobs import BlobMissing, FolderBlobs, Staged
+from workers.blobs import BlobMissing, Blobs, Staged
 from workers.pictures.headers import PictureError, Size, inspect
 
 
 class Uploads:
     """Stages pictures and knows their sizes. The work is done in threads: it hashes and touches the disk."""
 
-    def __init__(self, settings: ServiceSettings, blobs: FolderBlobs) -> None:
+    def __init__(self, settings: ServiceSettings, blobs: Blobs) -> None:
         self._max_pixels = settings.max_image_pixels
         self._blobs = blobs
 

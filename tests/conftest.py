@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import count
 
+import httpx
 import pytest
 import redis
 
@@ -21,6 +22,30 @@ def valkey_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Of an embedded queue server that all tests of this process share."""
     with EmbeddedQueue(tmp_path_factory.mktemp("queue")) as server:
         yield server.url
+
+
+@pytest.fixture(scope="session")
+def s3_address() -> Iterator[str]:
+    """Of a real S3 server in this process."""
+    from moto.server import ThreadedMotoServer
+
+    server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def s3(s3_address, monkeypatch) -> None:
+    """The environment of a process that may use an empty bucket ``pictures``."""
+    import boto3
+
+    names = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_DEFAULT_REGION": "us-east-1"}
+    for name, value in (names | {"AWS_ENDPOINT_URL_S3": s3_address}).items():
+        monkeypatch.setenv(name, value)
+    httpx.post(f"{s3_address}/moto-api/reset")
+    boto3.client("s3").create_bucket(Bucket="pictures")
 
 
 @pytest.fixture

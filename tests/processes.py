@@ -12,10 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
+from workers.keys import Keys
 from workers.queue import JobQueue, WorkerInfo
 from workers.settings import Settings
 
 ROOT = Path(__file__).parent.parent
+KEYS = Keys("dlo")
+"""Of the deployment that settings are of by default."""
 T = TypeVar("T")
 
 
@@ -30,7 +33,7 @@ def wait_until(condition: Callable[[], T], timeout_s: float = 120.0) -> T:
 
 def environment(settings: Settings) -> dict[str, str]:
     """Of a process that is to have these settings."""
-    values = settings.model_dump(mode="json", exclude={"onnx_providers", "webhook_hosts"})
+    values = settings.model_dump(mode="json", exclude_none=True, exclude={"onnx_providers", "webhook_hosts"})
     return os.environ | {f"DLO_{name.upper()}": str(value) for name, value in values.items()}
 
 

@@ -8,7 +8,8 @@ import signal
 import socket
 import sys
 
-from workers import logs, shared_folder
+from workers import logs, shared_blobs
+from workers.blobs import open_blobs
 from workers.connection import connect
 from workers.lifeline import die_with_parent
 from workers.settings import Settings
@@ -27,7 +28,7 @@ def main() -> int:
     settings = Settings()
     logs.configure(settings.log_level)
     with connect(settings, patient=True) as client:
-        shared_folder.join(client, settings, arguments.name)
+        shared_blobs.join(client, settings.keys, open_blobs(settings), arguments.name)
     return 0 if WarmWorker(settings, arguments.name).serve() else 1
 
 

@@ -1,4 +1,4 @@
-"""Which queue entries a worker runs: those that name :data:`workers.queue.RUN` with their own id, no others.
+"""Which queue entries a worker runs: those that name :data:`workers.dispatch.RUN` with their own id, no others.
 
 The JSON serializer alone is not safe: an entry is free to name any function of any module.
 """
@@ -11,7 +11,7 @@ import redis
 from rq.exceptions import NoSuchJobError
 from rq.job import Job
 
-from workers.queue import RUN
+from workers.dispatch import RUN
 
 
 class AllowedJob(Job):

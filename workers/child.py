@@ -13,7 +13,7 @@ import sys
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from workers import jobs, logs, memory, stages
+from workers import jobs, logs, memory, stages, tracing
 from workers.connection import connect
 from workers.ledger import Claim, Ledger
 from workers.lifeline import die_with_parent
@@ -28,6 +28,7 @@ def main(socket: int, parent: int) -> None:
     with Connection(socket) as connection:
         settings = Settings.model_validate_json(connection.recv_bytes())
         logs.configure(settings.log_level)
+        tracing.begin()
         tools = stages.warm(settings)
         ledger = Ledger(connect(settings, patient=True), settings)
         connection.send_bytes(json.dumps([network.model_dump() for network in tools.networks]).encode())

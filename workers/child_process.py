@@ -53,6 +53,12 @@ class ChildProcess:
         return process is not None and process.poll() is None
 
     @property
+    def memory_mb(self) -> float:
+        """Resident now; 0 if there is none."""
+        process = self._process
+        return memory.resident_mb(process.pid) if process is not None else 0.0
+
+    @property
     def worn(self) -> bool:
         """Whether it has done so many jobs, or grown so large, that it should be replaced."""
         return self._jobs >= self._settings.recycle_after_jobs or self._rss_mb > self._settings.recycle_rss_mb

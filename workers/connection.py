@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import redis
 import redis.asyncio
 from redis.asyncio.retry import Retry as AsyncRetry
@@ -27,6 +29,7 @@ def connect(settings: Settings, *, patient: bool = False, text: bool = True) -> 
     retry = Retry(ConstantBackoff(_PAUSE_S), -1 if patient else 1)
     return redis.Redis.from_url(
         settings.redis_url,
+        **_access(settings),
         retry=retry,
         decode_responses=text,
         socket_timeout=_SOCKET_TIMEOUT_S,
@@ -39,9 +42,20 @@ def connect_async(settings: Settings) -> redis.asyncio.Redis:
     """The impatient client for an event loop."""
     return redis.asyncio.Redis.from_url(
         settings.redis_url,
+        **_access(settings),
         retry=AsyncRetry(ConstantBackoff(_PAUSE_S), 1),
         decode_responses=True,
         socket_timeout=_SOCKET_TIMEOUT_S,
         socket_connect_timeout=_CONNECT_TIMEOUT_S,
         max_connections=_MAX_CONNECTIONS,
     )
+
+
+def _access(settings: Settings) -> dict[str, Any]:
+    """What an address does not hold: the password, and whom to believe that the server is who it claims to be."""
+    given: dict[str, Any] = {}
+    if settings.redis_password_file:
+        given["password"] = settings.redis_password_file.read_text(encoding="utf-8").strip()
+    if settings.redis_url.startswith("rediss://") and settings.redis_ca_file:
+        given["ssl_ca_certs"] = str(settings.redis_ca_file)
+    return given

@@ -8,17 +8,10 @@ from typing import Any, cast
 
 import redis
 
-from workers.record import WEBHOOKS
-
-LETTERS = "dlo:dead_letters"
-"""Sorted set of the ids of their jobs, by the time at which they were given up."""
+from workers.keys import Keys
 
 _KEPT_S = 7 * 86_400
 _MOST = 1000
-
-
-def letter_key(job_id: str) -> str:
-    return f"dlo:dead_letter:{job_id}"
 
 
 @dataclass(frozen=True)
@@ -36,27 +29,28 @@ class DeadLetter:
 class DeadLetters:
     """The dead letters, over one client of the queue server."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: redis.Redis, keys: Keys) -> None:
         self._client = client
+        self._keys = keys
 
     def bury(self, job_id: str, url: str, body: str, error: str) -> None:
         """Keep a webhook that was given up; the oldest go when there are too many."""
         now = time.time()
         letter: dict[Any, str] = {"url": url, "body": body, "error": error, "given_up_at": repr(now)}
         with self._client.pipeline() as pipeline:
-            pipeline.delete(letter_key(job_id))
-            pipeline.hset(letter_key(job_id), mapping=letter)
-            pipeline.expire(letter_key(job_id), _KEPT_S)
-            pipeline.zadd(LETTERS, {job_id: now})
-            pipeline.zremrangebyscore(LETTERS, "-inf", now - _KEPT_S)
-            pipeline.zrange(LETTERS, 0, -_MOST - 1)
+            pipeline.delete(self._keys.dead_letter(job_id))
+            pipeline.hset(self._keys.dead_letter(job_id), mapping=letter)
+            pipeline.expire(self._keys.dead_letter(job_id), _KEPT_S)
+            pipeline.zadd(self._keys.dead_letters, {job_id: now})
+            pipeline.zremrangebyscore(self._keys.dead_letters, "-inf", now - _KEPT_S)
+            pipeline.zrange(self._keys.dead_letters, 0, -_MOST - 1)
             *_, oldest = pipeline.execute()
         for old in oldest:
             self.forget(old)
 
     def get(self, job_id: str) -> DeadLetter | None:
         """The dead letter of a job, if it is one and still kept."""
-        fields = cast(dict[str, str], self._client.hgetall(letter_key(job_id)))
+        fields = cast(dict[str, str], self._client.hgetall(self._keys.dead_letter(job_id)))
         if "url" not in fields:
             return None
         return DeadLetter(
@@ -70,16 +64,18 @@ class DeadLetters:
 
     def all(self) -> list[DeadLetter]:
         """Newest first."""
-        letters = (self.get(job_id) for job_id in cast(list[str], self._client.zrevrange(LETTERS, 0, _MOST)))
+        letters = (
+            self.get(job_id) for job_id in cast(list[str], self._client.zrevrange(self._keys.dead_letters, 0, _MOST))
+        )
         return [letter for letter in letters if letter is not None]
 
     def resend(self, job_id: str) -> bool:
         """Have it delivered anew, all its attempts; False if it is not kept."""
         if self.get(job_id) is None:
             return False
-        self._client.zadd(WEBHOOKS, {job_id: 0})
+        self._client.zadd(self._keys.webhooks, {job_id: 0})
         return True
 
     def forget(self, job_id: str) -> None:
-        self._client.delete(letter_key(job_id))
-        self._client.zrem(LETTERS, job_id)
+        self._client.delete(self._keys.dead_letter(job_id))
+        self._client.zrem(self._keys.dead_letters, job_id)

@@ -8,9 +8,10 @@ from uuid import uuid4
 
 import structlog
 from dlo_client.contracts import FileRef
+from opentelemetry.trace import Span
 
-from workers import memory, problems, stages
-from workers.blobs import FolderBlobs, NoRoomError
+from workers import memory, problems, stages, tracing
+from workers.blobs import Blobs, NoRoomError
 from workers.ledger import Claim, Ledger
 from workers.record import REQUEST
 from workers.stages.outcome import InvalidInput, Outcome, Tools
@@ -22,12 +23,18 @@ log = structlog.get_logger(__name__)
 
 def run(claim: Claim, ledger: Ledger, tools: Tools) -> None:
     """Run the claimed job to its end, good or bad; raises only if the end cannot be written down."""
-    say = log.bind(job_id=claim.job_id, attempt=claim.attempt)
+    with tracing.of_job(claim) as span:
+        _run(claim, ledger, tools, span)
+
+
+def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
+    say = log.bind(job_id=claim.job_id, attempt=claim.attempt, request_id=claim.request_id)
     started = time.perf_counter()
     try:
         text = tools.blobs.get(claim.request_blob) if claim.request_blob else claim.request
         request = REQUEST.validate_json(text)
         say = say.bind(kind=request.kind)
+        span.update_name(f"job {request.kind}")
         tools.progress = _reporter(claim, ledger)
         outcome = stages.run(request, tools)
         files = _store(outcome, tools.blobs)
@@ -53,7 +60,7 @@ def run(claim: Claim, ledger: Ledger, tools: Tools) -> None:
         ledger.fail(claim, problems.internal(incident))
 
 
-def _store(outcome: Outcome, blobs: FolderBlobs) -> list[FileRef]:
+def _store(outcome: Outcome, blobs: Blobs) -> list[FileRef]:
     return [
         FileRef(name=name, media_type=media_type, bytes=len(data), sha256=blobs.put(data))
         for name, (media_type, data) in outcome.files.items()

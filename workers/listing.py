@@ -8,7 +8,8 @@ from typing import cast
 import redis
 from dlo_client.contracts import AnyJob, JobKind, JobPage, JobState
 
-from workers.record import LISTED, RECENT, job_key, read_job
+from workers.keys import Keys
+from workers.record import LISTED, read_job
 
 _BATCH = 100
 _MAX_BATCHES = 10
@@ -17,6 +18,7 @@ _MAX_BATCHES = 10
 
 def recent_page(
     client: redis.Redis,
+    keys: Keys,
     *,
     limit: int,
     cursor: str | None,
@@ -34,9 +36,9 @@ def recent_page(
     below = f"({cursor}" if cursor is not None else "+inf"
     found: list[AnyJob] = []
     for _ in range(_MAX_BATCHES):
-        answer = client.zrevrangebyscore(RECENT, below, "-inf", start=0, num=_BATCH, withscores=True)
+        answer = client.zrevrangebyscore(keys.recent, below, "-inf", start=0, num=_BATCH, withscores=True)
         batch = cast(list[tuple[str, float]], answer)
-        for (_, number), job in zip(batch, _jobs(client, [job_id for job_id, _ in batch], owner), strict=True):
+        for (_, number), job in zip(batch, _jobs(client, keys, [job_id for job_id, _ in batch], owner), strict=True):
             below = f"({int(number)}"
             if job and state in (None, job.state) and kind in (None, job.kind):
                 found.append(job)
@@ -47,32 +49,32 @@ def recent_page(
     return JobPage(jobs=found, next_cursor=below[1:])
 
 
-def trim(client: redis.Redis) -> int:
+def trim(client: redis.Redis, keys: Keys) -> int:
     """Forget the oldest jobs whose records have expired; return how many."""
     trimmed = 0
     for _ in range(_MAX_BATCHES):
-        oldest = cast(list[str], client.zrange(RECENT, 0, _BATCH - 1))
-        gone = [job_id for job_id, there in zip(oldest, _exist(client, oldest), strict=True) if not there]
+        oldest = cast(list[str], client.zrange(keys.recent, 0, _BATCH - 1))
+        gone = [job_id for job_id, there in zip(oldest, _exist(client, keys, oldest), strict=True) if not there]
         if gone:
-            trimmed += client.zrem(RECENT, *gone)
+            trimmed += client.zrem(keys.recent, *gone)
         if len(gone) < _BATCH:
             break
     return trimmed
 
 
-def _jobs(client: redis.Redis, job_ids: Iterable[str], owner: str | None) -> list[AnyJob | None]:
+def _jobs(client: redis.Redis, keys: Keys, job_ids: Iterable[str], owner: str | None) -> list[AnyJob | None]:
     """The jobs without their results; None where the record has expired, or is not ``owner``'s if one is named."""
     with client.pipeline(transaction=False) as pipeline:
         for job_id in job_ids:
-            pipeline.hmget(job_key(job_id), (*LISTED, "owner"))
+            pipeline.hmget(keys.job(job_id), (*LISTED, "owner"))
         rows = pipeline.execute()
     names = (*LISTED, "owner")
     records = [{name: value for name, value in zip(names, row, strict=True) if value} for row in rows]
     return [read_job(record) if record and owner in (None, record.get("owner", "")) else None for record in records]
 
 
-def _exist(client: redis.Redis, job_ids: Iterable[str]) -> list[int]:
+def _exist(client: redis.Redis, keys: Keys, job_ids: Iterable[str]) -> list[int]:
     with client.pipeline(transaction=False) as pipeline:
         for job_id in job_ids:
-            pipeline.exists(job_key(job_id))
+            pipeline.exists(keys.job(job_id))
         return pipeline.execute()

@@ -36,11 +36,20 @@ def ran_out(error: Exception) -> bool:
 
 def taken_mb(pid: int) -> float:
     """Private memory that a process has asked for; 0 where the system does not say."""
+    return _status_mb(pid, "VmData:")
+
+
+def resident_mb(pid: int) -> float:
+    """Memory of a process that is in use; 0 where the system does not say."""
+    return _status_mb(pid, "VmRSS:")
+
+
+def _status_mb(pid: int, name: str) -> float:
     try:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     except OSError:
         return 0.0
-    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmData:")), 0.0)
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith(name)), 0.0)
 
 
 def _machine_mb() -> float:

@@ -9,8 +9,9 @@ from typing import cast
 
 import redis
 from dlo_client.contracts import NetworkInfo
+from dlo_client.version import __version__
 
-from workers.record import WORKERS, worker_key
+from workers.keys import Keys
 
 EXPIRY_MS = 5000
 
@@ -25,9 +26,12 @@ class WorkerInfo:
     queues: list[str]
     started_at: datetime
     networks: list[NetworkInfo]
+    version: str = __version__
+    memory_mb: float = 0.0
+    """Of its child, now."""
 
 
-def announce(client: redis.Redis, worker: WorkerInfo) -> None:
+def announce(client: redis.Redis, keys: Keys, worker: WorkerInfo) -> None:
     """Say that ``worker`` is there; to be repeated well within ``EXPIRY_MS``."""
     announcement = {
         "name": worker.name,
@@ -36,28 +40,30 @@ def announce(client: redis.Redis, worker: WorkerInfo) -> None:
         "queues": worker.queues,
         "started_at": worker.started_at.timestamp(),
         "networks": [network.model_dump() for network in worker.networks],
+        "version": worker.version,
+        "memory_mb": worker.memory_mb,
     }
     with client.pipeline() as pipeline:
-        pipeline.sadd(WORKERS, worker.name)
-        pipeline.set(worker_key(worker.name), json.dumps(announcement), px=EXPIRY_MS)
+        pipeline.sadd(keys.workers, worker.name)
+        pipeline.set(keys.worker(worker.name), json.dumps(announcement), px=EXPIRY_MS)
         pipeline.execute()
 
 
-def depart(client: redis.Redis, name: str) -> None:
+def depart(client: redis.Redis, keys: Keys, name: str) -> None:
     with client.pipeline() as pipeline:
-        pipeline.srem(WORKERS, name)
-        pipeline.delete(worker_key(name))
+        pipeline.srem(keys.workers, name)
+        pipeline.delete(keys.worker(name))
         pipeline.execute()
 
 
-def present(client: redis.Redis) -> list[WorkerInfo]:
+def present(client: redis.Redis, keys: Keys) -> list[WorkerInfo]:
     """The live workers, by name; forgets the names of dead ones."""
-    names = sorted(cast(set[str], client.smembers(WORKERS)))
+    names = sorted(cast(set[str], client.smembers(keys.workers)))
     if not names:
         return []
-    announcements = cast(list[str | None], client.mget([worker_key(name) for name in names]))
+    announcements = cast(list[str | None], client.mget([keys.worker(name) for name in names]))
     if dead := [name for name, said in zip(names, announcements, strict=True) if said is None]:
-        client.srem(WORKERS, *dead)
+        client.srem(keys.workers, *dead)
     return [_read(said) for said in announcements if said is not None]
 
 

@@ -42,15 +42,6 @@ class QuotaExceededError(Exception):
     """The owner keeps as many bytes as it may."""
 
 
-def pace_key(owner: str) -> str:
-    return f"dlo:pace:{owner}"
-
-
-def stored_keys(owner: str) -> tuple[str, str]:
-    """Of the blobs of an owner: by the time they were last charged, and their sizes."""
-    return f"dlo:stored:{owner}", f"dlo:stored:{owner}:bytes"
-
-
 def charge_arguments(most: int, ttl_s: float, sizes: Mapping[str, int]) -> list[str | int | float]:
     """ARGV of :data:`CHARGE`."""
     return [most, round(ttl_s), *(part for pair in sizes.items() for part in pair)]

@@ -7,27 +7,26 @@ from typing import cast
 import redis
 import structlog
 
+from workers.keys import Keys
 from workers.ledger import Ledger
 from workers.listing import trim
-from workers.record import ACTIVE
 
 INTERVAL_S = 2.0
-_LOCK = "dlo:reaping"
 _LOCK_MS = 1000
 
 log = structlog.get_logger(__name__)
 
 
-def reap(client: redis.Redis, ledger: Ledger) -> int:
+def reap(client: redis.Redis, keys: Keys, ledger: Ledger) -> int:
     """Put right every abandoned job; return how many. To be called about every ``INTERVAL_S``.
 
     Any number of processes may call it: one pass a second is made.
     """
-    if not client.set(_LOCK, "", nx=True, px=_LOCK_MS):
+    if not client.set(keys.reaping, "", nx=True, px=_LOCK_MS):
         return 0
-    trim(client)
+    trim(client, keys)
     done = 0
-    for job_id in cast(set[str], client.smembers(ACTIVE)):
+    for job_id in cast(set[str], client.smembers(keys.active)):
         if what := ledger.reap(job_id):
             log.warning("job reaped", job_id=job_id, what=what)
             done += 1

@@ -1,4 +1,4 @@
-"""How a job lies in the queue server: key names, and the way back to a contract.
+"""How a job is kept in the queue server, and the way back to a contract; names of keys are in workers.keys.
 
 The record is the one truth about a job; RQ only carries its id. Times are seconds since the epoch on the
 queue server's clock, so that machines need not agree on theirs.
@@ -14,29 +14,9 @@ from dlo_client.contracts import AnyJob, AnyRequest, Contract, ImageRef, JobEven
 from pydantic import TypeAdapter
 from pydantic_core import from_json
 
-QUEUES: tuple[Literal["interactive"], Literal["batch"]] = ("interactive", "batch")
+Priority = Literal["interactive", "batch"]
+QUEUES: tuple[Priority, Priority] = ("interactive", "batch")
 """In the order in which workers look at them."""
-
-ACTIVE = "dlo:active"
-"""Set of the ids of all jobs that are queued or running."""
-
-RECENT = "dlo:recent"
-"""Sorted set of job ids by their running number."""
-
-WEBHOOKS = "dlo:webhooks"
-"""Sorted set of the ids of ended jobs whose webhook has not been heard, by the time of the next attempt."""
-
-COUNTS = "dlo:counts"
-"""Hash of ``kind|state`` to how many jobs have ever entered that state."""
-
-WORKERS = "dlo:workers"
-"""Set of the names of workers that have announced themselves."""
-
-BLOBS = "dlo:blobs"
-"""Mark of the folder that holds the pictures, see workers.shared_folder."""
-
-OUTSIDER = "dlo:outsider"
-"""Why a worker that is there does not join; expires unless it is said again."""
 
 REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 
@@ -52,7 +32,7 @@ class Entry:
     """What the queue has to know of a request, so that it need not read it again."""
 
     kind: str
-    priority: Literal["interactive", "batch"]
+    priority: Priority
     label: str | None
     timeout_s: float
     webhook_url: str | None
@@ -74,29 +54,14 @@ class Entry:
         )
 
 
-def job_key(job_id: str) -> str:
-    return f"dlo:job:{job_id}"
+@dataclass(frozen=True)
+class Origin:
+    """Where a job came from: the owner of the API key, and what ties it to its HTTP request in logs and traces."""
 
-
-def events_key(job_id: str) -> str:
-    return f"dlo:events:{job_id}"
-
-
-def tombstone_key(job_id: str) -> str:
-    return f"dlo:tombstone:{job_id}"
-
-
-def alive_key(job_id: str) -> str:
-    return f"dlo:alive:{job_id}"
-
-
-def owned_key(owner: str) -> str:
-    """Of the set of the ids of an owner's jobs that are queued or running."""
-    return f"dlo:owned:{owner}"
-
-
-def worker_key(name: str) -> str:
-    return f"dlo:worker:{name}"
+    owner: str = ""
+    request_id: str = ""
+    traceparent: str = ""
+    """As W3C Trace Context has it."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ from typing import Annotated
 from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from workers.keys import Keys
+
 LONGEST_JOB_S = 3600.0
 """Upper bound of ``JobRequest.timeout_s``."""
 
@@ -24,7 +26,16 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix="DLO_", frozen=True)
 
-    redis_url: str = "redis://127.0.0.1:6379/0"
+    redis_url: str = Field(
+        default="redis://127.0.0.1:6379/0", repr=False, description="redis:// or, with TLS, rediss://; may name a user"
+    )
+    redis_password_file: Path | None = Field(default=None, description="instead of a password in redis_url")
+    redis_ca_file: Path | None = Field(
+        default=None, description="PEM of the authorities that sign the queue server; by default the system's"
+    )
+    queue_prefix: str = Field(
+        default="dlo", pattern="^[a-z0-9][a-z0-9_-]{0,31}$", description="of all keys: one a deployment on a server"
+    )
     data_dir: Path = Field(default=Path("data"), description="holds blobs/ and the embedded queue's queue/")
     log_level: str = Field(default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$")
 
@@ -33,6 +44,11 @@ class Settings(BaseSettings):
     idempotency_ttl_s: PositiveFloat = 86_400.0
     blob_ttl_s: PositiveFloat = Field(default=86_400.0, description="since a blob was last put or touched")
 
+    blobs_url: str = Field(
+        default="",
+        pattern=r"^(s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](/[A-Za-z0-9._/-]*)?)?$",
+        description="s3://bucket or s3://bucket/folder; by default a folder in data_dir",
+    )
     disk_reserve_bytes: int = Field(
         default=1024**3, ge=0, description="uploads leave so much of the disk free, results half of it"
     )
@@ -40,6 +56,12 @@ class Settings(BaseSettings):
     max_queue_depth: PositiveInt = 1000
     max_queue_bytes: PositiveInt = Field(
         default=2 * 1024**3, description="memory of the queue server above which nothing more is accepted"
+    )
+    batch_share: float = Field(
+        default=0.1,
+        ge=0,
+        le=0.5,
+        description="share of its jobs that a worker takes from batch while interactive waits",
     )
     max_attempts: PositiveInt = Field(default=2, description="times a job whose worker dies is taken up")
     max_images_per_job: PositiveInt = 64
@@ -62,6 +84,11 @@ class Settings(BaseSettings):
     webhook_secret: str = Field(default="", repr=False, description="signs webhooks; at least 16 characters")
 
     @property
+    def keys(self) -> Keys:
+        """Names in the queue server."""
+        return Keys(self.queue_prefix)
+
+    @property
     def blobs_dir(self) -> Path:
         return self.data_dir / "blobs"
 
@@ -73,6 +100,12 @@ class Settings(BaseSettings):
     @classmethod
     def _split_hosts(cls, value: object) -> object:
         return comma_separated(value)
+
+    @field_validator("redis_password_file", "redis_ca_file", mode="before")
+    @classmethod
+    def _empty_is_none(cls, value: object) -> object:
+        """So that a compose file can name a variable that is not set."""
+        return value or None
 
     @model_validator(mode="after")
     def _webhooks_are_signed(self) -> Settings:

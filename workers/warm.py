@@ -1,24 +1,17 @@
-"""The warm worker: RQ brings job ids, one persistent child runs the jobs.
+"""The worker that RQ brings job ids to; what it does with them is :mod:`workers.runner`.
 
-Strategy: of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are
-used. What a job is and how it stands is in its record (:mod:`workers.ledger`). The worker claims the job,
-hands the claim to its child, and until the child is done renews the claim five times a second. A claim that
-is gone — cancelled, or taken by a reaper — or a deadline that has come means: kill the child, whatever
-native code it is in. A child that dies by itself ends the wait at once. The next child is warm by then
-(:mod:`workers.children`) and takes the next job.
+Of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are used.
 """
 
 from __future__ import annotations
 
 import contextlib
-import time
 from datetime import UTC, datetime
 from types import FrameType
 from typing import cast
 from uuid import uuid4
 
 import redis
-import structlog
 from redis.backoff import NoBackoff
 from redis.retry import Retry
 from rq.job import Job
@@ -28,26 +21,31 @@ from rq.worker import Worker
 from rq.worker.base import WorkerStatus
 from rq.worker_registration import clean_worker_registry
 
-from workers import presence, problems, reaper, watchdog, webhooks
 from workers.allowed import AllowedJob
-from workers.blobs import FolderBlobs
-from workers.child_process import ChildDied, ChildProcess
-from workers.children import Children
 from workers.connection import connect
-from workers.ledger import Claim, Ledger
 from workers.record import QUEUES
-from workers.repeater import Repeater
+from workers.runner import Runner
 from workers.settings import Settings
 
-_RENEW_S = 0.2
-_ANNOUNCE_S = 1.0
-_SWEEP_S = 300.0
 _LOOK_AFTER_CHILD_S = 3
 _RQ_WORKER_TTL_S = 30
-_STUCK_S = 60.0
-"""A worker whose main thread has not turned for so long no longer gives signs of life."""
 
-log = structlog.get_logger(__name__)
+
+class Turns:
+    """Which queue is looked into first: the interactive one, but for the share of jobs that batch is owed."""
+
+    def __init__(self, batch_share: float) -> None:
+        self._owed_each = batch_share / (1 - batch_share)
+        self._owed = 0.0
+
+    @property
+    def batch_first(self) -> bool:
+        """Whether the next job should be one of batch, if any waits."""
+        return self._owed > 1 - 1e-9
+
+    def taken(self, *, batch: bool) -> None:
+        """A job was taken; while no batch job waits the debt does not grow beyond one job."""
+        self._owed = 0.0 if batch else min(self._owed + self._owed_each, 1.0)
 
 
 class WarmWorker(Worker):
@@ -55,7 +53,7 @@ class WarmWorker(Worker):
 
     def __init__(self, settings: Settings, name: str) -> None:
         super().__init__(
-            list(QUEUES),
+            [settings.keys.queue(priority) for priority in QUEUES],
             name=f"{name}-{uuid4().hex[:6]}",
             connection=connect(settings, patient=True, text=False),
             job_class=AllowedJob,
@@ -63,34 +61,14 @@ class WarmWorker(Worker):
             worker_ttl=_RQ_WORKER_TTL_S,
             log_job_description=False,
         )
-        self._children = Children(settings, self._turned)
-        self._turn = time.monotonic()
-        self._patient = connect(settings, patient=True)
-        self._impatient = connect(settings)
-        self._ledger = Ledger(self._patient, settings)
-        self._renewals = Ledger(self._impatient, settings)
-        self._started_at = datetime.now(UTC)
+        self._runner = Runner(settings, self.name)
+        self._turns = Turns(settings.batch_share)
         self._asked_to_stop = False
-        blobs = FolderBlobs(settings.blobs_dir, settings.blob_ttl_s)
-        self._upkeep = [
-            Repeater("announce", _ANNOUNCE_S, self._announce),
-            Repeater("reap", reaper.INTERVAL_S, lambda: reaper.reap(self._impatient, self._renewals)),
-            Repeater("sweep", _SWEEP_S, blobs.sweep),
-            Repeater("webhooks", webhooks.INTERVAL_S, webhooks.Courier(self._impatient, settings).deliver),
-        ]
 
     def serve(self) -> bool:
         """Work until SIGTERM; False if it ended for another reason."""
-        for repeater in self._upkeep:
-            repeater.start()
-        try:
+        with self._runner.on_duty():
             self.work(logging_level="WARNING")
-        finally:
-            self._children.kill()
-            for repeater in self._upkeep:
-                repeater.stop()
-            with contextlib.suppress(redis.RedisError):
-                presence.depart(self._impatient, self.name)
         return self._asked_to_stop
 
     # RQ calls what follows.
@@ -100,23 +78,25 @@ class WarmWorker(Worker):
     ) -> tuple[Job, Queue] | None:
         """The next job, taken only by a worker whose child is warm."""
         while not self._stop_requested:
-            self._turned()
-            self._ready_child()
+            self._runner.ready()
             if entry := super().dequeue_job_and_maintain_ttl(timeout, _LOOK_AFTER_CHILD_S):
                 return entry
         return None
+
+    def reorder_queues(self, reference_queue: Queue) -> None:
+        """Called with the queue that the job at hand came from."""
+        interactive, batch = self.queues
+        self._turns.taken(batch=reference_queue.name == batch.name)
+        self._ordered_queues = [batch, interactive] if self._turns.batch_first else [interactive, batch]
 
     def execute_job(self, job: Job, queue: Queue) -> None:
         """Run one queue entry, if it may be and still has to be run."""
         self.set_state(WorkerStatus.BUSY)
         if refusal := cast(AllowedJob, job).refusal:
-            log.error("queue entry refused", job_id=job.id, why=refusal)
-            self._ledger.fail_queued(job.id, problems.refused())
+            self._runner.refuse(job.id, refusal)
             self.connection.delete(job.key)
-        elif claim := self._ledger.claim(job.id, self.name):
-            self._run(claim)
         else:
-            log.info("job not run: cancelled, or too late", job_id=job.id)
+            self._runner.run(job.id)
         self.set_state(WorkerStatus.IDLE)
 
     def request_stop(self, signum: int, frame: FrameType | None) -> None:
@@ -125,8 +105,8 @@ class WarmWorker(Worker):
         After a second one the job is given up, and a reaper gives it to another worker.
         """
         self._asked_to_stop = True
-        for client in (self.connection, self._patient):
-            client.set_retry(Retry(NoBackoff(), 0))
+        self.connection.set_retry(Retry(NoBackoff(), 0))
+        self._runner.stop_waiting()
         super().request_stop(signum, frame)  # type: ignore[no-untyped-call]
 
     def subscribe(self) -> None:
@@ -144,73 +124,3 @@ class WarmWorker(Worker):
     def register_death(self) -> None:
         with contextlib.suppress(redis.RedisError):
             super().register_death()  # type: ignore[no-untyped-call]
-
-    def _ready_child(self) -> None:
-        """Have a warm child; the first time, and when it is another than before, everybody is told at once."""
-        before = self._children.current.ready
-        self._children.ready()
-        self._children.tend()
-        if not before:
-            with contextlib.suppress(redis.RedisError):
-                self._announce()
-
-    def _turned(self) -> None:
-        self._turn = time.monotonic()
-
-    def _run(self, claim: Claim) -> None:
-        """See the claimed job through to one of its ends."""
-        child = self._children.current
-        try:
-            child.give(claim)
-            if self._watch(child, claim):
-                child.finish()
-            else:
-                child.kill()
-        except ChildDied:
-            too_large = child.died_of_memory
-            child.kill()
-            if too_large:
-                self._ledger.fail(claim, problems.too_large())
-                log.error("child died of memory", job_id=claim.job_id)
-            else:
-                log.error("child died", job_id=claim.job_id, then=self._ledger.lost(claim))
-
-    def _watch(self, child: ChildProcess, claim: Claim) -> bool:
-        """Wait for the child while the claim is held and time is left; False if it has to be killed."""
-        limit = time.monotonic() + claim.remaining_s
-        while not child.wait(min(_RENEW_S, max(limit - time.monotonic(), 0.0))):
-            self._turned()
-            if child.frozen:
-                raise ChildDied("it does not take up its job")
-            if time.monotonic() >= limit:
-                child.kill()  # first, so that it cannot end the job behind our back
-                self._ledger.fail(claim, problems.timed_out())
-                log.warning("job stopped at its time limit", job_id=claim.job_id)
-                return False
-            if not self._held(claim):
-                log.info("job stopped: cancelled, or taken over", job_id=claim.job_id)
-                return False
-        return True
-
-    def _held(self, claim: Claim) -> bool:
-        try:
-            return self._renewals.renew(claim, self.name)
-        except redis.RedisError:
-            return True  # the queue server is away: go on, and ask again
-
-    def _announce(self) -> None:
-        """Tell the queue server that we are there, and whoever supervises us that we are alive."""
-        if time.monotonic() - self._turn < _STUCK_S:
-            watchdog.beat()
-        child = self._children.current
-        presence.announce(
-            self._impatient,
-            presence.WorkerInfo(
-                name=self.name,
-                ready=child.ready and child.alive,
-                busy=self.get_state() == WorkerStatus.BUSY,
-                queues=list(QUEUES),
-                started_at=self._started_at,
-                networks=child.networks,
-            ),
-        )

@@ -1,6 +1,6 @@
 """Tells the address that a request named when its job has ended: signed, and again until it is heard.
 
-Strategy: the script that ends a job also puts its id into :data:`workers.record.WEBHOOKS`, with the time as
+Strategy: the script that ends a job also puts its id into ``Keys.webhooks``, with the time as
 score. Any worker may call :meth:`Courier.deliver`: it takes what is due and in the same step moves it on by
 a lease, so that of two couriers one delivers, and a courier that dies is followed by another. Many are under
 way at once, each with a deadline for the whole call, and few to one receiver: a slow one holds up nobody else.
@@ -27,8 +27,9 @@ import httpx
 import redis
 import structlog
 
-from workers.dead_letters import DeadLetters, letter_key
-from workers.record import WEBHOOKS, JobRecord, job_key
+from workers.dead_letters import DeadLetters
+from workers.lua import filled
+from workers.record import JobRecord
 from workers.settings import Settings
 
 DELAYS_S = (2.0, 10.0, 60.0, 300.0, 900.0)
@@ -43,19 +44,19 @@ _ROUND_S = 30.0
 _LOOK_S = 0.2
 _SECRET_PREFIX = "whsec_"
 
-_TAKE = f"""
+_TAKE = """
 local time = redis.call('TIME')
 local now = tonumber(time[1]) + tonumber(time[2]) / 1e6
-local due = redis.call('ZRANGEBYSCORE', '{WEBHOOKS}', '-inf', now, 'LIMIT', 0, 1)
+local due = redis.call('ZRANGEBYSCORE', '@webhooks@', '-inf', now, 'LIMIT', 0, 1)
 if #due == 0 then return false end
-redis.call('ZADD', '{WEBHOOKS}', now + tonumber(ARGV[1]) / 1000, due[1])
+redis.call('ZADD', '@webhooks@', now + tonumber(ARGV[1]) / 1000, due[1])
 return due[1]
 """
 
-_LATER = f"""
+_LATER = """
 local time = redis.call('TIME')
 local now = tonumber(time[1]) + tonumber(time[2]) / 1e6
-redis.call('ZADD', '{WEBHOOKS}', 'XX', now + tonumber(ARGV[2]), ARGV[1])
+redis.call('ZADD', '@webhooks@', 'XX', now + tonumber(ARGV[2]), ARGV[1])
 """
 
 log = structlog.get_logger(__name__)
@@ -91,11 +92,12 @@ class Courier:
 
     def __init__(self, client: redis.Redis, settings: Settings, clock: Callable[[], float] = time.time) -> None:
         self._client = client
+        self._keys = settings.keys
         self._secret = settings.webhook_secret
         self._clock = clock
-        self._take = client.register_script(_TAKE)
-        self._later = client.register_script(_LATER)
-        self._dead = DeadLetters(client)
+        self._take = client.register_script(filled(_TAKE, webhooks=self._keys.webhooks))
+        self._later = client.register_script(filled(_LATER, webhooks=self._keys.webhooks))
+        self._dead = DeadLetters(client, self._keys)
         self._under_way: Counter[str] = Counter()
 
     def deliver(self) -> int:
@@ -120,7 +122,7 @@ class Courier:
     async def _try(self, http: httpx.AsyncClient, job_id: str) -> bool:
         message = self._message(job_id)
         if message is None:
-            self._client.zrem(WEBHOOKS, job_id)
+            self._client.zrem(self._keys.webhooks, job_id)
             return False
         receiver = urlsplit(message.url).netloc
         if self._under_way[receiver] >= _AT_ONCE_EACH:
@@ -137,12 +139,12 @@ class Courier:
     def _message(self, job_id: str) -> _Message | None:
         """Of a dead letter that is sent again, else of the job; None if neither is kept any more."""
         if letter := self._dead.get(job_id):
-            return _Message(letter.url, letter.body.encode(), letter.attempts + 1, letter_key(job_id))
-        record = cast(dict[str, str], self._client.hgetall(job_key(job_id)))
+            return _Message(letter.url, letter.body.encode(), letter.attempts + 1, self._keys.dead_letter(job_id))
+        record = cast(dict[str, str], self._client.hgetall(self._keys.job(job_id)))
         if not record:
             return None
         body = JobRecord.read(record).json().encode()
-        return _Message(record["webhook_url"], body, int(record.get("webhook_attempts", 0)) + 1, job_key(job_id))
+        return _Message(record["webhook_url"], body, int(record.get("webhook_attempts", 0)) + 1, self._keys.job(job_id))
 
     async def _post(self, http: httpx.AsyncClient, job_id: str, message: _Message) -> str | None:
         """None when the receiver answered 2xx. Redirects could lead anywhere, and are not followed; what it
@@ -163,14 +165,17 @@ class Courier:
     def _conclude(self, job_id: str, message: _Message, error: str | None) -> None:
         say = log.bind(job_id=job_id, attempt=message.attempt)
         if error is None:
-            self._client.zrem(WEBHOOKS, job_id)
+            self._client.zrem(self._keys.webhooks, job_id)
             self._dead.forget(job_id)
+            self._client.hincrby(self._keys.measures, "webhook|heard", 1)
             say.info("webhook heard")
         elif message.attempt > len(DELAYS_S):
-            self._client.zrem(WEBHOOKS, job_id)
+            self._client.zrem(self._keys.webhooks, job_id)
             self._dead.bury(job_id, message.url, message.body.decode(), error)
+            self._client.hincrby(self._keys.measures, "webhook|given_up", 1)
             say.error("webhook given up", error=error)
         else:
+            self._client.hincrby(self._keys.measures, "webhook|not_heard", 1)
             say.warning("webhook not heard", error=error)
             if self._client.exists(message.key):  # it may have expired meanwhile: leave no record without an end
                 self._client.hset(message.key, "webhook_attempts", str(message.attempt))

@@ -16,6 +16,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from services import documents, waiting
 from services.access import BackendDep, Reader, Submitter
 from services.problems import ProblemError
+from services.telemetry import origin
 from workers.queue import JobUnknown
 from workers.record import JobRecord
 
@@ -98,7 +99,7 @@ async def submit_job(
             idempotency_key=idempotency_key,
             request_digest=hashlib.sha256(submission.entry.request.encode()).hexdigest(),
             keep=keep,
-            owner=caller.owner,
+            origin=origin(caller.owner),
             most_jobs=caller.most_jobs,
         )
         job, _ = await to_thread.run_sync(submit)
@@ -165,4 +166,7 @@ async def read_file(
     if if_none_match and (if_none_match == "*" or file.sha256 in if_none_match):
         return Response(status_code=304, headers=headers)
     path = await to_thread.run_sync(backend.blobs.path, file.sha256)
-    return FileResponse(path, media_type=file.media_type, headers=headers)
+    if path is not None:
+        return FileResponse(path, media_type=file.media_type, headers=headers)
+    data = await to_thread.run_sync(backend.blobs.get, file.sha256)
+    return Response(data, media_type=file.media_type, headers=headers)

@@ -140,6 +140,7 @@ def test_a_body_that_stalls_is_given_up(client, problem, monkeypatch):
 
 def test_a_body_that_drips_is_given_up(monkeypatch):
     monkeypatch.setattr(gate, "_GRACE_S", 0.0)
+    monkeypatch.setattr(gate, "_SLOWEST_BYTES_S", 1e12)  # so that it depends on no processor
 
     async def drip():
         return {"type": "http.request", "body": b"x", "more_body": True}
@@ -198,7 +199,7 @@ class TestConnections:
 
     def test_one_too_many_is_told_so(self, address, monkeypatch):
         """Out of descriptors the service answered 500, and filled its log."""
-        monkeypatch.setattr(BoundedHttp, "_limit", 2)
+        monkeypatch.setattr(BoundedHttp, "most", 2)
         with contextlib.ExitStack() as open_:
             for _ in range(2):
                 open_.enter_context(socket.create_connection(address))
@@ -211,9 +212,8 @@ class TestConnections:
 
     def test_there_are_never_more_than_descriptors_for_them(self, monkeypatch):
         monkeypatch.setattr(http_protocol.resource, "getrlimit", lambda _: (400, 400))
-        assert connection_limit() == 150
-        monkeypatch.setenv(http_protocol.VARIABLE, "7")
-        assert connection_limit() == 7
+        assert connection_limit(2000) == 150
+        assert connection_limit(7) == 7
 
 
 def test_out_of_descriptors_it_asks_to_come_back(client, app, problem, monkeypatch):

@@ -12,7 +12,6 @@ from starlette.testclient import TestClient
 from services.app import create_app
 from tests.processes import wait_until
 from workers import presence
-from workers.record import alive_key
 
 NETWORK = NetworkInfo(
     name="net",
@@ -39,7 +38,7 @@ def announce(job_queue):
 
     def announce(*, ready: bool, busy: bool = False, name: str = "w1") -> None:
         info = presence.WorkerInfo(name, ready, busy, ["interactive"], datetime.now(UTC), [NETWORK])
-        presence.announce(job_queue._client, info)
+        presence.announce(job_queue._client, job_queue._keys, info)
 
     return announce
 
@@ -120,7 +119,7 @@ def test_a_job_whose_last_worker_is_gone_is_put_right_by_the_service(client, led
     job_id = client.post("/v1/jobs", json={"kind": "noop", "timeout_s": 600}).json()["id"]
     for _ in range(2):
         assert wait_until(lambda: ledger.claim(job_id, "gone"), 20)
-        job_queue._client.delete(alive_key(job_id))
+        job_queue._client.delete(job_queue._keys.alive(job_id))
         wait_until(lambda: client.get(f"/v1/jobs/{job_id}").json()["state"] != "running", 20)
     job = client.get(f"/v1/jobs/{job_id}").json()
     assert job["state"] == "failed"

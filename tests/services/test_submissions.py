@@ -7,12 +7,12 @@ import pytest
 from dlo_client.contracts import AnyRequest, ImageRef, NetworkInfo
 from pydantic import TypeAdapter
 
+from tests.processes import KEYS
 from tests.services import samples
 from workers import presence
 from workers.connection import connect
 from workers.presence import WorkerInfo
 from workers.queue import JobQueue
-from workers.record import job_key
 
 JSON = {"Content-Type": "application/json"}
 
@@ -45,7 +45,7 @@ def queued(job_queue: JobQueue):
     def queued(response) -> AnyRequest:
         assert response.status_code == 202, response.text
         assert response.headers["Location"] == f"/v1/jobs/{response.json()['id']}"
-        stored = job_queue._client.hget(job_key(response.json()["id"]), "request")
+        stored = job_queue._client.hget(KEYS.job(response.json()["id"]), "request")
         return TypeAdapter(AnyRequest).validate_json(stored)
 
     return queued
@@ -62,7 +62,7 @@ def announced(settings, monkeypatch):
     ]
     info = WorkerInfo("w", ready=False, busy=True, queues=[], started_at=datetime.now(UTC), networks=networks)
     with connect(settings) as queue_server:
-        presence.announce(queue_server, info)
+        presence.announce(queue_server, KEYS, info)
 
 
 class TestAccepted:

@@ -11,11 +11,10 @@ from pathlib import Path
 import pytest
 from dlo_client.contracts import JobState, NoopRequest
 
-from tests.processes import ROOT, environment, wait_until
+from tests.processes import KEYS, ROOT, environment, wait_until
 from workers.connection import connect
 from workers.embedded import EmbeddedQueue
 from workers.queue import JobQueue
-from workers.record import job_key
 from workers.settings import Settings
 
 pytestmark = pytest.mark.system
@@ -196,8 +195,8 @@ def test_forged_queue_entries_do_not_run_and_the_worker_lives(job_queue, setting
         client.hset("rq:job:f1", mapping={"data": json.dumps(["os.mkdir", None, [str(trap)], {}])})
         client.hset("rq:job:f2", mapping={"data": b"\x80\x04cos\nsystem\n.", "status": "?"})
         client.set("rq:job:f3", "not a hash")
-        client.rpush("rq:queue:interactive", "f1", "f2", "f3", "f4", "../f5")
-        client.sadd("rq:wip:interactive", "f1")
+        client.rpush("rq:queue:dlo:interactive", "f1", "f2", "f3", "f4", "../f5")
+        client.sadd("rq:wip:dlo:interactive", "f1")
     worker = start_worker()
     pid = worker.process.pid
     succeeds(job_queue, submit(job_queue))
@@ -219,7 +218,7 @@ def test_ten_jobs_for_two_workers_none_is_lost(job_queue, start_worker):
 def test_an_id_that_was_popped_by_a_worker_that_died_comes_back(job_queue, settings, start_worker):
     job_id = submit(job_queue)
     with connect(settings) as client:
-        client.lpop("rq:queue:interactive")
+        client.lpop("rq:queue:dlo:interactive")
     start_worker()
     assert succeeds(job_queue, job_id).attempts == 1
 
@@ -251,7 +250,7 @@ def test_a_worn_child_is_replaced(settings, start_worker, worn):
 def test_a_worker_ends_with_its_supervisor(settings):
     program = (
         "import sys\n"
-        "from tests.processes import WorkerProcess\n"
+        "from tests.processes import KEYS, WorkerProcess\n"
         "from workers.settings import Settings\n"
         "worker = WorkerProcess(Settings(), 'w')\n"
         "worker.wait_ready()\n"
@@ -286,7 +285,7 @@ def test_a_finished_record_says_what_it_took(job_queue, settings, start_worker):
     assert job.timings_ms["total"] >= 100
     assert job.timings_ms["queue_wait"] >= 0
     with connect(settings) as client:
-        assert client.ttl(job_key(job.id)) > 0
+        assert client.ttl(KEYS.job(job.id)) > 0
 
 
 def test_the_next_child_is_there_already_when_one_is_killed(settings, start_worker):

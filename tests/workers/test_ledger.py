@@ -6,12 +6,12 @@ from threading import Barrier
 import pytest
 from dlo_client.contracts import JobState, NoopRequest, NoopResult
 
+from tests.processes import KEYS
 from workers import ledger as ledger_module
 from workers import problems
 from workers.connection import connect
 from workers.ledger import Ledger
 from workers.queue import JobQueue
-from workers.record import alive_key
 
 RESULT = NoopResult(held_s=0.0)
 
@@ -38,7 +38,7 @@ def submit(job_queue, **fields):
 
 def take(client, job_id):
     """As RQ does when it hands the id to a worker."""
-    assert client.lrem("rq:queue:interactive", 0, job_id) == 1
+    assert client.lrem("rq:queue:dlo:interactive", 0, job_id) == 1
 
 
 def test_claim_says_what_to_do_and_can_be_had_once(job_queue, ledger):
@@ -122,7 +122,7 @@ def test_a_lost_job_is_tried_once_more(job_queue, ledger, client):
     take(client, job_id)
     first = ledger.claim(job_id, "w")
     assert ledger.lost(first) == "requeued"
-    assert client.lrange("rq:queue:interactive", 0, -1) == [job_id, other], "before those who came later"
+    assert client.lrange("rq:queue:dlo:interactive", 0, -1) == [job_id, other], "before those who came later"
     assert job_queue.get(job_id).state is JobState.QUEUED
 
     second = ledger.claim(job_id, "w")
@@ -145,7 +145,7 @@ def test_reap_takes_a_silent_running_job_after_the_grace(job_queue, ledger, clie
     job_id = submit(job_queue)
     take(client, job_id)
     claim = ledger.claim(job_id, "w")
-    client.delete(alive_key(job_id))  # as by expiry
+    client.delete(KEYS.alive(job_id))  # as by expiry
     assert ledger.reap(job_id) is None
     assert ledger.reap(job_id) == "requeued"
     assert not ledger.renew(claim, "w")
@@ -156,7 +156,7 @@ def test_reap_forgives_a_worker_that_speaks_up_in_the_grace(job_queue, ledger, c
     """Right after a restart of the queue server every liveness key has expired."""
     claim = ledger.claim(submit(job_queue), "w")
     for _ in range(2):
-        client.delete(alive_key(claim.job_id))
+        client.delete(KEYS.alive(claim.job_id))
         assert ledger.reap(claim.job_id) is None
         assert ledger.renew(claim, "w")
         assert ledger.reap(claim.job_id) is None
@@ -167,7 +167,7 @@ def test_reap_brings_back_an_id_that_was_lost_between_queue_and_worker(job_queue
     take(client, job_id)
     assert ledger.reap(job_id) is None
     assert ledger.reap(job_id) == "requeued"
-    assert client.lrange("rq:queue:interactive", 0, -1) == [job_id]
+    assert client.lrange("rq:queue:dlo:interactive", 0, -1) == [job_id]
     assert job_queue.get(job_id).attempts == 0
 
 

@@ -12,7 +12,7 @@ from workers.ledger import Ledger
 from workers.listing import trim
 from workers.presence import WorkerInfo, announce, depart
 from workers.queue import AsyncJobQueue, IdempotencyConflict, JobGone, JobQueue, JobUnknown, QueueFull
-from workers.record import REQUEST
+from workers.record import REQUEST, Origin
 from workers.settings import Settings
 
 
@@ -173,7 +173,7 @@ def test_recent_forgets_expired_jobs(settings):
     queue.cancel(expired)
     kept = queue.submit(NoopRequest())[0].id
     with connect(settings) as client:
-        wait_until(lambda: trim(client) == 1)
+        wait_until(lambda: trim(client, settings.keys) == 1)
         assert client.zrange("dlo:recent", 0, -1) == [kept]
     assert [job.id for job in queue.recent().jobs] == [kept]
 
@@ -182,12 +182,12 @@ def test_workers_announce_themselves_and_depart(job_queue, settings):
     started_at = datetime(2026, 11, 23, tzinfo=UTC)
     info = WorkerInfo("w1", ready=True, busy=False, queues=["batch"], started_at=started_at, networks=[])
     with connect(settings) as client:
-        announce(client, info)
+        announce(client, settings.keys, info)
         assert job_queue.workers() == [info]
         client.delete("dlo:worker:w1")  # as by expiry
         assert job_queue.workers() == []
-        announce(client, info)
-        depart(client, "w1")
+        announce(client, settings.keys, info)
+        depart(client, settings.keys, "w1")
     assert job_queue.workers() == []
 
 
@@ -214,14 +214,14 @@ def test_a_queue_server_that_holds_enough_takes_no_more(settings):
 
 
 def test_an_owner_may_have_so_many_jobs_under_way(job_queue, ledger):
-    job, _ = job_queue.submit(NoopRequest(), owner="cell", most_jobs=1)
+    job, _ = job_queue.submit(NoopRequest(), origin=Origin("cell"), most_jobs=1)
     with pytest.raises(QueueFull, match="1 jobs under way"):
-        job_queue.submit(NoopRequest(), owner="cell", most_jobs=1)
-    job_queue.submit(NoopRequest(), owner="other", most_jobs=1)
+        job_queue.submit(NoopRequest(), origin=Origin("cell"), most_jobs=1)
+    job_queue.submit(NoopRequest(), origin=Origin("other"), most_jobs=1)
     finish(ledger, job.id)
-    job_queue.submit(NoopRequest(), owner="cell", most_jobs=1)
+    job_queue.submit(NoopRequest(), origin=Origin("cell"), most_jobs=1)
 
 
 def test_two_owners_may_use_the_same_idempotency_key(job_queue):
-    made = [job_queue.submit(NoopRequest(), idempotency_key="k", owner=owner)[1] for owner in ("a", "b", "a")]
+    made = [job_queue.submit(NoopRequest(), idempotency_key="k", origin=Origin(owner))[1] for owner in ("a", "b", "a")]
     assert made == [True, True, False]

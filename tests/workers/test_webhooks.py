@@ -13,10 +13,10 @@ from dlo_client.contracts import JobState, NoopRequest, NoopResult
 from dlo_client.errors import UnexpectedReply
 from dlo_client.webhooks import read_webhook
 
+from tests.processes import KEYS
 from workers import webhooks
 from workers.connection import connect
 from workers.ledger import Ledger
-from workers.record import WEBHOOKS, job_key
 from workers.settings import Settings
 from workers.webhooks import Courier
 
@@ -82,7 +82,7 @@ def end(job_queue, client, settings):
 
 
 def make_due(client, job_id):
-    client.zadd(WEBHOOKS, {job_id: 0})
+    client.zadd(KEYS.webhooks, {job_id: 0})
 
 
 def test_the_ended_job_arrives_signed_and_once(receiver, courier, end, job_queue):
@@ -108,7 +108,7 @@ def test_a_cancelled_job_is_told_of_too(receiver, courier, job_queue):
 
 def test_a_job_without_a_webhook_is_not_told_of(courier, job_queue, client):
     job_queue.cancel(job_queue.submit(NoopRequest())[0].id)
-    assert client.zcard(WEBHOOKS) == 0
+    assert client.zcard(KEYS.webhooks) == 0
 
 
 @pytest.mark.parametrize("status", [500, 404, 302])
@@ -119,7 +119,7 @@ def test_what_is_not_heard_is_tried_again_later(receiver, courier, end, client, 
     assert len(receiver.calls) == 1
     assert courier.deliver() == 0
     assert len(receiver.calls) == 1, "not before its time, and no redirect is followed"
-    assert client.zscore(WEBHOOKS, job_id) == pytest.approx(time.time() + webhooks.DELAYS_S[0], abs=1.5)
+    assert client.zscore(KEYS.webhooks, job_id) == pytest.approx(time.time() + webhooks.DELAYS_S[0], abs=1.5)
     receiver.status = 200
     make_due(client, job_id)
     assert courier.deliver() == 1
@@ -131,11 +131,11 @@ def test_it_is_given_up_in_the_end(receiver, courier, end, client):
     job_id = end(receiver.url)
     for _ in range(20):
         courier.deliver()
-        if client.zscore(WEBHOOKS, job_id) is None:
+        if client.zscore(KEYS.webhooks, job_id) is None:
             break
         make_due(client, job_id)
     assert len(receiver.calls) == 1 + len(webhooks.DELAYS_S)
-    assert client.ttl(job_key(job_id)) > 0, "the record still expires"
+    assert client.ttl(KEYS.job(job_id)) > 0, "the record still expires"
 
 
 def test_nobody_listens(courier, end, receiver):
@@ -155,9 +155,9 @@ def test_a_courier_that_dies_is_followed_by_another(receiver, courier, end, clie
 
 def test_a_job_that_has_expired_is_forgotten(courier, end, client, receiver):
     job_id = end(receiver.url)
-    client.delete(job_key(job_id))
+    client.delete(KEYS.job(job_id))
     assert courier.deliver() == 0
-    assert client.zcard(WEBHOOKS) == 0
+    assert client.zcard(KEYS.webhooks) == 0
     assert receiver.calls == []
 
 
@@ -239,14 +239,14 @@ def test_a_receiver_that_drips_is_left_and_holds_up_nobody(receiver, courier, en
         end(receiver.url)
     assert courier.deliver() == 3
     assert len(receiver.calls) == 3
-    assert all(client.zscore(WEBHOOKS, job_id) > time.time() - 1 for job_id in slow)
+    assert all(client.zscore(KEYS.webhooks, job_id) > time.time() - 1 for job_id in slow)
 
 
 def give_up(courier, receiver, client, job_id) -> None:
     receiver.status = 503
     for _ in range(20):
         courier.deliver()
-        if client.zscore(WEBHOOKS, job_id) is None:
+        if client.zscore(KEYS.webhooks, job_id) is None:
             return
         make_due(client, job_id)
     raise AssertionError("never given up")
@@ -258,7 +258,7 @@ def test_what_was_given_up_can_be_sent_again(receiver, courier, end, client, job
     give_up(courier, receiver, client, job_id)
     (letter,) = job_queue.dead_letters.all()
     assert (letter.job_id, letter.url, letter.error) == (job_id, receiver.url, "answered 503")
-    client.delete(job_key(job_id))  # as by expiry
+    client.delete(KEYS.job(job_id))  # as by expiry
     receiver.status = 200
     del receiver.calls[:]
     assert job_queue.dead_letters.resend(job_id)

@@ -29,7 +29,7 @@ from pydantic import ValidationError
 
 from models.weights import inference
 from models.weights.inference import NetworkSpec, Runtime
-from workers.blobs import FolderBlobs
+from workers.blobs import open_blobs
 from workers.settings import Settings
 from workers.stages import (
     estimate_parameters,
@@ -108,7 +108,7 @@ def warm(settings: Settings) -> Tools:
     threads = settings.onnx_threads or max(1, (os.cpu_count() or 1) // settings.workers)
     cv2.setNumThreads(threads)
     tools = Tools(
-        blobs=FolderBlobs(settings.blobs_dir, settings.blob_ttl_s, settings.disk_reserve_bytes // 2),
+        blobs=open_blobs(settings, settings.disk_reserve_bytes // 2),
         max_image_pixels=settings.max_image_pixels,
         runtime=Runtime(settings.onnx_providers, threads, spinning=settings.workers == 1),
     )

@@ -9,7 +9,7 @@ from dlo_client.contracts import Contract, NetworkInfo
 
 from models.weights import inference
 from models.weights.inference import Network, Runtime
-from workers.blobs import FolderBlobs
+from workers.blobs import Blobs
 
 
 def _nobody(fraction: float) -> None:
@@ -20,7 +20,7 @@ def _nobody(fraction: float) -> None:
 class Tools:
     """What the warm child holds ready for every job."""
 
-    blobs: FolderBlobs
+    blobs: Blobs
     max_image_pixels: int
     runtime: Runtime
     networks: list[NetworkInfo] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Bytes in and out by their SHA-256, in a folder, with a lifetime.
+"""Blobs as files in a folder.
 
 Strategy: bytes are written beside their place and renamed, so that a reader never sees half a blob; what a
 write that failed has left is removed at once. Who stages bytes decides later whether to keep them. Nothing is
@@ -19,22 +19,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
+from workers.blobs.contract import BlobMissing, NoRoomError
+
 _ID = re.compile(r"[0-9a-f]{64}")
 _DISK_IS_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_MARK = "mark"
 _STAGED_FOR_S = 3600.0
 """What is still staged after so long was left by a process that was killed."""
 
 
-class BlobMissing(KeyError):
-    """No blob has this id: it was never put, it has expired, or the id is not one."""
-
-
-class NoRoomError(Exception):
-    """The disk has no room for more."""
-
-
 @dataclass(frozen=True)
-class Staged:
+class StagedFile:
     """Bytes on the disk that are no blob yet, unless they were one before."""
 
     blob_id: str
@@ -62,6 +57,7 @@ class FolderBlobs:
 
     def __init__(self, root: Path, lifetime_s: float, reserve_bytes: int = 0) -> None:
         self._root = root
+        self.place = f"the folder {root}"
         self._lifetime_s = lifetime_s
         self._reserve_bytes = reserve_bytes
 
@@ -69,12 +65,12 @@ class FolderBlobs:
         """Store ``data`` and return its id; the same bytes are stored once. Raises :class:`NoRoomError`."""
         return self.stage(data).keep()
 
-    def stage(self, data: bytes) -> Staged:
+    def stage(self, data: bytes) -> StagedFile:
         """Write ``data`` to the disk, to be kept or dropped; raises :class:`NoRoomError`."""
         blob_id = hashlib.sha256(data).hexdigest()
         place = self._place(blob_id)
         known = self.touch(blob_id) and place.stat().st_size == len(data)  # a crash may leave an empty file
-        return Staged(blob_id, len(data), place, None if known else self._write_beside(place, data))
+        return StagedFile(blob_id, len(data), place, None if known else self._write_beside(place, data))
 
     def free_bytes(self) -> int:
         """What may still be written."""
@@ -115,6 +111,21 @@ class FolderBlobs:
                     file.unlink()
                     removed += 1
         return removed
+
+    def mark(self, *, make: bool = False) -> str | None:
+        """See :class:`workers.blobs.Blobs`."""
+        file = self._root / _MARK
+        with contextlib.suppress(OSError):
+            return file.read_text()
+        if not make:
+            return None
+        self._root.mkdir(parents=True, exist_ok=True, mode=0o700)
+        beside = self._root / f"{_MARK}.{uuid4().hex}"
+        beside.write_text(uuid4().hex)
+        with contextlib.suppress(FileExistsError):
+            os.link(beside, file)  # whole at once: nobody reads half a mark
+        beside.unlink()
+        return file.read_text()
 
     def _files(self) -> Iterator[Path]:
         """Blobs, and what a writer that was killed left behind."""

@@ -1,0 +1,102 @@
+"""Blobs in a bucket do what blobs in a folder do, against a real S3 server."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from workers.blobs import BlobMissing, Blobs, BlobsUnreachableError, FolderBlobs, open_blobs
+from workers.settings import Settings
+
+LIFETIME_S = 10_000.0
+
+
+@pytest.fixture(params=["folder", "bucket"])
+def blobs(request, tmp_path) -> Iterator[Blobs]:
+    if request.param == "folder":
+        yield FolderBlobs(tmp_path, LIFETIME_S)
+    else:
+        request.getfixturevalue("s3")
+        yield open_blobs(Settings(blobs_url="s3://pictures/plant", blob_ttl_s=LIFETIME_S))
+
+
+def test_what_was_put_comes_back_once_stored(blobs):
+    first, second = blobs.put(b"picture"), blobs.put(b"picture")
+    assert first == second
+    assert blobs.get(first) == b"picture"
+    file = blobs.path(first)
+    assert file is None or file.read_bytes() == b"picture"
+
+
+def test_staged_bytes_are_a_blob_once_kept(blobs):
+    kept, dropped = blobs.stage(b"kept"), blobs.stage(b"dropped")
+    for staged in (kept, dropped):
+        with pytest.raises(BlobMissing):
+            blobs.get(staged.blob_id)
+    assert kept.keep() == kept.keep() == kept.blob_id
+    kept.drop()
+    dropped.drop()
+    assert blobs.get(kept.blob_id) == b"kept"
+    assert kept.bytes == 4
+    with pytest.raises(BlobMissing):
+        blobs.get(dropped.blob_id)
+
+
+def test_dropping_does_not_remove_what_was_a_blob_before(blobs):
+    blob_id = blobs.put(b"picture")
+    blobs.stage(b"picture").drop()
+    assert blobs.get(blob_id) == b"picture"
+
+
+@pytest.mark.parametrize("blob_id", ["0" * 64, "../mark", "mark", ""])
+def test_what_is_no_blob(blobs, blob_id):
+    blobs.mark(make=True)
+    for ask in (blobs.get, blobs.path):
+        with pytest.raises(BlobMissing):
+            ask(blob_id)
+
+
+def test_touching(blobs):
+    assert blobs.touch(blobs.put(b"picture"))
+    assert not blobs.touch("0" * 64)
+
+
+def test_what_has_outlived_its_lifetime_goes_and_what_was_staged_earlier(blobs):
+    blob_id = blobs.put(b"picture")
+    blobs.stage(b"left behind")
+    blobs.mark(make=True)
+    assert blobs.sweep(time.time()) == 0
+    assert blobs.sweep(time.time() + 3700) == 1, "what was staged"
+    assert blobs.get(blob_id) == b"picture"
+    assert blobs.sweep(time.time() + LIFETIME_S + 60) == 1
+    assert blobs.mark() is not None
+    with pytest.raises(BlobMissing):
+        blobs.get(blob_id)
+
+
+def test_a_place_keeps_its_mark(blobs):
+    assert blobs.mark() is None
+    assert blobs.mark(make=True) == blobs.mark(make=True) == blobs.mark()
+
+
+def test_two_folders_of_one_bucket_are_two_places(s3):
+    first, second = (open_blobs(Settings(blobs_url=f"s3://pictures/{name}")) for name in ("a", "b"))
+    assert first.mark(make=True) != second.mark(make=True)
+    blob_id = first.put(b"picture")
+    with pytest.raises(BlobMissing):
+        second.get(blob_id)
+
+
+def test_a_bucket_that_is_not_there_is_unreachable(s3):
+    nowhere = open_blobs(Settings(blobs_url="s3://nowhere"))
+    for ask in (nowhere.mark, lambda: nowhere.put(b"picture"), nowhere.sweep):
+        with pytest.raises(BlobsUnreachableError):
+            ask()
+
+
+def test_a_server_that_is_not_there_is_unreachable(s3, monkeypatch):
+    monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "http://127.0.0.1:1")
+    with pytest.raises(BlobsUnreachableError):
+        open_blobs(Settings(blobs_url="s3://pictures")).put(b"picture")

@@ -1,0 +1,43 @@
+"""The part of the queue's door that waits, for an event loop: hundreds of waiters need no threads."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from dlo_client.contracts import JobEvent
+
+from workers import quota
+from workers.connection import connect_async
+from workers.reading import absent, bounded_block, events_of, stream_after
+from workers.record import JobRecord
+from workers.settings import Settings
+
+
+class AsyncJobQueue:
+    """Twin of :class:`workers.queue.JobQueue`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._client = connect_async(settings)
+        self._keys = settings.keys
+        self._pace = self._client.register_script(quota.PACE)
+
+    async def get(self, job_id: str) -> JobRecord:
+        """See :meth:`workers.view.QueueView.get`."""
+        record = cast(dict[str, str], await self._client.hgetall(self._keys.job(job_id)))
+        if not record:
+            raise absent(await self._client.exists(self._keys.tombstone(job_id)), job_id)
+        return JobRecord.read(record)
+
+    async def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
+        """See :meth:`workers.view.QueueView.events`."""
+        answer = await self._client.xread(*stream_after(self._keys, job_id, after), block=bounded_block(block_ms))
+        if not answer and not await self._client.exists(self._keys.job(job_id)):
+            raise absent(await self._client.exists(self._keys.tombstone(job_id)), job_id)
+        return events_of(answer)
+
+    async def pace(self, owner: str, per_minute: int) -> float:
+        """Seconds that ``owner`` has to wait before its next request; 0 for one that may go on, and counts."""
+        return float(await self._pace(keys=[self._keys.pace(owner)], args=[per_minute]))
+
+    async def close(self) -> None:
+        await self._client.aclose()

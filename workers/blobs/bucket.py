@@ -1,0 +1,196 @@
+"""Blobs as objects in a bucket of an S3 server: for hosts that share no folder.
+
+Needs ``requirements/s3.txt``. Who we are and where the server is comes from the variables of AWS
+(``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL_S3``, …), or from the role that the machine has.
+
+Strategy: a blob is an object under its id. The age of an object is its lifetime, so touching one copies it onto
+itself inside the server. Staged bytes are objects beside, copied to their place when they are kept: several
+replicas of the service need no disk of their own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+from uuid import uuid4
+
+import boto3
+from botocore.config import Config
+from botocore.exceptions import BotoCoreError, ClientError
+
+from workers.blobs.contract import BlobMissing, BlobsUnreachableError, NoRoomError
+
+_ID = re.compile(r"[0-9a-f]{64}")
+_ABSENT = ("NoSuchKey", "404", "NotFound")
+_FULL = ("507", "InsufficientStorage", "XMinioStorageFull", "QuotaExceeded")
+_STAGED_FOR_S = 3600.0
+_CONFIG = Config(
+    connect_timeout=2, read_timeout=20, retries={"mode": "standard", "total_max_attempts": 3}, max_pool_connections=64
+)
+
+
+@dataclass(frozen=True)
+class StagedObject:
+    """See :class:`workers.blobs.Staged`."""
+
+    blob_id: str
+    bytes: int
+    _blobs: BucketBlobs
+    _beside: str | None
+
+    def keep(self) -> str:
+        if self._beside is None:
+            self._blobs.touch(self.blob_id)
+        else:
+            self._blobs.move(self._beside, self.blob_id)
+        return self.blob_id
+
+    def drop(self) -> None:
+        if self._beside is not None:
+            self._blobs.remove(self._beside)
+
+
+class BucketBlobs:
+    """See :class:`workers.blobs.Blobs`."""
+
+    def __init__(self, client: Any, bucket: str, folder: str, lifetime_s: float) -> None:
+        self._client = client
+        self._bucket = bucket
+        self._folder = folder
+        self._lifetime_s = lifetime_s
+        self.place = f"the bucket s3://{bucket}/{folder}"
+
+    @classmethod
+    def at(cls, url: str, lifetime_s: float) -> BucketBlobs:
+        """``s3://bucket/folder``."""
+        parts = urlsplit(url)
+        folder = parts.path.strip("/")
+        return cls(boto3.client("s3", config=_CONFIG), parts.netloc, folder and f"{folder}/", lifetime_s)
+
+    def put(self, data: bytes) -> str:
+        """See :class:`workers.blobs.Blobs`."""
+        blob_id = hashlib.sha256(data).hexdigest()
+        if not self.touch(blob_id):
+            self._write(self._name(blob_id), data)
+        return blob_id
+
+    def stage(self, data: bytes) -> StagedObject:
+        """See :class:`workers.blobs.Blobs`."""
+        blob_id = hashlib.sha256(data).hexdigest()
+        if self.touch(blob_id):
+            return StagedObject(blob_id, len(data), self, None)
+        beside = f"{self._folder}staged/{uuid4().hex}"
+        self._write(beside, data)
+        return StagedObject(blob_id, len(data), self, beside)
+
+    def get(self, blob_id: str) -> bytes:
+        """See :class:`workers.blobs.Blobs`."""
+        with _told(blob_id):
+            body: bytes = self._client.get_object(Bucket=self._bucket, Key=self._name(blob_id))["Body"].read()
+        return body
+
+    def path(self, blob_id: str) -> Path | None:
+        """No file holds them."""
+        with _told(blob_id):
+            self._client.head_object(Bucket=self._bucket, Key=self._name(blob_id))
+        return None
+
+    def touch(self, blob_id: str) -> bool:
+        """See :class:`workers.blobs.Blobs`."""
+        try:
+            self._copy(self._name(blob_id), self._name(blob_id), blob_id)
+        except BlobMissing:
+            return False
+        return True
+
+    def move(self, beside: str, blob_id: str) -> None:
+        """Make a blob of a staged object, unless that was done before."""
+        try:
+            self._copy(beside, self._name(blob_id), blob_id)
+        except BlobMissing:
+            if not self.touch(blob_id):
+                raise
+        self.remove(beside)
+
+    def remove(self, name: str) -> None:
+        """Of an object that is not there nothing is removed."""
+        with _told(name):
+            self._client.delete_object(Bucket=self._bucket, Key=name)
+
+    def sweep(self, now: float | None = None) -> int:
+        """See :class:`workers.blobs.Blobs`."""
+        now = time.time() if now is None else now
+        removed = 0
+        for name, changed in self._objects():
+            last = name.rpartition("/")[2]
+            lifetime_s = self._lifetime_s if _ID.fullmatch(last) else min(_STAGED_FOR_S, self._lifetime_s)
+            if last != "mark" and changed < now - lifetime_s:
+                self.remove(name)
+                removed += 1
+        return removed
+
+    def mark(self, *, make: bool = False) -> str | None:
+        """See :class:`workers.blobs.Blobs`."""
+        name = f"{self._folder}mark"
+        if make:
+            with _told(name, but="PreconditionFailed"):  # there is one
+                self._client.put_object(Bucket=self._bucket, Key=name, Body=uuid4().hex.encode(), IfNoneMatch="*")
+        try:
+            with _told(name):
+                found: bytes = self._client.get_object(Bucket=self._bucket, Key=name)["Body"].read()
+        except BlobMissing:
+            return None
+        return found.decode()
+
+    def _objects(self) -> Iterator[tuple[str, float]]:
+        """Names, and when they were last written (seconds since the epoch)."""
+        pages = self._client.get_paginator("list_objects_v2").paginate(Bucket=self._bucket, Prefix=self._folder)
+        with _told(self._folder):
+            for page in pages:
+                for found in page.get("Contents", ()):
+                    yield found["Key"], found["LastModified"].timestamp()
+
+    def _name(self, blob_id: str) -> str:
+        if not _ID.fullmatch(blob_id):
+            raise BlobMissing(blob_id)
+        return f"{self._folder}{blob_id[:2]}/{blob_id}"
+
+    def _write(self, name: str, data: bytes) -> None:
+        with _told(name):
+            self._client.put_object(Bucket=self._bucket, Key=name, Body=data)
+
+    def _copy(self, source: str, target: str, blob_id: str) -> None:
+        """With new metadata, as a server refuses to copy an object onto itself without."""
+        with _told(blob_id):
+            self._client.copy_object(
+                Bucket=self._bucket,
+                CopySource={"Bucket": self._bucket, "Key": source},
+                Key=target,
+                MetadataDirective="REPLACE",
+                Metadata={"touched": f"{time.time():.3f}"},
+            )
+
+
+@contextmanager
+def _told(blob_id: str, but: str = "") -> Iterator[None]:
+    """Errors of the server as those of blobs; one whose code is ``but`` is none."""
+    try:
+        yield
+    except ClientError as error:
+        code = error.response.get("Error", {}).get("Code", "")
+        if code == but:
+            return
+        if code in _ABSENT:
+            raise BlobMissing(blob_id) from None
+        if code in _FULL:
+            raise NoRoomError(str(error)) from error
+        raise BlobsUnreachableError(str(error)) from error
+    except BotoCoreError as error:
+        raise BlobsUnreachableError(str(error)) from error

@@ -1,0 +1,171 @@
+"""The scripts behind :mod:`workers.ledger`: each is one step of a job, atomic inside the queue server."""
+
+from __future__ import annotations
+
+from workers import measures
+from workers.keys import Keys
+from workers.lua import filled
+
+_LIBRARY = """
+local id, keep_ms, tombstone_ms = ARGV[1], tonumber(ARGV[2]), tonumber(ARGV[3])
+local max_attempts, too_late, worker_lost = tonumber(ARGV[4]), ARGV[5], ARGV[6]
+local job, alive, events = '@job@' .. id, '@alive@' .. id, '@events@' .. id
+local time = redis.call('TIME')
+local now = tonumber(time[1]) + tonumber(time[2]) / 1e6
+
+local function get(field) return redis.call('HGET', job, field) end
+local function set(...) redis.call('HSET', job, ...) end
+local function text(seconds) return string.format('%.6f', seconds) end
+local function waiting() return '@waiting@' .. get('priority') end
+
+local function tell()
+  redis.call('XADD', events, 'MAXLEN', '~', 500, '*', 'state', get('state'), 'progress', get('progress'))
+end
+
+local function count(state) redis.call('HINCRBY', '@counts@', get('kind') .. '|' .. state, 1) end
+"""
+
+_ENDS = """
+local function measure(state)
+  local kind, owner, started = get('kind'), get('owner') or '', get('started_at')
+  add('owner|' .. owner .. '|' .. state, 1)
+  if state == 'failed' then add('failed|' .. kind .. '|' .. cjson.decode(get('problem')).code, 1) end
+  if get('state') ~= 'running' then return end
+  observe('run|' .. kind .. '|' .. state, now - tonumber(started))
+  redis.call('HINCRBYFLOAT', '@measures@', 'owner_seconds|' .. owner, text(math.max(now - tonumber(started), 0)))
+  for stage, ms in pairs(cjson.decode(get('timings_ms') or '{}')) do
+    if stage ~= 'queue_wait' and stage ~= 'total' then observe('stage|' .. kind .. '|' .. stage, ms / 1000) end
+  end
+end
+
+local function conclude(state)
+  count(state)
+  measure(state)
+  redis.call('HDEL', job, 'request', 'request_blob')
+  redis.call('SREM', '@owned@' .. (get('owner') or ''), id)
+  set('state', state, 'ended_at', text(now), 'expires_at', text(now + keep_ms / 1000))
+  withdraw()
+  redis.call('ZREM', waiting(), id)
+  redis.call('SREM', '@active@', id)
+  redis.call('DEL', alive)
+  redis.call('SET', '@tombstone@' .. id, '', 'PX', keep_ms + tombstone_ms)
+  if get('webhook_url') then redis.call('ZADD', '@webhooks@', text(now), id) end
+  tell()
+  redis.call('PEXPIRE', job, keep_ms)
+  redis.call('PEXPIRE', events, keep_ms)
+end
+
+local function fail(problem)
+  set('problem', problem)
+  conclude('failed')
+end
+
+local function requeue()
+  set('state', 'queued')
+  redis.call('HDEL', job, 'silent_since')
+  redis.call('DEL', alive)
+  redis.call('ZADD', waiting(), get('created_at'), id)
+  put_back()
+  tell()
+end
+
+local function lost()
+  if now > tonumber(get('deadline')) or tonumber(get('attempts')) >= max_attempts then
+    fail(worker_lost)
+    return 'failed'
+  end
+  add('retried|' .. get('kind'), 1)
+  requeue()
+  return 'requeued'
+end
+
+local function mine(attempt) return get('state') == 'running' and get('attempts') == attempt end
+"""
+
+_STEPS = {
+    "open": """
+local kind, priority, label, timeout_s, request = ARGV[7], ARGV[8], ARGV[9], tonumber(ARGV[10]), ARGV[11]
+local names = {[12] = 'webhook_url', [13] = 'request_blob', [14] = 'owner', [15] = 'request_id', [16] = 'traceparent'}
+for place, field in pairs(names) do
+  if ARGV[place] ~= '' then set(field, ARGV[place]) end
+end
+set('id', id, 'kind', kind, 'priority', priority, 'label', label, 'request', request, 'state', 'queued',
+    'progress', '0', 'attempts', '0', 'created_at', text(now), 'deadline', text(now + timeout_s))
+redis.call('SADD', '@active@', id)
+redis.call('SADD', '@owned@' .. ARGV[14], id)
+redis.call('ZADD', waiting(), text(now), id)
+redis.call('ZADD', '@recent@', redis.call('INCR', '@recent@:number'), id)
+count('queued')
+tell()
+""",
+    "claim": """
+if get('state') ~= 'queued' then return false end
+take()
+if now > tonumber(get('deadline')) then fail(too_late); return false end
+redis.call('ZREM', waiting(), id)
+redis.call('HINCRBY', job, 'attempts', 1)
+redis.call('HDEL', job, 'silent_since')
+redis.call('SET', alive, ARGV[7], 'PX', ARGV[8])
+set('state', 'running', 'started_at', text(now), 'progress', '0')
+tell()
+local waited = now - tonumber(get('created_at'))
+observe('wait|' .. get('priority'), waited)
+return {get('attempts'), get('request'), text(tonumber(get('deadline')) - now), text(waited),
+        get('request_blob') or '', get('request_id') or '', get('traceparent') or ''}
+""",
+    "renew": """
+if not mine(ARGV[7]) then return 0 end
+redis.call('SET', alive, ARGV[8], 'PX', ARGV[9])
+return 1
+""",
+    "progress": """
+if mine(ARGV[7]) then set('progress', ARGV[8]); tell() end
+""",
+    "end": """
+local attempt, state = ARGV[7], ARGV[8]
+if attempt == '' then
+  if get('state') ~= 'queued' then return 0 end
+elseif not mine(attempt) then
+  return 0
+end
+set(unpack(ARGV, 9))
+conclude(state)
+return 1
+""",
+    "cancel": """
+local state = get('state')
+if state == 'queued' or state == 'running' then conclude('cancelled') end
+""",
+    "lost": """
+if not mine(ARGV[7]) then return false end
+return lost()
+""",
+    "reap": """
+local state = get('state')
+if state ~= 'queued' and state ~= 'running' then redis.call('SREM', '@active@', id); return false end
+if state == 'queued' and now > tonumber(get('deadline')) then fail(too_late); return 'too late' end
+
+local in_queue = state == 'queued' and has_place()
+if in_queue or redis.call('EXISTS', alive) == 1 then
+  redis.call('HDEL', job, 'silent_since')
+  return false
+end
+local since = get('silent_since')
+if not since then set('silent_since', text(now)); return false end
+if now - tonumber(since) < tonumber(ARGV[7]) / 1000 then return false end
+
+if state == 'queued' then requeue(); return 'requeued' end
+return lost()
+""",
+}
+
+
+def scripts(keys: Keys, dispatch: str) -> dict[str, str]:
+    """By the name of the step; ``dispatch`` is the script of :class:`workers.dispatch.Dispatch`."""
+    names = {
+        "job": keys.job(""), "alive": keys.alive(""), "events": keys.events(""), "tombstone": keys.tombstone(""),
+        "owned": keys.owned(""), "waiting": keys.waiting(""), "active": keys.active, "recent": keys.recent,
+        "counts": keys.counts, "webhooks": keys.webhooks, "measures": keys.measures,
+    }  # fmt: skip
+    library = filled(_LIBRARY, **names) + dispatch + measures.script(keys) + filled(_ENDS, **names)
+    return {name: library + filled(body, **names) for name, body in _STEPS.items()}
