@@ -1,9 +1,12 @@
 # Two targets from one base: `service` answers HTTP, `worker` computes. Neither installs torch.
 FROM python:3.11-slim-bookworm AS base
 ENV PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+# Optional parts: --build-arg EXTRAS="s3 telemetry"
+ARG EXTRAS=""
 WORKDIR /app
-COPY requirements/service.txt requirements/service.txt
-RUN pip install -r requirements/service.txt
+COPY requirements requirements
+RUN pip install -r requirements/service.txt \
+    && for extra in ${EXTRAS}; do pip install -r "requirements/${extra}.txt" || exit 1; done
 COPY clients clients
 RUN pip install --no-deps ./clients/python && useradd --create-home --uid 10001 dlo \
     && mkdir /data && chown dlo /data
@@ -21,7 +24,7 @@ COPY services services
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \
     CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/healthz', timeout=2)"]
-# The settings refuse a host that is not loopback unless DLO_API_KEY_HASHES is set.
+# The settings refuse a host that is not loopback unless there are API keys.
 ENV DLO_HOST=0.0.0.0
 CMD ["uvicorn", "--factory", "services.app:create_app", "--host", "0.0.0.0", "--port", "8000", \
-     "--http", "services.http_protocol:BoundedHttp"]
+     "--http", "services.http_protocol:BoundedHttp", "--no-access-log"]

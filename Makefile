@@ -8,10 +8,12 @@ PORT ?= 8000
 WORKERS ?= 1
 DATA ?= data
 SHARED ?= ../shared
+SOAK ?= 0
+COUNT ?= 10000
 # Processes that run tests, each with a queue server of its own.
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
-.PHONY: run serve dev test quick lint docs bench lock clean
+.PHONY: run serve dev test quick lint audit docs bench faults load fuzz lock clean
 
 ## Start everything, find the cables of IMAGE through HTTP, print them, stop.
 run: $(BIN)/.service
@@ -43,6 +45,10 @@ lint: $(BIN)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/hadolint Dockerfile
 
+## Scanners: bandit, and known advisories about the locked versions.
+audit: $(BIN)/.dev
+	.ci/audit $(BIN)/python
+
 ## The documentation, to build/docs; a warning, such as a link that leads nowhere, is an error.
 docs: $(BIN)/.dev
 	$(BIN)/python -m sphinx -q -W --keep-going -d build/doctrees docs build/docs
@@ -50,6 +56,18 @@ docs: $(BIN)/.dev
 ## Measure: tables on the screen, JSON in build/bench, tests/benchmarks/RESULTS.md from both.
 bench: $(BIN)/.dev
 	$(BIN)/python -m tests.benchmarks --shared $(SHARED)
+
+## Make every fault happen, with real processes, and count what became of the jobs.
+faults: $(BIN)/.dev
+	$(BIN)/python -m tests.faults
+
+## Jobs at rising rates; SOAK=600 goes on for ten minutes.
+load: $(BIN)/.dev
+	$(BIN)/python -m tests.load --soak $(SOAK)
+
+## Generated requests and damaged pictures, COUNT of them.
+fuzz: $(BIN)/.dev
+	$(BIN)/python -m tests.fuzz --count $(COUNT)
 
 ## Pin again what the .in files allow, in empty environments.
 lock:

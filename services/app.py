@@ -29,6 +29,7 @@ from services.routes import docs, health, images, jobs, metrics, viewer, webhook
 from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
+from workers import logs
 from workers.blobs import BlobsUnreachableError, open_blobs
 from workers.queue import AsyncJobQueue, JobQueue
 
@@ -45,8 +46,10 @@ log = structlog.get_logger(__name__)
 
 
 def create_app(settings: ServiceSettings | None = None) -> FastAPI:
-    """The application; without ``settings``, with those of the environment."""
-    settings = settings or ServiceSettings()
+    """The application; without ``settings``, with those of the environment, and logs as these ask for."""
+    if settings is None:  # started by a server of its own, not by a program that has done this
+        settings = ServiceSettings()
+        logs.configure(settings.log_level)
     backend = _assemble(settings)
     app = FastAPI(
         title="DLO perception service",

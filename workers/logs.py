@@ -42,6 +42,9 @@ def configure(level: str) -> None:
     handler.addFilter(Bounded())
     logging.basicConfig(level=level, handlers=[handler], force=True)
     logging.getLogger("rq").setLevel(logging.WARNING)
+    for name in ("uvicorn", "uvicorn.error"):  # started by its own command it has handlers of its own
+        logging.getLogger(name).handlers.clear()
+        logging.getLogger(name).propagate = True
 
 
 class Bounded(logging.Filter):

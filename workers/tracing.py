@@ -53,7 +53,7 @@ def begin() -> None:
 def of_job(claim: Claim) -> Iterator[trace.Span]:
     """The span of one attempt."""
     parent = propagate.extract({"traceparent": claim.traceparent} if claim.traceparent else {})
-    attributes = {
+    attributes: dict[str, str | int | float] = {
         "dlo.job_id": claim.job_id,
         "dlo.attempt": claim.attempt,
         "dlo.request_id": claim.request_id,

@@ -22,6 +22,9 @@ def commands(shared: Path) -> dict[str, list[str]]:
     instances = ["tests.benchmarks.bench_instances", str(shared)]
     return {
         "http": ["tests.benchmarks.bench_http"],
+        "plant": ["tests.benchmarks.bench_plant"],
+        "load": ["tests.load.__main__"],
+        "faults": ["tests.faults.__main__"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
         "photographs_workshop": [
             "tests.benchmarks.bench_photographs",

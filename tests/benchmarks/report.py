@@ -10,6 +10,7 @@ from tests.benchmarks import report_labelling, report_planner, report_reconstruc
 from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_methods import methods_section, tangles_section
 from tests.benchmarks.report_photographs import photographs
+from tests.benchmarks.report_plant import faults_section, load_section, plant_section
 
 HEAD = """# Measured
 
@@ -116,6 +117,9 @@ def _instances(title: str, asked: str) -> Any:
 
 SECTIONS: dict[str, Any] = {
     "http": _http,
+    "plant": plant_section,
+    "load": load_section,
+    "faults": faults_section,
     "foreground": _foreground,
     "photographs": photographs,
     "photographs_workshop": photographs,

@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -126,12 +127,11 @@ class BucketBlobs:
 
     def sweep(self, now: float | None = None) -> int:
         """See :class:`workers.blobs.Blobs`."""
-        now = time.time() if now is None else now
         removed = 0
-        for name, changed in self._objects():
+        for name, age_s in self._ages(now):
             last = name.rpartition("/")[2]
             lifetime_s = self._lifetime_s if _ID.fullmatch(last) else min(_STAGED_FOR_S, self._lifetime_s)
-            if last != "mark" and changed < now - lifetime_s:
+            if last != "mark" and age_s > lifetime_s:
                 self.remove(name)
                 removed += 1
         return removed
@@ -149,13 +149,15 @@ class BucketBlobs:
             return None
         return found.decode()
 
-    def _objects(self) -> Iterator[tuple[str, float]]:
-        """Names, and when they were last written (seconds since the epoch)."""
+    def _ages(self, now: float | None) -> Iterator[tuple[str, float]]:
+        """Names, and seconds since they were last written, by the server's clock unless ``now`` is given."""
         pages = self._client.get_paginator("list_objects_v2").paginate(Bucket=self._bucket, Prefix=self._folder)
         with _told(self._folder):
             for page in pages:
+                date = page["ResponseMetadata"]["HTTPHeaders"]["date"]
+                at = parsedate_to_datetime(date).timestamp() if now is None else now
                 for found in page.get("Contents", ()):
-                    yield found["Key"], found["LastModified"].timestamp()
+                    yield found["Key"], at - found["LastModified"].timestamp()
 
     def _name(self, blob_id: str) -> str:
         if not _ID.fullmatch(blob_id):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 
-from workers.blobs import BlobMissing, Blobs, BlobsUnreachableError, FolderBlobs, open_blobs
+from workers.blobs import BlobMissing, Blobs, BlobsUnreachableError, FolderBlobs, bucket, open_blobs
 from workers.settings import Settings
 
 LIFETIME_S = 10_000.0
@@ -74,6 +75,15 @@ def test_what_has_outlived_its_lifetime_goes_and_what_was_staged_earlier(blobs):
     assert blobs.mark() is not None
     with pytest.raises(BlobMissing):
         blobs.get(blob_id)
+
+
+def test_a_host_whose_clock_is_ahead_removes_nothing(blobs, monkeypatch):
+    """It would have removed the pictures of everybody's waiting jobs."""
+    blob_id = blobs.put(b"picture")
+    ahead = time.time() + 10 * LIFETIME_S
+    monkeypatch.setattr(bucket, "time", SimpleNamespace(time=lambda: ahead))  # the server is in this process
+    assert blobs.sweep() == 0
+    assert blobs.get(blob_id) == b"picture"
 
 
 def test_a_place_keeps_its_mark(blobs):

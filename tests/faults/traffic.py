@@ -1,0 +1,130 @@
+"""Jobs with answers that are known, sent by clients that go on through every outage; and what became of them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from uuid import uuid4
+
+import httpx
+from dlo_client.contracts import AnyJob
+
+from tests.faults.plant import Plant
+
+_PATIENCE_S = 180.0
+_TIMEOUT_S = 600.0
+
+
+@dataclass
+class Tally:
+    """What became of the jobs of one scenario; the first four should be 0."""
+
+    lost: int = 0
+    """Accepted, and never ended."""
+    doubled: int = 0
+    """Ended well more than once, or one key made two jobs."""
+    wrong: int = 0
+    failed: int = 0
+    """Ended badly although nothing was wrong with them."""
+    jobs: int = 0
+    faults: int = 0
+    worst_recovery_s: float = 0.0
+    """From a fault until a job that was sent right after it had ended."""
+    grown_mb: float = 0.0
+    note: str = ""
+
+    def row(self) -> dict[str, object]:
+        return asdict(self)
+
+    @property
+    def good(self) -> bool:
+        return not (self.lost or self.doubled or self.wrong or self.failed)
+
+
+class Traffic:
+    """Sends ``jobs`` no-op jobs, each of its own length, at a steady pace from a thread."""
+
+    def __init__(self, plant: Plant, jobs: int, pace_s: float) -> None:
+        self._plant = plant
+        self._pace_s = pace_s
+        self._holds = [0.01 + 1e-5 * k for k in range(jobs)]
+        self._ids: dict[str, float] = {}
+        self._label = f"traffic {uuid4().hex[:8]}"
+        self._thread = threading.Thread(target=self._send_all, daemon=True)
+
+    @property
+    def sending(self) -> bool:
+        return self._thread.is_alive()
+
+    def start(self) -> Traffic:
+        self._thread.start()
+        return self
+
+    def _send_all(self) -> None:
+        with httpx.Client(base_url=self._plant.url, timeout=20) as client:
+            for hold_s in self._holds:
+                self._ids[send(client, hold_s, self._label)] = hold_s
+                time.sleep(self._pace_s)
+
+    def tally(self) -> Tally:
+        """Wait for the last job to end, then count."""
+        self._thread.join(_PATIENCE_S)
+        found = Tally(jobs=len(self._holds), lost=len(self._holds) - len(self._ids))
+        give_up = time.monotonic() + _PATIENCE_S
+        for job_id, hold_s in self._ids.items():
+            while not (job := self._plant.queue.get(job_id)).state.final and time.monotonic() < give_up:
+                self._plant.tend()
+                time.sleep(0.02)
+            finals = sum(event.state.final for event in self._plant.queue.events(job_id))
+            found.lost += not job.state.final
+            found.failed += job.state.final and job.state != "succeeded"
+            found.wrong += job.state == "succeeded" and (job.result is None or job.result.held_s != hold_s)
+            found.doubled += finals > 1
+        found.doubled += sum(job.label == self._label for job in all_jobs(self._plant)) - len(self._ids)
+        return found
+
+
+def all_jobs(plant: Plant) -> Iterator[AnyJob]:
+    """Every job that is remembered, newest first."""
+    cursor = None
+    while True:
+        page = plant.queue.recent(limit=200, cursor=cursor)
+        yield from page.jobs
+        if (cursor := page.next_cursor) is None:
+            return
+
+
+def send(client: httpx.Client, hold_s: float, label: str) -> str:
+    """Submit until it is accepted, as a client does that was told nothing: with one key; the job's id."""
+    body = {"kind": "noop", "hold_s": hold_s, "timeout_s": _TIMEOUT_S, "label": label}
+    key, give_up = uuid4().hex, time.monotonic() + _PATIENCE_S
+    while time.monotonic() < give_up:
+        try:
+            answer = client.post("/v1/jobs", json=body, headers={"Idempotency-Key": key})
+            if answer.status_code in (200, 202):
+                return str(answer.json()["id"])
+            if answer.status_code not in (429, 503):
+                raise AssertionError(f"{answer.status_code}: {answer.text[:300]}")
+            time.sleep(0.2)
+        except httpx.HTTPError:
+            pass
+        time.sleep(0.05)
+    raise AssertionError(f"not accepted within {_PATIENCE_S:g} s")
+
+
+def probe(plant: Plant) -> float:
+    """Seconds until a job that is sent now has ended; starts again what has ended."""
+    started = time.monotonic()
+    with httpx.Client(base_url=plant.url, timeout=5) as client:
+        while True:
+            plant.tend()
+            try:
+                answer = client.post("/v1/jobs?wait=2", json={"kind": "noop", "timeout_s": 600.0})
+                if answer.status_code == 200:
+                    return time.monotonic() - started
+            except httpx.HTTPError:
+                pass
+            assert time.monotonic() - started < _PATIENCE_S, "does not recover"
+            time.sleep(0.05)

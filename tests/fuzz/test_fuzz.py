@@ -1,0 +1,48 @@
+"""A few generated requests and pictures in each run, and all that ever broke; ``make fuzz`` tries more."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from tests.fuzz.__main__ import PARTS, Run, kept
+from tests.fuzz.bench import whole
+from tests.fuzz.mutations import damaged_bytes
+
+COUNTS = {"requests": 22, "damaged": 66, "pictures": 60, "schema": 40}
+
+
+@pytest.fixture(scope="module")
+def there(tmp_path_factory):
+    with whole(tmp_path_factory.mktemp("fuzz")) as there:
+        yield there
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_whatever_is_sent_is_answered_or_refused_with_a_reason(there, tmp_path, part):
+    run = Run(there, tmp_path)
+    PARTS[part](run, COUNTS[part], 7)
+    assert run.ended["broken"] == 0, [file.read_bytes()[:2000] for file in tmp_path.iterdir()]
+    assert sum(run.ended.values()) >= COUNTS[part] // 2
+
+
+@pytest.mark.parametrize("file", kept(), ids=lambda file: file.name)
+def test_what_broke_once_does_not_again(there, file):
+    (there.submit if file.suffix == ".json" else there.upload)(file.read_bytes())
+
+
+def test_what_breaks_is_kept(there, tmp_path):
+    def broken(_: bytes) -> str:
+        raise AssertionError("internal")
+
+    run = Run(there, tmp_path)
+    for body in (b"first", b"second"):
+        run.try_one(body, broken, "json")
+    assert run.ended["broken"] == 2
+    assert [file.read_bytes() for file in tmp_path.iterdir()] == [b"first"], "of each kind one"
+
+
+def test_the_same_numbers_give_the_same_damage():
+    first, second = (damaged_bytes(bytes(range(256)), random.Random(3), b"other") for _ in range(2))
+    assert first == second != bytes(range(256))
