@@ -30,7 +30,7 @@ from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
 from workers import logs
-from workers.blobs import BlobsUnreachableError, open_blobs
+from workers.blobs import open_blobs
 from workers.queue import AsyncJobQueue, JobQueue
 
 DESCRIPTION = """Finds deformable linear objects (cables, wires, ropes) in pictures.
@@ -93,7 +93,7 @@ def _assemble(settings: ServiceSettings) -> Backend:
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     backend: Backend = app.state.backend
     limit_connections(backend.settings.max_connections)
-    with suppress(redis.RedisError, OSError, BlobsUnreachableError):
+    with suppress(redis.RedisError, OSError):
         await to_thread.run_sync(backend.queue.claim_blobs)
     tasks = [asyncio.create_task(_reap_forever(backend.queue))]
     if not backend.settings.has_keys:
@@ -119,6 +119,6 @@ async def _reap_forever(queue: JobQueue) -> None:
     """Workers do this as well; with the last of them gone, nobody else would say that its job is lost."""
     while True:
         await asyncio.sleep(_REAP_EVERY_S)
-        with suppress(redis.RedisError, OSError, BlobsUnreachableError):  # /readyz names it
+        with suppress(redis.RedisError, OSError):  # /readyz names it
             await to_thread.run_sync(queue.reap)
             await to_thread.run_sync(queue.claim_blobs)

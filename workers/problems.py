@@ -79,3 +79,12 @@ def storage_full() -> Problem:
         detail="The files of the result could not be written down: the disk of the service is too full.",
         code="storage_full",
     )
+
+
+def storage_unavailable() -> Problem:
+    return Problem(
+        title="Pictures cannot be reached",
+        status=503,
+        detail="The place that holds pictures and results does not answer. Send the request again later.",
+        code="storage_unavailable",
+    )

@@ -4,7 +4,7 @@ import pytest
 from dlo_client.contracts import JobState, NoopRequest, NoopResult
 
 from workers import jobs
-from workers.blobs import FolderBlobs
+from workers.blobs import BlobsUnreachableError, FolderBlobs
 from workers.connection import connect
 from workers.ledger import Ledger
 from workers.stages.outcome import InvalidInput, Outcome
@@ -88,3 +88,11 @@ def test_progress_is_told_but_not_every_hairs_breadth(run, job_queue):
     assert told == sorted(told)
     assert told[-1] == pytest.approx(1.0, abs=0.02)
     assert 90 <= len(told) <= 101
+
+
+def test_pictures_that_cannot_be_reached_are_not_the_requests_fault_nor_internal(run):
+    def stage(request, tools):
+        raise BlobsUnreachableError("connection refused")
+
+    problem = run(stage).problem
+    assert (problem.code, problem.status) == ("storage_unavailable", 503)

@@ -16,8 +16,10 @@ def open_blobs(settings: Settings, reserve_bytes: int | None = None) -> Blobs:
         ModuleNotFoundError: a bucket is asked for, and what it needs is not installed.
     """
     if settings.blobs_url:
-        from workers.blobs.bucket import BucketBlobs
-
+        try:
+            from workers.blobs.bucket import BucketBlobs
+        except ModuleNotFoundError as error:
+            raise ModuleNotFoundError(f"DLO_BLOBS_URL is set: install requirements/s3.txt ({error})") from error
         return BucketBlobs.at(settings.blobs_url, settings.blob_ttl_s)
     reserve = settings.disk_reserve_bytes if reserve_bytes is None else reserve_bytes
     return FolderBlobs(settings.blobs_dir, settings.blob_ttl_s, reserve)

@@ -93,9 +93,7 @@ class BucketBlobs:
 
     def get(self, blob_id: str) -> bytes:
         """See :class:`workers.blobs.Blobs`."""
-        with _told(blob_id):
-            body: bytes = self._client.get_object(Bucket=self._bucket, Key=self._name(blob_id))["Body"].read()
-        return body
+        return self._read(self._name(blob_id))
 
     def path(self, blob_id: str) -> Path | None:
         """No file holds them."""
@@ -139,15 +137,19 @@ class BucketBlobs:
     def mark(self, *, make: bool = False) -> str | None:
         """See :class:`workers.blobs.Blobs`."""
         name = f"{self._folder}mark"
-        if make:
-            with _told(name, but="PreconditionFailed"):  # there is one
-                self._client.put_object(Bucket=self._bucket, Key=name, Body=uuid4().hex.encode(), IfNoneMatch="*")
         try:
-            with _told(name):
-                found: bytes = self._client.get_object(Bucket=self._bucket, Key=name)["Body"].read()
+            return self._read(name).decode()
         except BlobMissing:
-            return None
-        return found.decode()
+            if not make:
+                return None
+        with _told(name, but="PreconditionFailed"):  # another process was first
+            self._client.put_object(Bucket=self._bucket, Key=name, Body=uuid4().hex.encode(), IfNoneMatch="*")
+        return self._read(name).decode()
+
+    def _read(self, name: str) -> bytes:
+        with _told(name):
+            body: bytes = self._client.get_object(Bucket=self._bucket, Key=name)["Body"].read()
+        return body
 
     def _ages(self, now: float | None) -> Iterator[tuple[str, float]]:
         """Names, and seconds since they were last written, by the server's clock unless ``now`` is given."""

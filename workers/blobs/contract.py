@@ -14,7 +14,7 @@ class NoRoomError(Exception):
     """There is no room for more."""
 
 
-class BlobsUnreachableError(Exception):
+class BlobsUnreachableError(OSError):
     """The place that holds the blobs does not answer, or does not let us in."""
 
 

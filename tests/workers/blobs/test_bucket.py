@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -110,3 +111,10 @@ def test_a_server_that_is_not_there_is_unreachable(s3, monkeypatch):
     monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "http://127.0.0.1:1")
     with pytest.raises(BlobsUnreachableError):
         open_blobs(Settings(blobs_url="s3://pictures")).put(b"picture")
+
+
+def test_without_what_a_bucket_needs_the_message_names_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "boto3", None)
+    monkeypatch.delitem(sys.modules, "workers.blobs.bucket")
+    with pytest.raises(ModuleNotFoundError, match=r"requirements/s3\.txt"):
+        open_blobs(Settings(blobs_url="s3://pictures"))
