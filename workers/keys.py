@@ -1,7 +1,4 @@
-"""Names of everything that this deployment keeps in the queue server; another prefix is another deployment.
-
-``K`` in the comments is the prefix, ``DLO_QUEUE_PREFIX``.
-"""
+"""Names of everything that a deployment keeps in the queue server, under its prefix (``DLO_QUEUE_PREFIX``)."""
 
 from __future__ import annotations
 

@@ -18,12 +18,13 @@ import random
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import schemathesis
 import structlog
 from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
 from schemathesis import GenerationMode
 from schemathesis.specs.openapi.checks import response_schema_conformance, status_code_conformance
 
@@ -75,16 +76,19 @@ def damaged(run: Run, count: int, start: int) -> None:
 def _generated(count: int, start: int, one: Callable[[dict], None], run: Run) -> None:
     for kind, strategy in KINDS.items():
 
-        @seed(start)
-        @settings(
-            max_examples=max(1, count // len(KINDS)), deadline=None, database=None, phases=[Phase.generate],
-            suppress_health_check=list(HealthCheck),
-        )  # fmt: skip
-        @given(strategy)
-        def each(request: dict, kind: str = kind) -> None:
+        def each(request: dict, kind: str) -> None:
             one(run.there.with_pictures(kind, request))
 
-        each()
+        _examples(count // len(KINDS), start)(given(strategy, st.just(kind))(each))()
+
+
+def _examples(count: int, start: int) -> Callable[[Callable[[], None]], Callable[[], None]]:
+    """That many, the same ones for the same ``start``, one after the other."""
+    chosen = settings(
+        max_examples=max(1, count), deadline=None, database=None, phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    return lambda test: seed(start)(chosen(test))
 
 
 def pictures(run: Run, count: int, start: int) -> None:
@@ -97,31 +101,24 @@ def pictures(run: Run, count: int, start: int) -> None:
 
 
 def schema(run: Run, count: int, start: int) -> None:
-    document = schemathesis.openapi.from_dict(run.there.client.get("/openapi.json").json())
-    document.app = run.there.client.app
+    document = schemathesis.openapi.from_asgi("/openapi.json", run.there.client.app)
+
+    def each(case: schemathesis.Case) -> None:
+        if case.query and "wait" in case.query:
+            case.query["wait"] = "0"
+
+        def send(_: bytes) -> str:
+            answer = case.call()
+            assert answer.status_code < 500, answer.status_code
+            case.validate_response(answer, checks=[status_code_conformance, response_schema_conformance])
+            return f"answered {answer.status_code}"
+
+        run.try_one(repr(case.body).encode(), send, "case")
+
     for path in ("/v1/jobs", "/v1/images"):
-        strategies = [document[path]["POST"].as_strategy(generation_mode=mode) for mode in GenerationMode]
-        for strategy in strategies:
-
-            @seed(start)
-            @settings(
-                max_examples=max(1, count // 4), deadline=None, database=None, phases=[Phase.generate],
-                suppress_health_check=list(HealthCheck),
-            )  # fmt: skip
-            @given(strategy)
-            def each(case: schemathesis.Case) -> None:
-                if case.query and "wait" in case.query:
-                    case.query["wait"] = "0"
-
-                def send(_: bytes) -> str:
-                    answer = case.call(base_url="http://testserver", session=run.there.client)
-                    assert answer.status_code < 500, answer.status_code
-                    case.validate_response(answer, checks=[status_code_conformance, response_schema_conformance])
-                    return f"answered {answer.status_code}"
-
-                run.try_one(repr(case.body).encode(), send, "case")
-
-            each()
+        for mode in GenerationMode:
+            strategy = document[path]["POST"].as_strategy(generation_mode=mode)
+            _examples(count // 4, start)(given(strategy)(each))()
 
 
 PARTS: dict[str, Callable[[Run, int, int], None]] = {
@@ -129,9 +126,9 @@ PARTS: dict[str, Callable[[Run, int, int], None]] = {
 }
 
 
-def kept() -> Iterator[Path]:
+def kept() -> list[Path]:
     """What once broke."""
-    return (file for file in sorted(SEEDS.iterdir()) if file.suffix in (".json", ".picture"))
+    return [file for file in sorted(SEEDS.iterdir()) if file.suffix in (".json", ".picture")]
 
 
 def main() -> None:

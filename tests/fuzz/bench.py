@@ -46,9 +46,7 @@ class Whole:
         if answer.status_code != 201:
             return _refused(answer)
         image = {"id": answer.json()["id"]}
-        ended = [self.submit(json.dumps({"kind": "segment", field: image}).encode()) for field in ("image",)]
-        self.client.get(f"/v1/images/{image['id']}/preview")
-        return "+".join(ended)
+        return self.submit(json.dumps({"kind": "segment", "image": image}).encode())
 
     def with_pictures(self, kind: str, request: dict[str, Any]) -> dict[str, Any]:
         """The request with the ids of the pictures that it names."""

@@ -4,7 +4,7 @@ from workers.dead_letters import DeadLetters
 
 
 def test_an_operator_sees_what_was_given_up_and_sends_it_again(client, job_queue, problem):
-    letters = DeadLetters(job_queue._client)
+    letters = DeadLetters(job_queue._client, job_queue._keys)
     letters.bury("a" * 32, "http://cell/", "{}", "answered 500")
     (letter,) = client.get("/v1/webhooks/dead").json()
     assert (letter["job_id"], letter["url"], letter["error"]) == ("a" * 32, "http://cell/", "answered 500")
