@@ -9,7 +9,7 @@ from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.splines import Spline
 
 EndpointKind = Literal["free", "border", "hidden"]
-Reason = Literal["gap", "border", "parallel", "low_contrast", "blur"]
+Reason = Literal["gap", "border", "parallel", "low_contrast", "blur", "lookalike"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,13 @@
-"""How hard to look for the foreground: fast, normal or thorough."""
+"""How hard to look for the foreground: fast, normal or thorough.
+
+Fast and normal take a network's 8-bit form where there is one, fast at three quarters of the network's scale; thorough
+takes the network itself, at two scales and mirrored.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,25 +21,28 @@ Effort = Literal["fast", "normal", "thorough"]
 
 @dataclass(frozen=True)
 class Passes:
-    """``scales`` of the network's own at which the whole picture is seen, ``mirrored`` too; ``closer`` bounds the
-    second look at thin strands, in pixels over those of one pass."""
+    """``longest`` side of the picture that is seen, over that of the network; ``scales`` of this at which the whole
+    picture is seen, ``mirrored`` too; ``closer`` bounds the second look at thin strands, in pixels over those of one
+    pass; ``eight_bit``: with the 8-bit form of the network."""
 
+    longest: float
     scales: tuple[float, ...]
     mirrored: bool
     closer: float
+    eight_bit: bool
 
 
 PASSES: Mapping[Effort, Passes] = {
-    "fast": Passes((1.0,), mirrored=False, closer=0.0),
-    "normal": Passes((1.0,), mirrored=False, closer=4.5),
-    "thorough": Passes((1.0, 1.5), mirrored=True, closer=12.0),
+    "fast": Passes(0.75, (1.0,), mirrored=False, closer=0.0, eight_bit=True),
+    "normal": Passes(1.0, (1.0,), mirrored=False, closer=4.5, eight_bit=True),
+    "thorough": Passes(1.0, (1.0, 1.5), mirrored=True, closer=12.0, eight_bit=False),
 }
 
 
 def look(image: ByteArray, network: Network, settings: ForegroundInput, effort: Effort = "normal") -> Float32Array:
     """``image`` (H, W, 3) RGB to (H, W) probability of cable."""
     passes = PASSES[effort]
-    scale = network_scale(image.shape[:2], settings)
+    scale = network_scale(image.shape[:2], replace(settings, long_side=round(passes.longest * settings.long_side)))
     scales = [scale * factor for factor in sorted(passes.scales, reverse=True)]
     seen = [_at(image, network, settings, s, passes.mirrored) for s in scales]
     whole = seen[0] if len(seen) == 1 else _agreed([enlarged(p, seen[0].shape) for p in seen])

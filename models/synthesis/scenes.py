@@ -47,6 +47,12 @@ class SceneParams:
     alike_share: float = 0.0
 
 
+WORKSHOP = SceneParams(
+    width_share=(0.0045, 0.17), style="workshop", air_share=0.3, fan_share=0.2, ribbon_share=0.06, alike_share=0.12
+)
+"""What photographs of workshops show: every kind of cable and of clutter."""
+
+
 @dataclass(frozen=True)
 class Labelled:
     """``rgb`` (3, H, W) float 0 to 1; ``ids`` (H, W) int16, 0 background, k the k-th cable where it is seen.

@@ -11,7 +11,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from models.synthesis.scenes import SceneParams
+from models.synthesis.scenes import WORKSHOP, SceneParams
 from models.synthesis.textures import load_pool
 from models.training.foreground.augmentation import UNKNOWN, Cut, cut_out, recolored
 from models.training.foreground.initial import unfold
@@ -251,15 +251,7 @@ def main() -> None:
     params = CampaignParams(**{name: getattr(args, name) for name in asdict(CampaignParams())})
     args.folder.mkdir(parents=True, exist_ok=True)
     size = params.height, params.width
-    scenes = SceneParams(
-        size,
-        width_share=(0.0045, 0.17),
-        style="workshop",
-        air_share=0.3,
-        fan_share=0.2,
-        ribbon_share=0.06,
-        alike_share=0.12,
-    )
+    scenes = replace(WORKSHOP, size=size)
     seed, pool = int(time.time()), load_pool(args.textures)
     workshop = SceneStream(scenes, pool, seed=seed, slots=params.slots, renderers=1, reuse=params.reuse)
     plain = workshop

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
 
 from models.segmentation.segment import ForegroundInput, segment
-from models.synthesis.scenes import SceneParams, render_scene, to_uint8
+from models.synthesis.scenes import WORKSHOP, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
 from models.training.export import Card, register
 from models.weights.inference import WEIGHTS, Network, load, manifest
@@ -53,9 +53,10 @@ class RenderedScenes(CalibrationDataReader):  # type: ignore[misc]
 def scenes(
     seed: int, pool: TexturePool, count: int, size: tuple[int, int] = (360, 640)
 ) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.bool_]]]:
-    """Pictures (H, W, 3) and foreground (H, W)."""
+    """Pictures (H, W, 3) and foreground (H, W), of tables and of workshops in turn."""
     for k in range(count):
-        scene = render_scene(np.random.default_rng([seed, k]), SceneParams(size), pool)
+        params = replace(WORKSHOP, size=size) if k % 2 else SceneParams(size)
+        scene = render_scene(np.random.default_rng([seed, k]), params, pool)
         yield to_uint8(scene.rgb), scene.ids.numpy() > 0
 
 

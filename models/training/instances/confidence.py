@@ -54,7 +54,7 @@ def observe(found: Scene, scene: TrainScene, samples: Samples) -> None:
     """Note what a method measured in a scene, and what of its answer was right."""
     if found.instances:
         samples.instance.append(found.features["instance"])
-        samples.instance_right.append(_matched(found, scene))
+        samples.instance_right.append(matched(found, scene.ids))
     if found.crossings:
         real, upper = _crossings_right(found, scene)
         samples.crossing.append(found.features["crossing"])
@@ -64,11 +64,11 @@ def observe(found: Scene, scene: TrainScene, samples: Samples) -> None:
         samples.order_right.append(upper[known] > 0)
 
 
-def _matched(found: Scene, scene: TrainScene) -> BoolArray:
-    """``(I,)`` whether an instance has an IoU above a half with a true cable."""
+def matched(found: Scene, ids: ByteArray) -> BoolArray:
+    """``(I,)`` whether an instance has an IoU above a half with a true cable of ``ids`` (H, W)."""
     count = len(found.instances)
-    table = np.zeros((count + 1, int(scene.ids.max()) + 1))
-    np.add.at(table, (found.labels.ravel(), scene.ids.ravel()), 1)
+    table = np.zeros((count + 1, int(ids.max()) + 1))
+    np.add.at(table, (found.labels.ravel(), ids.ravel()), 1)
     union = table.sum(axis=1, keepdims=True) + table.sum(axis=0, keepdims=True) - table
     iou = (table / np.maximum(union, 1))[1:, 1:]
     return iou.max(axis=1, initial=0.0) > 0.5

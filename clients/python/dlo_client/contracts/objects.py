@@ -43,7 +43,7 @@ class MaskRLE(Reply):
         return mask_array(self.counts, self.size)
 
 
-Reason = Literal["gap", "border", "parallel", "low_contrast", "blur"]
+Reason = Literal["gap", "border", "parallel", "low_contrast", "blur", "lookalike"]
 """Why an answer is unsure: foreground is missing along the way (``gap``); it ends at the picture's edge near another
 one (``border``); it runs along another one without background between (``parallel``); the picture hardly tells it
 from what lies beside it (``low_contrast``); its edges are not sharp (``blur``)."""
