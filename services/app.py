@@ -25,7 +25,7 @@ from services.keys import KeyRing
 from services.metrics import RequestDurations, registry
 from services.middleware import Requests
 from services.preview import Previews
-from services.routes import docs, health, images, jobs, metrics, viewer, webhooks
+from services.routes import cameras, docs, health, images, jobs, metrics, recipes, viewer, webhooks
 from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
@@ -64,7 +64,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     app.add_middleware(Gate, settings=settings)
     app.add_middleware(Requests, durations=RequestDurations(backend.registry))
     problems.install(app)
-    for module in (images, jobs, health, metrics, webhooks):
+    for module in (images, jobs, recipes, cameras, health, metrics, webhooks):
         app.include_router(module.router)
     viewer.mount(app)
     docs.mount(app)

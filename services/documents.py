@@ -8,10 +8,11 @@ from http import HTTPStatus
 from typing import Any
 
 from dlo_client.contracts import AnyJob
+from dlo_client.contracts.recipes import CameraBody, RecipeBody, RunInput
 from fastapi import FastAPI
 from pydantic import BaseModel
 
-from services.examples import documented
+from services.examples import CAMERA, RECIPE, documented
 from services.problems import MEDIA_TYPE
 from workers.record import REQUEST
 
@@ -73,6 +74,52 @@ PICTURE: dict[str, Any] = {
 """Body of ``POST /v1/images``."""
 
 
+_FLANGE = {
+    "type": "array",
+    "items": {"type": "array", "items": {"type": "number"}, "minItems": 6, "maxItems": 7},
+    "description": "x, y, z, rotation of the flange, one a picture, in the recipe's unit and convention",
+}
+
+RUN: dict[str, Any] = {
+    "required": False,
+    "description": "The pictures alone: as parts in order, as one body, or by their ids.",
+    "content": {
+        "multipart/form-data": {
+            "schema": {
+                "type": "object",
+                "properties": {
+                    "image": {"type": "array", "items": _PICTURE, "description": "In order"},
+                    "mask": {"type": "array", "maxItems": 1, "items": _PICTURE, "description": "Foreground"},
+                    "flange": _FLANGE,
+                },
+                "additionalProperties": False,
+            },
+            "encoding": {"flange": {"contentType": "application/json"}},
+        },
+        "image/*": {"schema": _PICTURE},
+        "application/octet-stream": {"schema": _PICTURE},
+        "application/json": {"schema": {"$ref": f"{_SCHEMAS}RunInput"}, "example": {"images": []}},
+    },
+}
+"""Body of ``POST /v1/recipes/{number}/run``."""
+
+RECIPE_BODY: dict[str, Any] = {
+    "required": True,
+    "content": {"application/json": {"schema": {"$ref": f"{_SCHEMAS}RecipeBody"}, "example": RECIPE}},
+}
+"""Body of ``PUT /v1/recipes/{number}``."""
+
+CALIBRATION: dict[str, Any] = {
+    "required": True,
+    "description": "The calibration, or a file of ROS, OpenCV or Kalibr with its intrinsics.",
+    "content": {
+        "application/json": {"schema": {"$ref": f"{_SCHEMAS}CameraBody"}, "example": CAMERA},
+        "application/yaml": {"schema": {"type": "string"}},
+    },
+}
+"""Body of ``PUT /v1/cameras/{name}``."""
+
+
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The ``responses`` of a route that may answer with these problems, or with those that any route may."""
     return {
@@ -89,9 +136,23 @@ def describe(app: FastAPI) -> None:
         made: dict[str, Any] = json.loads(json.dumps(of_routes()).replace(_generic_name(AnyJob), "Job"))
         requests = REQUEST.json_schema(ref_template=_SCHEMAS + "{model}")
         made["components"]["schemas"] |= requests.pop("$defs") | {"AnyRequest": requests}
+        _as_3_1(made)
+        for model in (RunInput, RecipeBody, CameraBody):
+            schema = model.model_json_schema(ref_template=_SCHEMAS + "{model}")
+            made["components"]["schemas"] |= schema.pop("$defs", {}) | {model.__name__: schema}
         return made
 
     app.openapi = document  # type: ignore[method-assign]
+
+
+def _as_3_1(document: dict[str, Any]) -> None:
+    """FastAPI describes an event stream by ``itemSchema``, which OpenAPI 3.2 has and 3.1 has not."""
+    for methods in document["paths"].values():
+        for operation in methods.values():
+            for response in operation["responses"].values():
+                for media in response.get("content", {}).values():
+                    if media.pop("itemSchema", None) is not None:
+                        media["schema"] = {"type": "string", "description": "Server-sent events, as they happen"}
 
 
 def _generic_name(model: type[BaseModel]) -> str:

@@ -85,6 +85,17 @@ EXAMPLES: dict[str, dict[str, Any]] = {
 """Fields of a request, by its kind."""
 
 
+CAMERA: dict[str, Any] = {"intrinsics": _INTRINSICS, "T_world_camera": _view(1)["T_world_camera"]}
+"""Body of a camera that took the picture of most examples."""
+
+RECIPE: dict[str, Any] = {
+    "name": "cables on the table",
+    "request": {"kind": "instances", "files": []},
+    "samples": [{"image": _picture(1)}],
+}
+"""Body of a recipe that works as it stands."""
+
+
 def documented() -> dict[str, dict[str, Any]]:
     """As OpenAPI lists the examples of a body."""
     return {kind: {"summary": kind, "value": {"kind": kind, **fields}} for kind, fields in EXAMPLES.items()}

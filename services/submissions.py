@@ -15,9 +15,11 @@ from urllib.parse import urlsplit
 
 from anyio import CapacityLimiter, to_thread
 from dlo_client.contracts import ImageInfo
+from dlo_client.contracts.recipes import FlangePose, RunInput
 from fastapi import Request
 
-from services.multipart import Allowed, media_type, parts, whole
+from services.bodies import JSON, parsed
+from services.multipart import Allowed, Part, media_type, parts, whole
 from services.problems import ProblemError, field_error
 from services.settings import ServiceSettings
 from services.uploads import Uploads
@@ -25,8 +27,9 @@ from services.validation import Checked, Given, checked
 from workers.blobs import Staged
 from workers.record import Entry
 
-JSON = "application/json"
 MULTIPART = "multipart/form-data"
+Compose = Callable[[int, Sequence[FlangePose]], bytes]
+"""A number of pictures, and the poses of the flange, to the JSON of a request."""
 
 
 @dataclass
@@ -89,6 +92,49 @@ class Submissions:
         finally:
             await to_thread.run_sync(_drop, form.staged)
 
+    @asynccontextmanager
+    async def read_run(self, request: Request, compose: Compose) -> AsyncIterator[Submission]:
+        """As :meth:`read`, of a body without a request, which ``compose`` makes of the number of pictures and the
+        poses of the flange."""
+        form = _Form(text=None, whole="recipe")
+        try:
+            flange = await self._read_run(request, form)
+            form.text = await to_thread.run_sync(compose, len(form.images), flange)
+            yield Submission(await self._check(form), form.staged)
+        finally:
+            await to_thread.run_sync(_drop, form.staged)
+
+    async def _read_run(self, request: Request, form: _Form) -> list[FlangePose]:
+        kind, most = media_type(request), self._settings.max_request_bytes
+        if kind == "multipart/form-data":
+            await self._read_parts(request, form, "flange")
+            return _flange(form.text) if form.text else []
+        if kind.startswith("image/") or kind == "application/octet-stream":
+            data = await whole(request, field="image", max_bytes=self._settings.max_image_bytes)
+            await self._stage(Part("image", data), form)
+            return []
+        if kind not in ("", JSON):
+            detail = f"send a picture, {JSON} or {MULTIPART}, not {kind}"
+            raise ProblemError(415, "unsupported_media_type", detail)
+        text = await whole(request, field="body", max_bytes=most)
+        given = parsed(text or b"{}", RunInput)
+        await self._name(given, form)
+        return given.flange
+
+    async def named(self, given: RunInput, compose: Compose) -> Submission:
+        """The submission of a run with uploaded pictures."""
+        form = _Form(text=None, whole="recipe")
+        await self._name(given, form)
+        form.text = await to_thread.run_sync(compose, len(form.images), given.flange)
+        return Submission(await self._check(form), form.staged)
+
+    async def _name(self, given: RunInput, form: _Form) -> None:
+        """Fill ``form`` with uploaded pictures."""
+        for index, image in enumerate(given.images):
+            form.images.append(await self._uploads.find(image.id, field=f"images.{index}"))
+        if given.mask is not None:
+            form.mask = await self._uploads.find(given.mask.id, field="mask")
+
     async def _read(self, request: Request, form: _Form) -> None:
         match media_type(request):
             case "application/json":
@@ -100,24 +146,28 @@ class Submissions:
                 detail = f"send {JSON} or {MULTIPART}, not {other or 'a body without a content type'}"
                 raise ProblemError(415, "unsupported_media_type", detail)
 
-    async def _read_parts(self, request: Request, form: _Form) -> None:
+    async def _read_parts(self, request: Request, form: _Form, text: str = "request") -> None:
+        """``text`` is the part that holds JSON; the others are pictures."""
         settings = self._settings
         allowed = {
-            "request": Allowed(parts=1, bytes=settings.max_request_bytes),
+            text: Allowed(parts=1, bytes=settings.max_request_bytes),
             "image": Allowed(parts=settings.max_images_per_job, bytes=settings.max_image_bytes),
             "mask": Allowed(parts=1, bytes=settings.max_image_bytes),
         }
         async with aclosing(parts(request, allowed)) as stream:
             async for part in stream:
-                if part.name == "request":
+                if part.name == text:
                     form.text = part.data
-                    continue
-                info, staged = await self._uploads.stage(part.data, field=part.name)
-                form.staged.append(staged)
-                if part.name == "mask":
-                    form.mask = info
                 else:
-                    form.images.append(info)
+                    await self._stage(part, form)
+
+    async def _stage(self, part: Part, form: _Form) -> None:
+        info, staged = await self._uploads.stage(part.data, field=part.name)
+        form.staged.append(staged)
+        if part.name == "mask":
+            form.mask = info
+        else:
+            form.images.append(info)
 
     async def _check(self, form: _Form) -> Entry:
         if form.text is None:
@@ -143,6 +193,11 @@ class Submissions:
         for name, image_id in found.pictures.items():
             infos[name] = known.get(image_id) or await self._uploads.find(image_id, field=name)
         return infos
+
+
+def _flange(text: bytes) -> list[FlangePose]:
+    """The part of that name."""
+    return parsed(b'{"flange": %s}' % text, RunInput, "flange").flange
 
 
 def _drop(staged: list[Staged]) -> None:

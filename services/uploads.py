@@ -36,6 +36,15 @@ class Uploads:
         """
         return await to_thread.run_sync(self._find, image_id, field)
 
+    def keep(self, image_id: str) -> bool:
+        """Start the lifetime of an uploaded picture, or one of the examples, anew; False if there is none."""
+        if self._blobs.touch(image_id):
+            return True
+        sample = PICTURES.get(image_id)
+        if sample:
+            self._blobs.put(sample)
+        return sample is not None
+
     def _stage(self, data: bytes, field: str) -> tuple[ImageInfo, Staged]:
         size = self._inspect(data, field)
         staged = self._blobs.stage(data)

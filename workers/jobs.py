@@ -14,6 +14,7 @@ from workers import memory, problems, stages, tracing
 from workers.blobs import Blobs, BlobsUnreachableError, NoRoomError
 from workers.ledger import Claim, Ledger
 from workers.record import REQUEST
+from workers.robot_poses import robot_poses
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 
 _PROGRESS_STEP = 0.01
@@ -37,12 +38,13 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
         span.update_name(f"job {request.kind}")
         tools.progress = _reporter(claim, ledger)
         outcome = stages.run(request, tools)
+        poses = robot_poses(request.output, outcome.result) if request.output else None
         files = _store(outcome, tools.blobs)
         took_ms = (time.perf_counter() - started) * 1000
         waited_ms = claim.queue_wait_ms
         timings_ms = outcome.timings_ms | {"queue_wait": waited_ms, "total": waited_ms + took_ms}
         timings_ms = {step: round(ms, 3) for step, ms in timings_ms.items()}
-        held = ledger.succeed(claim, outcome.result, files, timings_ms)
+        held = ledger.succeed(claim, outcome.result, files, timings_ms, poses)
         say.info("job succeeded", timings_ms=timings_ms, held=held)
     except InvalidInput as error:
         held = ledger.fail(claim, problems.invalid(error.field, error.message, error.code))

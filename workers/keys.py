@@ -114,6 +114,14 @@ class Keys:
         """The job that an idempotency key stands for; two owners may use the same key."""
         return f"{self.prefix}:idempotency:{hashlib.sha256(f'{owner}|{given}'.encode()).hexdigest()}"
 
+    def shelf(self, sort: str) -> str:
+        """Hash of the names of kept documents of a sort (``recipes``, ``cameras``) to their latest versions."""
+        return f"{self.prefix}:{sort}"
+
+    def shelved(self, sort: str, name: str) -> str:
+        """Hash of the versions of a kept document, see workers.kept."""
+        return f"{self.prefix}:{sort}:{name}"
+
     def queue(self, priority: str) -> str:
         """Name of the queue of a priority, as RQ is given it."""
         return f"{self.prefix}:{priority}"

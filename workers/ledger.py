@@ -19,6 +19,7 @@ from typing import Any, cast
 
 import redis
 from dlo_client.contracts import Contract, FileRef, JobState, Problem
+from dlo_client.contracts.frames import RobotPoses
 
 from workers import problems
 from workers.dispatch import Dispatch, RqDispatch
@@ -83,7 +84,7 @@ class Ledger:
         texts = (entry.kind, entry.priority, entry.label or "")
         request = "" if request_blob else entry.request
         more = (entry.timeout_s, request, entry.webhook_url or "", request_blob)
-        came = (origin.owner, origin.request_id, origin.traceparent)
+        came = (origin.owner, origin.request_id, origin.traceparent, entry.recipe)
         self._step("open", job_id, *texts, *more, *came, client=pipeline)
         self.dispatch.put(pipeline, job_id, entry.priority, origin.owner)
 
@@ -102,7 +103,14 @@ class Ledger:
     def progress(self, claim: Claim, fraction: float) -> None:
         self._step("progress", claim.job_id, claim.attempt, f"{fraction:.4f}")
 
-    def succeed(self, claim: Claim, result: Contract, files: list[FileRef], timings_ms: dict[str, float]) -> bool:
+    def succeed(
+        self,
+        claim: Claim,
+        result: Contract,
+        files: list[FileRef],
+        timings_ms: dict[str, float],
+        poses: RobotPoses | None = None,
+    ) -> bool:
         """End a job well; False if the claim is no longer held, and nothing has changed."""
         fields = {
             "result": result.model_dump_json(),
@@ -110,6 +118,8 @@ class Ledger:
             "timings_ms": json.dumps(timings_ms),
             "progress": "1",
         }
+        if poses is not None:
+            fields["poses"] = poses.model_dump_json()
         return self._end(claim.job_id, claim.attempt, JobState.SUCCEEDED, fields)
 
     def fail(self, claim: Claim, problem: Problem) -> bool:

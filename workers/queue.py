@@ -18,6 +18,7 @@ from workers.blobs import open_blobs
 from workers.dead_letters import DeadLetters
 from workers.dispatch import RUN, Dispatch
 from workers.errors import IdempotencyConflict, JobGone, JobUnknown, QueueError, QueueFull
+from workers.kept import Shelf
 from workers.ledger import Ledger
 from workers.presence import WorkerInfo
 from workers.reaper import reap
@@ -56,6 +57,8 @@ class JobQueue(QueueView):
         self._blobs = open_blobs(settings)
         self._ledger = Ledger(self._client, settings, dispatch)
         self.dead_letters = DeadLetters(self._client, self._keys)
+        self.recipes = Shelf(self._client, self._keys, "recipes")
+        self.cameras = Shelf(self._client, self._keys, "cameras")
         self._charge = self._client.register_script(quota.CHARGE)
 
     def submit(

@@ -22,9 +22,9 @@ REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 
 _JOB: TypeAdapter[AnyJob] = TypeAdapter(AnyJob)
 _TEXT = ("id", "kind", "priority", "label", "created_at", "started_at", "ended_at", "expires_at")
-_JSON = ("progress", "attempts", "timings_ms", "result", "problem", "files")
-LISTED = (*_TEXT, "state", *(name for name in _JSON if name != "result"))
-"""What a list of jobs shows: everything but the result, which can be large."""
+_JSON = ("progress", "attempts", "timings_ms", "result", "problem", "files", "poses", "recipe")
+LISTED = (*_TEXT, "state", *(name for name in _JSON if name not in ("result", "poses")))
+"""What a list of jobs shows: everything but the result and its poses, which can be large."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,8 @@ class Entry:
     """Its JSON."""
     pictures: tuple[str, ...]
     """Blob ids of the pictures that it names."""
+    recipe: str = ""
+    """JSON of the recipe that it was made by, if any."""
 
     @classmethod
     def of(cls, request: AnyRequest) -> Entry:

@@ -27,6 +27,7 @@ from workers.blobs import open_blobs
 from workers.child_process import ChildDied, ChildProcess
 from workers.children import Children
 from workers.connection import connect
+from workers.kept import sweep
 from workers.ledger import Claim, Ledger
 from workers.record import QUEUES
 from workers.repeater import Repeater
@@ -56,10 +57,11 @@ class Runner:
         self._renewals = Ledger(self._impatient, settings)
         self._started_at = datetime.now(UTC)
         courier = webhooks.Courier(self._impatient, settings)
+        blobs = open_blobs(settings)
         self._upkeep = [
             Repeater("announce", _ANNOUNCE_S, self._announce),
             Repeater("reap", reaper.INTERVAL_S, lambda: reaper.reap(self._impatient, self._keys, self._renewals)),
-            Repeater("sweep", _SWEEP_S, open_blobs(settings).sweep),
+            Repeater("sweep", _SWEEP_S, lambda: sweep(blobs, self._impatient, self._keys)),
             Repeater("webhooks", webhooks.INTERVAL_S, courier.deliver),
         ]
 

@@ -85,7 +85,8 @@ local function mine(attempt) return get('state') == 'running' and get('attempts'
 _STEPS = {
     "open": """
 local kind, priority, label, timeout_s, request = ARGV[7], ARGV[8], ARGV[9], tonumber(ARGV[10]), ARGV[11]
-local names = {[12] = 'webhook_url', [13] = 'request_blob', [14] = 'owner', [15] = 'request_id', [16] = 'traceparent'}
+local names = {[12] = 'webhook_url', [13] = 'request_blob', [14] = 'owner', [15] = 'request_id', [16] = 'traceparent',
+               [17] = 'recipe'}
 for place, field in pairs(names) do
   if ARGV[place] ~= '' then set(field, ARGV[place]) end
 end

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import AsyncIterator
-from functools import partial
 from typing import Annotated
 
 from anyio import to_thread
@@ -16,22 +14,12 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from services import documents, waiting
 from services.access import BackendDep, Reader, Submitter
 from services.problems import ProblemError
-from services.telemetry import origin
+from services.submitting import IdempotencyKey, Wait, answer, awaited, check_room, submitted
 from workers.queue import JobUnknown
 from workers.record import JobRecord
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
-Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
-IdempotencyKey = Annotated[
-    str | None,
-    Header(
-        alias="Idempotency-Key",
-        min_length=1,
-        max_length=255,
-        description="the same key and request give the same job for 24 h; another request is refused",
-    ),
-]
 Cursor = Annotated[str | None, Query(pattern=r"^\d{1,18}$", description="`next_cursor` of the page before")]
 EventId = Annotated[
     str, Header(alias="Last-Event-ID", pattern=r"^\d{1,20}-\d{1,20}$|^0$", description="resume after it")
@@ -63,11 +51,6 @@ Existing = Annotated[JobRecord, Depends(_record)]
 Cancellable = Annotated[JobRecord, Depends(_own_record)]
 
 
-def _answer(record: JobRecord, status: int = 200, **headers: str) -> Response:
-    """The record's own text: a result can be megabytes, and reading it here would hold up everybody else."""
-    return Response(record.json(), status, headers, media_type="application/json")
-
-
 @router.post(
     "",
     status_code=202,
@@ -86,26 +69,10 @@ async def submit_job(
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in time."""
-    await to_thread.run_sync(backend.queue.check_room, idempotency_key, caller.owner, caller.most_jobs)
+    await check_room(caller, backend, idempotency_key)
     async with backend.submissions.read(request) as submission:
-
-        def keep() -> None:
-            backend.queue.charge(caller.owner, caller.most_bytes, submission.sizes())
-            submission.keep()
-
-        submit = partial(
-            backend.queue.submit,
-            submission.entry,
-            idempotency_key=idempotency_key,
-            request_digest=hashlib.sha256(submission.entry.request.encode()).hexdigest(),
-            keep=keep,
-            origin=origin(caller.owner),
-            most_jobs=caller.most_jobs,
-        )
-        job, _ = await to_thread.run_sync(submit)
-    record = await waiting.ended(backend.waiting, await backend.waiting.get(job.id), wait)
-    status = 200 if wait and record.job.state.final else 202
-    return _answer(record, status, Location=request.app.url_path_for("read_job", job_id=job.id))
+        job = await submitted(submission, caller, backend, idempotency_key)
+    return await awaited(request, backend, job.id, wait)
 
 
 @router.get("", responses=documents.problems(403, 429))
@@ -124,7 +91,7 @@ def list_jobs(
 @router.get("/{job_id}", response_model=AnyJob, responses=documents.problems(403, 404, 410, 429))
 async def read_job(record: Existing, backend: BackendDep, wait: Wait = 0.0) -> Response:
     """The job; with `wait`, as soon as it has ended or the seconds are over."""
-    return _answer(await waiting.ended(backend.waiting, record, wait))
+    return answer(await waiting.ended(backend.waiting, record, wait))
 
 
 @router.delete("/{job_id}", response_model=AnyJob, responses=documents.problems(403, 404, 410, 429))
@@ -132,7 +99,7 @@ async def cancel_job(record: Cancellable, backend: BackendDep) -> Response:
     """Cancel a queued or running job; one that has ended stays as it is."""
     job_id = record.job.id
     await to_thread.run_sync(backend.queue.cancel, job_id)
-    return _answer(await backend.waiting.get(job_id))
+    return answer(await backend.waiting.get(job_id))
 
 
 @router.get("/{job_id}/events", response_class=EventSourceResponse, responses=documents.problems(403, 404, 410, 429))

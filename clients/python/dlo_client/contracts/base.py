@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+_LONGEST_TEXT, _LONGEST_LIST = 80, 4
+"""That ``repr`` writes out."""
 
 PixelCoordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Point = tuple[PixelCoordinate, PixelCoordinate]
@@ -31,6 +35,34 @@ class Contract(BaseModel):
     request are refused, so that a misspelled one is not silently without effect."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
+        """Long lists and texts as their length: a result can be megabytes. ``model_dump`` has all of it."""
+        return [(name, _short(value)) for name, value in super().__repr_args__() if value is not None]
+
+    def __str__(self) -> str:
+        return repr(self)
+
+
+class _Count:
+    """What stands for a long value in ``repr``."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    def __repr__(self) -> str:
+        return self._text
+
+
+def _short(value: Any) -> Any:
+    if isinstance(value, str) and len(value) > _LONGEST_TEXT:
+        return _Count(f"<{len(value)} characters>")
+    if isinstance(value, list | tuple) and value and (len(value) > _LONGEST_LIST or isinstance(value[0], BaseModel)):
+        what = type(value[0]).__name__ if isinstance(value[0], BaseModel) else "items"
+        return _Count(f"<{len(value)} {what}>")
+    if isinstance(value, dict) and len(value) > _LONGEST_LIST:
+        return _Count(f"<{len(value)} entries>")
+    return value
 
 
 class Taken(Contract):

@@ -120,8 +120,8 @@ class RegionOfInterest(Contract):
 
     model_config = ConfigDict(extra="ignore")
 
-    x_offset: int = Field(default=0, ge=0, le=_LARGEST_PX, description="its first column")
-    y_offset: int = Field(default=0, ge=0, le=_LARGEST_PX, description="its first row")
+    x_offset: int = Field(default=0, ge=0, le=_LARGEST_PX, description="its first column, pixels")
+    y_offset: int = Field(default=0, ge=0, le=_LARGEST_PX, description="its first row, pixels")
     width: int = Field(default=0, ge=0, le=_LARGEST_PX, description="its columns")
     height: int = Field(default=0, ge=0, le=_LARGEST_PX, description="its rows")
 

@@ -46,4 +46,4 @@ class ImageInfo(Reply):
     sha256: BlobId
     width: int = Field(gt=0, description="of the upright picture, pixels")
     height: int = Field(gt=0, description="of the upright picture, pixels")
-    bytes: int = Field(gt=0, description="size of the encoded picture")
+    bytes: int = Field(gt=0, description="size of the encoded picture, bytes")

@@ -9,7 +9,9 @@ from typing import Generic
 from pydantic import Field
 
 from dlo_client.contracts.base import Probability, Reply, ResultT
+from dlo_client.contracts.frames import RobotPoses
 from dlo_client.contracts.images import BlobId
+from dlo_client.contracts.recipes import RecipeUsed
 from dlo_client.contracts.requests import AnyResult, JobKind
 from dlo_client.contracts.submission import Priority
 
@@ -56,7 +58,7 @@ class FileRef(Reply):
 
     name: str = Field(description="as in `/v1/jobs/{id}/files/{name}`")
     media_type: str = Field(description="such as `image/png`")
-    bytes: int = Field(description="its size")
+    bytes: int = Field(description="its size, bytes")
     sha256: BlobId
 
 
@@ -78,6 +80,8 @@ class Job(Reply, Generic[ResultT]):
     result: ResultT | None = Field(default=None, description="of a job that succeeded, by its `kind`")
     problem: Problem | None = Field(default=None, description="of a job that failed")
     files: list[FileRef] = Field(default_factory=list, description="pictures and tables of the result")
+    poses: RobotPoses | None = Field(default=None, description="its places, when the request has an `output`")
+    recipe: RecipeUsed | None = Field(default=None, description="that the job was made by, if any")
 
 
 AnyJob = Job[AnyResult]
@@ -110,7 +114,7 @@ class NetworkInfo(Reply):
         description="loaded before a worker takes jobs; others are loaded by the first job that names them",
     )
     sha256: str = Field(description="of its file")
-    bytes: int = Field(description="size of its file")
+    bytes: int = Field(description="size of its file, bytes")
     parameters: int = Field(description="how many numbers were trained")
     input: str = Field(description="layout, size and normalization in words")
     origin: str = Field(description="how it was made")

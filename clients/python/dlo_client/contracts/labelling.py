@@ -39,13 +39,13 @@ class TrackedInstance(Reply):
 
     id: int = Field(ge=1, description="number of its stroke, from 1")
     name: str | None = Field(default=None, description="of its stroke")
-    score: Probability = Field(description="mean trust of its corrections; not calibrated")
+    score: Probability = Field(description="mean trust of its corrections, 0 to 1; not calibrated")
     centerline_xy: list[Point] = Field(description="ordered, end to end, pixels")
     width_px: float = Field(gt=0, description="mean over the visible part")
     endpoints: list[Endpoint] = Field(description="at the first and at the last point")
     mask_rle: MaskRLE = Field(description="visible pixels: at a crossing the nearer DLO owns them")
     offset_px: list[float] = Field(description="how far each centerline point was moved across the DLO")
-    trust: list[Probability] = Field(description="of each correction; low where something covers the DLO")
+    trust: list[Probability] = Field(description="of each correction, 0 to 1; low where something covers the DLO")
 
 
 class TrackedLabels(Reply):
@@ -58,7 +58,7 @@ class TrackedLabels(Reply):
     crossings: list[Crossing] = Field(description="where DLOs cross in this picture")
     moved_px: float = Field(description="median distance of all corrections: what calibration and hand were off by")
     intrinsics: AnyIntrinsics = Field(description="as in the request")
-    T_world_camera: Pose = Field(description="as in the request")
+    T_world_camera: Pose = Field(description="as in the request, meters")
 
 
 class LabelTrackedResult(Reply):

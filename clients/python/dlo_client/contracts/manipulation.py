@@ -195,8 +195,8 @@ class UsedParameters(Reply):
     """``k_b`` and ``k_d`` that were planned with, and where they come from; ``sigma`` are the standard deviations of
     their natural logarithms. Slow motions show the ratio k_b / k_d far better than either."""
 
-    k_b: float = Field(description="bending")
-    k_d: float = Field(description="damping")
+    k_b: float = Field(description="bending, N m/rad a joint")
+    k_d: float = Field(description="damping, N s/m a node")
     sigma: tuple[float, float] | None = Field(
         default=None, description="standard deviations of the natural logarithms of k_b and k_d"
     )
@@ -244,7 +244,7 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
         max_length=100,
         description="actions so far and what they did: the DLO is learnt from them",
     )
-    horizon: int = Field(default=1, ge=1, le=4, description="actions looked ahead")
+    horizon: int = Field(default=1, ge=1, le=4, description="how many actions are looked ahead")
     limits: PlanLimits = Field(default_factory=PlanLimits, description="what the robot and the table allow")
     tolerance_m: float = Field(default=0.01, gt=0, le=1, description="mean distance at which the target is reached")
     scale_target: bool = Field(default=False, description="give the target the state's length, about its middle")
@@ -280,10 +280,10 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
 
 class EstimateParametersResult(Reply):
     kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="kind of the job")
-    k_b: float = Field(description="bending, as `plan_shape` takes it")
-    k_d: float = Field(description="damping, as `plan_shape` takes it")
+    k_b: float = Field(description="bending, N m/rad a joint, as `plan_shape` takes it")
+    k_d: float = Field(description="damping, N s/m a node, as `plan_shape` takes it")
     sigma: tuple[float, float] = Field(description="standard deviations of the natural logarithms of k_b and k_d")
-    ratio_sigma: float = Field(description="the same of k_b / k_d, which is what slow motions show")
+    ratio_sigma: float = Field(description="the same of the logarithm of k_b / k_d, which is what slow motions show")
     loss_m: float = Field(description="mean distance of a point that is left with these parameters")
     loss_mid_range_m: float = Field(description="the same with the middle of the trained range")
     sample_errors_m: list[float] = Field(description="one for each item of the history")

@@ -22,7 +22,7 @@ class SectionMatchingParams(Contract):
     )
     gap_widths: float = Field(default=20.0, ge=0, le=50, description="longest gap to bridge, in typical widths")
     stop_cost: float = Field(
-        default=3.0, ge=-5, le=20, description="log odds against a DLO that ends where others cross"
+        default=3.0, ge=-5, le=20, description="cost, in log odds, of a DLO that ends where others cross"
     )
 
 
@@ -31,7 +31,7 @@ class RtDloParams(Contract):
 
     method: Literal["rt_dlo"] = Field(default="rt_dlo", description="whose parameters these are")
     sampling_ratio: float = Field(default=0.15, gt=0, le=1, description="alpha: share of maxima kept as vertices")
-    neighbors: int = Field(default=8, ge=2, le=64, description="K_nn")
+    neighbors: int = Field(default=8, ge=2, le=64, description="K_nn: how many neighbors a vertex has")
     min_similarity: float = Field(default=0.1, ge=0, lt=1, description="mu: weakest edge accepted")
 
 
@@ -39,7 +39,7 @@ class FastDloParams(Contract):
     """Parameters of FASTDLO (thesis section 3.4)."""
 
     method: Literal["fastdlo"] = Field(default="fastdlo", description="whose parameters these are")
-    min_probability: float = Field(default=1e-4, ge=0, lt=1, description="t_c: weakest connection made")
+    min_probability: float = Field(default=1e-4, ge=0, lt=1, description="t_c: least probability of a connection")
 
 
 class AriadnePlusParams(Contract):

@@ -61,7 +61,7 @@ class SceneStatus(Reply):
 class Instance(Reply):
     """One DLO as it appears in the picture."""
 
-    id: int = Field(ge=1, description="also its value in instances.png")
+    id: int = Field(ge=1, description="from 1; also its value in instances.png")
     score: Probability = Field(
         description="probability that it matches one true DLO above IoU 0.5; calibrated on rendered scenes"
     )
@@ -79,7 +79,7 @@ class StrandPosition(Reply):
     """A place on an instance: ``u`` from 0 at the first to 1 at the last centerline point, by arc length."""
 
     instance: int = Field(ge=1, description="its id")
-    u: Probability = Field(description="0 at its first to 1 at its last centerline point, by arc length")
+    u: Probability = Field(description="share of the arc length: 0 at its first to 1 at its last point")
 
 
 class Crossing(Reply):

@@ -104,12 +104,12 @@ class ViewOutcome(Reply):
     name: str = Field(description="of the view")
     status: Literal["used", "dropped"] = Field(description="whether it took part")
     reason: str | None = Field(default=None, description="why it was dropped")
-    instances_found: int = Field(ge=0, description="DLOs seen in this picture")
+    instances_found: int = Field(ge=0, description="how many DLOs were seen in this picture")
     instance: int | None = Field(default=None, description="id, in this view, of the DLO that `curve` describes")
     reprojection_px: float | None = Field(default=None, description="mean distance of `curve` to its centerline here")
     share: Probability = Field(description="of the curve's samples in this picture that lie on the centerline")
     intrinsics: AnyIntrinsics = Field(description="as in the request")
-    T_world_camera: Pose = Field(description="as in the request")
+    T_world_camera: Pose = Field(description="as in the request, meters")
 
 
 class OtherCurve(Reply):
@@ -126,7 +126,7 @@ class NextView(Reply):
 
     baseline_m: float = Field(ge=0, description="from the first to the last of the poses")
     delta_z_m: float = Field(description="added to the distance from the DLO")
-    T_world_camera: list[Pose] = Field(description="one for each picture, in the order of the slide")
+    T_world_camera: list[Pose] = Field(description="one for each picture, in the order of the slide; meters")
     sigma_m: float = Field(ge=0, description="mean over the points, now")
     expected_sigma_m: float = Field(ge=0, description="mean over the points, with the new pictures")
     gain: float = Field(description="share by which sigma is expected to fall")
@@ -164,7 +164,7 @@ class ReconstructRequest(JobRequest[ReconstructResult]):
     model: ModelName | None = Field(default=None, description="foreground network; default the best one")
     effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own")
-    points: int = Field(default=60, ge=4, le=1000, description="of a curve")
+    points: int = Field(default=60, ge=4, le=1000, description="how many points a curve has")
     files: list[ReconstructFile] = Field(
         default=["curve", "overlay"], max_length=2, description="to make beside the result"
     )

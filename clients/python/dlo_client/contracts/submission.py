@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Generic, Literal
+from typing import Annotated, Generic, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Reply, ResultT
+from dlo_client.contracts.frames import Output
 
 Priority = Literal["interactive", "batch"]
 Effort = Annotated[
@@ -31,6 +32,15 @@ class JobRequest(Contract, Generic[ResultT]):
         pattern=r"^https?://([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:\d{1,5})?(/\S*)?$",
         description="the ended job is POSTed there, signed; its host must be one that the service allows",
     )
+    output: Output | None = Field(
+        default=None, description="states the places of the answer as robot poses, in the job's `poses`"
+    )
+
+    @model_validator(mode="after")
+    def _output_fits(self) -> Self:
+        if self.output is not None:
+            self.output.check_fits(str(getattr(self, "kind", "")))
+        return self
 
     @property
     def needs_picture(self) -> bool:

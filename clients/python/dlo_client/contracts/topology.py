@@ -49,7 +49,9 @@ class HarnessDrawing(Contract):
     connectors: list[Name] = Field(
         default_factory=list, max_length=65, description="names of the points that carry one"
     )
-    px_per_unit: float | None = Field(default=None, ge=1e-6, le=1e6, description="default: estimated from the match")
+    px_per_unit: float | None = Field(
+        default=None, ge=1e-6, le=1e6, description="pixels for a unit of the drawing; default: estimated from the match"
+    )
 
     @model_validator(mode="after")
     def _is_a_tree(self) -> HarnessDrawing:
@@ -90,7 +92,7 @@ class SectionPlace(Reply):
     """A place on a section: ``u`` from 0 at its first to 1 at its last point, by arc length."""
 
     section: int = Field(ge=1, description="its id")
-    u: Probability = Field(description="0 at its first to 1 at its last point, by arc length")
+    u: Probability = Field(description="share of the arc length: 0 at its first to 1 at its last point")
 
 
 class Section(Reply):
@@ -145,8 +147,8 @@ class DrawingMatch(Reply):
 
     branches: list[BranchMatch] = Field(description="drawn branches that were found")
     missing: list[str] = Field(description="drawn branches that were not found")
-    extra: list[int] = Field(description="sections that are no drawn branch")
-    px_per_unit: float | None = Field(description="scale of the picture to the drawing")
+    extra: list[int] = Field(description="ids of the sections that are no drawn branch")
+    px_per_unit: float | None = Field(description="scale: pixels of the picture for a unit of the drawing")
     scale_from: Literal["request", "estimate"] = Field(description="where that scale comes from")
     ambiguous: bool = Field(description="another assignment fits nearly as well, e.g. branches of equal length")
     cost: float = Field(description="mean cost of the matched branches; missing and extra ones count 1 each")
@@ -280,7 +282,7 @@ class GripperPose(Reply):
 class DisentangleAction(Reply):
     """One arm holds, the other turns the piece beyond about that place: pick, follow the arc, place."""
 
-    rank: int = Field(ge=1, description="1 is the best")
+    rank: int = Field(ge=1, description="place in the list, from 1; 1 is the best")
     crossing: int = Field(description="id of the crossing that it is for")
     section: int = Field(description="id of the section that is moved")
     about_branch_point: int | None = Field(description="id; null when a place along the section is held")
@@ -292,9 +294,9 @@ class DisentangleAction(Reply):
     trajectory_xy: list[Point] = Field(description="arc of the moving gripper, from pick to place")
     place: GripperPose = Field(description="where it lets go")
     turn_rad: float = Field(description="from x towards y, about the held place")
-    crossings_before: int = Field(description="crossings in the picture now")
+    crossings_before: int = Field(description="how many crossings the picture has now")
     crossings_after: int = Field(description="counted in the simulation, the piece being rigid")
-    passes_over: list[int] = Field(description="sections that the piece is lifted over on its way")
+    passes_over: list[int] = Field(description="ids of the sections that the piece is lifted over on its way")
     clearance_px: float = Field(description="least distance to the other sections after the move")
     score: Probability = Field(description="probability that it removes so many crossings, arms erring a little")
     why: str = Field(description="the reasons for its rank, in words")
@@ -323,7 +325,7 @@ class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
     arms: list[ArmBase] = Field(default_factory=list, max_length=4, description="two or more, or none")
     gripper: Gripper | None = Field(default=None, description="default: 1.6 widths of a typical strand of the harness")
     margin_px: float = Field(default=0.0, ge=0, le=1e5, description="how far outside the picture the piece may end")
-    at_most: int = Field(default=5, ge=1, le=50, description="actions proposed")
+    at_most: int = Field(default=5, ge=1, le=50, description="how many actions are proposed")
     files: list[Literal["overlay"]] = Field(default=["overlay"], max_length=1, description="to make beside the result")
 
     @property

@@ -1,0 +1,65 @@
+"""A read submission into the queue, and the answer: shared by the routes that make jobs."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import partial
+from typing import Annotated
+
+from anyio import to_thread
+from dlo_client.contracts import AnyJob
+from fastapi import Header, Query, Request, Response
+
+from services import waiting
+from services.access import Backend, Caller
+from services.submissions import Submission
+from services.telemetry import origin
+from workers.record import JobRecord
+
+Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=255,
+        description="the same key and request give the same job for 24 h; another request is refused",
+    ),
+]
+
+
+async def check_room(caller: Caller, backend: Backend, key: str | None) -> None:
+    """Raise QueueFull before a body is read for nothing."""
+    await to_thread.run_sync(backend.queue.check_room, key, caller.owner, caller.most_jobs)
+
+
+async def submitted(submission: Submission, caller: Caller, backend: Backend, key: str | None) -> AnyJob:
+    """Put it into the queue; its pictures are kept once there is room."""
+
+    def keep() -> None:
+        backend.queue.charge(caller.owner, caller.most_bytes, submission.sizes())
+        submission.keep()
+
+    submit = partial(
+        backend.queue.submit,
+        submission.entry,
+        idempotency_key=key,
+        request_digest=hashlib.sha256(submission.entry.request.encode()).hexdigest(),
+        keep=keep,
+        origin=origin(caller.owner),
+        most_jobs=caller.most_jobs,
+    )
+    job, _ = await to_thread.run_sync(submit)
+    return job
+
+
+async def awaited(request: Request, backend: Backend, job_id: str, wait: float) -> Response:
+    """200 and the ended job if it ends within ``wait`` seconds, else 202; and where it is."""
+    record = await waiting.ended(backend.waiting, await backend.waiting.get(job_id), wait)
+    status = 200 if wait and record.job.state.final else 202
+    return answer(record, status, Location=str(request.app.url_path_for("read_job", job_id=job_id)))
+
+
+def answer(record: JobRecord, status: int = 200, **headers: str) -> Response:
+    """The record's own text: a result can be megabytes, and reading it here would hold up everybody else."""
+    return Response(record.json(), status, headers, media_type="application/json")

@@ -1,0 +1,80 @@
+"""Rotations as robot makers write them, to matrices and back; also poses in their units.
+
+Angles of robot makers are degrees. In SciPy's letters capital axes turn with the body (intrinsic), small ones stand
+still (extrinsic).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+from dlo_client.contracts.frames import RotationConvention, Unit
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+FloatArray = NDArray[np.float64]
+
+EULER: dict[RotationConvention, str] = {
+    "kuka_abc": "ZYX",
+    "fanuc_wpr": "xyz",
+    "yaskawa": "xyz",
+    "staubli": "XYZ",
+    "kawasaki_oat": "ZYZ",
+}
+"""Axes in the order in which each maker lists its angles."""
+
+_PER_METER: dict[Unit, float] = {"m": 1.0, "mm": 1000.0}
+_QUATERNIONS = ("quaternion_xyzw", "quaternion_wxyz", "abb")
+_SCALAR_FIRST = ("quaternion_wxyz", "abb")
+
+
+def length(convention: RotationConvention) -> int:
+    """How many numbers a rotation has."""
+    return 4 if convention in _QUATERNIONS else 3
+
+
+def written(rotation: FloatArray, convention: RotationConvention) -> list[float]:
+    """(3, 3) rotation as its numbers; a quaternion's real part is not negative."""
+    turn = Rotation.from_matrix(rotation)
+    if convention in _QUATERNIONS:
+        return _numbers(turn.as_quat(canonical=True, scalar_first=convention in _SCALAR_FIRST))
+    if convention in ("rotation_vector", "ur"):
+        return _numbers(turn.as_rotvec())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: the third angle is then 0, the rotation right
+        return _numbers(turn.as_euler(EULER[convention], degrees=True))
+
+
+def read(numbers: Sequence[float], convention: RotationConvention) -> FloatArray:
+    """(3, 3) rotation of its numbers. Raises ValueError for another count, or a quaternion of length 0."""
+    if len(numbers) != length(convention):
+        raise ValueError(f"a rotation as {convention} has {length(convention)} numbers, not {len(numbers)}")
+    if convention in _QUATERNIONS:
+        if np.linalg.norm(numbers) < 0.5:
+            raise ValueError("a quaternion has length 1")
+        turn = Rotation.from_quat(numbers, scalar_first=convention in _SCALAR_FIRST)
+    elif convention in ("rotation_vector", "ur"):
+        turn = Rotation.from_rotvec(numbers)
+    else:
+        turn = Rotation.from_euler(EULER[convention], numbers, degrees=True)
+    return np.asarray(turn.as_matrix())
+
+
+def pose_of(numbers: Sequence[float], unit: Unit, convention: RotationConvention) -> FloatArray:
+    """(4, 4) meters, from x, y, z in ``unit`` and the rotation. Raises ValueError."""
+    pose = np.eye(4)
+    pose[:3, :3] = read(numbers[3:], convention)
+    pose[:3, 3] = np.asarray(numbers[:3]) / _PER_METER[unit]
+    return pose
+
+
+def position(pose: FloatArray, unit: Unit) -> tuple[float, float, float]:
+    """x, y, z of a (4, 4) pose, in ``unit``, to 0.1 µm."""
+    x, y, z = (round(float(c) * _PER_METER[unit], 7 if unit == "m" else 4) for c in pose[:3, 3])
+    return x, y, z
+
+
+def _numbers(values: FloatArray) -> list[float]:
+    return [round(float(value), 9) + 0.0 for value in values]
