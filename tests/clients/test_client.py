@@ -21,7 +21,6 @@ from dlo_client import (
     SegmentRequest,
     WaitTimeout,
     errors,
-    result_of,
 )
 from dlo_client.contracts import FileRef, ImageInfo, JobPage, JobState
 
@@ -214,10 +213,10 @@ def test_a_finished_job_needs_no_wait(connect: Connect) -> None:
     assert connect(Script(LOST)).wait(done) is done
 
 
-def test_run_gives_the_finished_job(connect: Connect) -> None:
+def test_run_gives_the_result_and_run_job_the_job(connect: Connect) -> None:
     script = Script(ok(QUEUED, 202), ok(samples.job()))
-    job = connect(script).run(NoopRequest(timeout_s=5))
-    assert result_of(job) == NoopResult(held_s=0.0)
+    assert connect(script).run(NoopRequest(timeout_s=5)) == NoopResult(held_s=0.0)
+    assert connect(Script(ok(samples.job()))).run_job(NoopRequest()).result == NoopResult(held_s=0.0)
     assert 14 < float(script.requests[0].url.params["wait"]) <= 15
 
 

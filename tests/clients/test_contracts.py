@@ -99,3 +99,13 @@ def test_final_states_are_the_ends(state: JobState) -> None:
 def test_values_do_not_change() -> None:
     with pytest.raises(ValidationError, match="frozen"):
         samples.job().state = JobState.QUEUED  # type: ignore[misc]
+
+
+def test_a_result_s_repr_is_short() -> None:
+    """Printing a result in a console wrote its masks and centerlines: megabytes."""
+    scene = samples.two_cables()
+    assert "instances=<2 Instance>" in repr(scene)
+    assert len(repr(scene)) < 500
+    assert len(repr(scene.instances[0])) < 900
+    assert str(scene) == repr(scene)
+    assert scene.model_validate_json(scene.model_dump_json()) == scene

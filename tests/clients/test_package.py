@@ -23,9 +23,11 @@ async def check(client: Client, other: AsyncClient) -> None:
     assert_type(job, Job[InstancesResult])
     assert_type(client.wait(job, timeout=1), Job[InstancesResult])
     assert_type(result_of(job), InstancesResult)
-    assert_type(client.run(SegmentRequest(), "desk.png"), Job[SegmentResult])
+    assert_type(client.run(SegmentRequest(), "desk.png"), SegmentResult)
+    assert_type(client.run_job(SegmentRequest(), "desk.png"), Job[SegmentResult])
+    assert_type(client.result(job), InstancesResult)
     assert_type(await other.submit(NoopRequest()), Job[NoopResult])
-    assert_type(await other.run(InstancesRequest(), b"", mask=b""), Job[InstancesResult])
+    assert_type(await other.run(InstancesRequest(), b"", mask=b""), InstancesResult)
     client.run(SegmentRequest(), np.zeros((4, 4, 3), np.uint8), mask=np.zeros((4, 4), bool))
     client.run(SegmentRequest(), [Image.new("L", (4, 4)), Path("desk.png"), open("desk.png", "rb"), BytesIO()])
     for instance in result_of(job).instances:

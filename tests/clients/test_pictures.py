@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import http.server
 import io
 import subprocess
 import sys
+import threading
 import zipfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,7 @@ import dlo_client
 import numpy as np
 import pytest
 from dlo_client.errors import DLOError, InvalidArgument
-from dlo_client.pictures import parts_of
+from dlo_client.pictures import opencv, part_of, parts_of
 from PIL import ExifTags, Image
 
 RANDOM = np.random.default_rng(3)
@@ -208,9 +211,37 @@ def test_a_file_that_cannot_be_read_is_an_os_error(tmp_path: Path) -> None:
 def test_pictures_need_neither_numpy_nor_pillow() -> None:
     program = (
         "import sys; sys.modules['numpy'] = sys.modules['PIL'] = None\n"
-        "from dlo_client.pictures import parts_of\n"
+        "from dlo_client.pictures import opencv, part_of, parts_of\n"
         f"assert parts_of({str(SAMPLE)!r}, 'image')[0].data == parts_of(open({str(SAMPLE)!r}, 'rb'), 'image')[0].data"
     )
     root = Path(dlo_client.__file__).parents[1]
     done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_an_address_of_the_caller_s_own_is_fetched_by_the_client(tmp_path: Path) -> None:
+    """The service fetches nothing: its network is not the caller's."""
+    (tmp_path / "a.png").write_bytes(b"a picture")
+    serve = partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    address = f"http://127.0.0.1:{server.server_address[1]}"
+    try:
+        assert part_of(f"{address}/a.png", "image").data == b"a picture"
+        with pytest.raises(InvalidArgument, match="404"):
+            part_of(f"{address}/b.png", "image")
+    finally:
+        server.shutdown()
+        server.server_close()
+    with pytest.raises(InvalidArgument, match="cannot be fetched"):
+        part_of(f"{address}/a.png", "image")
+
+
+def test_pictures_of_opencv_are_turned_to_rgb() -> None:
+    blue = np.zeros((2, 2, 3), np.uint8)
+    blue[:, :, 0] = 255
+    assert opencv(blue)[0, 0].tolist() == [0, 0, 255]
+    with_alpha = np.dstack([blue, np.full((2, 2), 7, np.uint8)])
+    assert opencv(with_alpha)[0, 0].tolist() == [0, 0, 255, 7]
+    gray = blue[:, :, 0]
+    assert opencv(gray) is gray

@@ -96,9 +96,9 @@ def test_killed_ten_times_every_picture_is_labelled_exactly_once(address, tmp_pa
 
 def test_labels_are_what_the_service_says(address, tmp_path):
     with Client(address) as client:
-        from dlo_client import InstancesRequest, result_of
+        from dlo_client import InstancesRequest
 
-        said = result_of(client.run(InstancesRequest(), SAMPLES / "busy.jpg"))
+        said = client.run(InstancesRequest(), SAMPLES / "busy.jpg")
     command_line = command(address, SAMPLES / "busy.jpg", tmp_path / "out", "--format", "png")
     subprocess.run(command_line, check=True, capture_output=True)
     with LabelStore(tmp_path / "out") as store:

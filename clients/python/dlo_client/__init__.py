@@ -1,6 +1,15 @@
 """Client of the DLO perception service: cables, wires, hoses and ropes in pictures.
 
-Public is what this file lists, and the error tree in :mod:`dlo_client.errors`. The clients load on first use:
+    with Client("http://127.0.0.1:8000") as client:
+        result = client.run(InstancesRequest(), "photo.jpg")       # a path, an array, an image, a file, an address
+        job = client.submit(TopologyRequest(), "harness.jpg")      # goes on meanwhile
+        result = client.result(job)
+
+``Client`` and ``AsyncClient`` have the same methods; a request's class names what it takes:
+``help(InstancesRequest)``. Errors are below ``DLOError``: ``help(dlo_client.errors)`` draws the tree.
+``state(result)`` gives arrays of a fixed shape.
+
+Public is what this file lists. The clients load on first use:
 the service and its workers import ``dlo_client.contracts`` and do without an HTTP client.
 """
 
@@ -10,6 +19,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dlo_client.contracts import (
+    AnyJob,
     AriadnePlusParams,
     ArmBase,
     CameraView,
@@ -58,20 +68,35 @@ from dlo_client.contracts import (
     TopologyRequest,
     TopologyResult,
 )
+from dlo_client.contracts.frames import Output, OutputFrame, Plane, RobotPose, RobotPoses
+from dlo_client.contracts.recipes import CameraBody, Recipe, RecipeBody, Sample, StoredCamera
 
 if TYPE_CHECKING:
     from dlo_client.async_client import AsyncClient
+    from dlo_client.async_loops import AsyncScan, AsyncShapeController
     from dlo_client.client import Client
     from dlo_client.errors import (
         APIError,
+        Conflict,
         ConnectionFailed,
         DLOError,
+        Gone,
         InvalidArgument,
+        InvalidRequest,
         JobCancelled,
         JobFailed,
+        NotFound,
+        QueueFull,
+        ServiceFault,
+        StorageFull,
+        Unauthorized,
+        Unavailable,
+        UnexpectedReply,
         WaitTimeout,
     )
     from dlo_client.outcomes import result_of
+    from dlo_client.pictures import opencv
+    from dlo_client.policy import PolicyState, state
     from dlo_client.retry import RetryPolicy
     from dlo_client.scan import CameraOnArm, Scan, ScanOptions, ScanResult
     from dlo_client.shape_control import Robot, ShapeController, ShapeOutcome
@@ -80,12 +105,17 @@ if TYPE_CHECKING:
 
 __all__ = [
     "APIError",
+    "AnyJob",
     "AriadnePlusParams",
     "ArmBase",
     "AsyncClient",
+    "AsyncScan",
+    "AsyncShapeController",
+    "CameraBody",
     "CameraOnArm",
     "CameraView",
     "Client",
+    "Conflict",
     "ConnectionFailed",
     "Crossing",
     "Curve3D",
@@ -99,6 +129,7 @@ __all__ = [
     "EstimateParametersResult",
     "Experience",
     "FastDloParams",
+    "Gone",
     "Gripper",
     "HarnessDrawing",
     "ImageInfo",
@@ -107,6 +138,7 @@ __all__ = [
     "InstancesRequest",
     "InstancesResult",
     "InvalidArgument",
+    "InvalidRequest",
     "Job",
     "JobCancelled",
     "JobFailed",
@@ -119,56 +151,90 @@ __all__ = [
     "NextViewRequest",
     "NoopRequest",
     "NoopResult",
+    "NotFound",
+    "Output",
+    "OutputFrame",
     "PinholeIntrinsics",
     "PlanLimits",
     "PlanShapeRequest",
     "PlanShapeResult",
+    "Plane",
     "PlannedAction",
+    "PolicyState",
     "Problem",
+    "QueueFull",
+    "Recipe",
+    "RecipeBody",
     "ReconstructRequest",
     "ReconstructResult",
     "RetryPolicy",
     "Robot",
+    "RobotPose",
+    "RobotPoses",
     "RopeParameters",
     "RtDloParams",
+    "Sample",
     "Scan",
     "ScanOptions",
     "ScanResult",
     "SectionMatchingParams",
     "SegmentRequest",
     "SegmentResult",
+    "ServiceFault",
     "ShapeController",
     "ShapeOutcome",
+    "StorageFull",
+    "StoredCamera",
     "Target",
     "TopologyRequest",
     "TopologyResult",
+    "Unauthorized",
+    "Unavailable",
+    "UnexpectedReply",
     "WaitTimeout",
     "__version__",
+    "opencv",
     "read_webhook",
     "result_of",
+    "state",
 ]
 
 _LOADED_ON_USE = {
-    "Robot": "shape_control",
-    "ShapeController": "shape_control",
-    "ShapeOutcome": "shape_control",
-    "read_webhook": "webhooks",
     "APIError": "errors",
     "AsyncClient": "async_client",
+    "AsyncScan": "async_loops",
+    "AsyncShapeController": "async_loops",
+    "CameraOnArm": "scan",
     "Client": "client",
+    "Conflict": "errors",
     "ConnectionFailed": "errors",
     "DLOError": "errors",
+    "Gone": "errors",
     "InvalidArgument": "errors",
+    "InvalidRequest": "errors",
     "JobCancelled": "errors",
     "JobFailed": "errors",
-    "CameraOnArm": "scan",
+    "NotFound": "errors",
+    "PolicyState": "policy",
+    "QueueFull": "errors",
     "RetryPolicy": "retry",
+    "Robot": "shape_control",
     "Scan": "scan",
     "ScanOptions": "scan",
     "ScanResult": "scan",
+    "ServiceFault": "errors",
+    "ShapeController": "shape_control",
+    "ShapeOutcome": "shape_control",
+    "StorageFull": "errors",
+    "Unauthorized": "errors",
+    "Unavailable": "errors",
+    "UnexpectedReply": "errors",
     "WaitTimeout": "errors",
     "__version__": "version",
+    "opencv": "pictures",
+    "read_webhook": "webhooks",
     "result_of": "outcomes",
+    "state": "policy",
 }
 
 

@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Any, Generic, TypedDict, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 from urllib.parse import quote
 from uuid import uuid4
 
@@ -43,30 +43,6 @@ LONGEST_WAIT_S = 60.0
 
 GRACE_S = 10.0
 """How long after a request's own time limit its job has surely ended: the service ends it then."""
-
-
-class Submission(TypedDict, total=False):
-    """What may go along with a request.
-
-    ``images``: one picture or several in order; ``mask``: the foreground of an ``instances`` request;
-    ``wait``: seconds (≤ 60) the service may hold the reply for the job to end; ``idempotency_key``: instead
-    of a random one, for a caller that may itself submit the same thing twice.
-    """
-
-    images: Pictures | None
-    mask: Picture | None
-    wait: float
-    idempotency_key: str | None
-
-
-class RunInputs(TypedDict, total=False):
-    """What ``run`` takes beside the request and its image.
-
-    ``mask``: as in Submission; ``timeout``: seconds to wait, by default the request's own time limit.
-    """
-
-    mask: Picture | None
-    timeout: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +79,7 @@ class Call(Generic[T]):
 
 def upload(image: Picture) -> Call[ImageInfo]:
     body = {"content": part_of(image, "image").data}
-    return Call("POST", "/v1/images", _reader(ImageInfo), headers=_BINARY, body=body)
+    return Call("POST", "/v1/images", reader(ImageInfo), headers=_BINARY, body=body)
 
 
 def submit(
@@ -117,8 +93,8 @@ def submit(
     return Call(
         "POST",
         "/v1/jobs",
-        cast(Callable[[httpx.Response], Job[ResultT]], _reader(AnyJob)),
-        params=_wait_params(wait),
+        cast(Callable[[httpx.Response], Job[ResultT]], reader(AnyJob)),
+        params=wait_params(wait),
         headers={"Idempotency-Key": header_value(idempotency_key or uuid4().hex, "idempotency_key")},
         body=_job_body(request, parts_of(images, "image"), mask),
         held_s=wait,
@@ -126,17 +102,17 @@ def submit(
 
 
 def get(job: JobOrId, wait: float = 0.0) -> Call[Job[Any]]:
-    return Call("GET", _job_path(job), _reader(AnyJob), params=_wait_params(wait), held_s=wait)
+    return Call("GET", _job_path(job), reader(AnyJob), params=wait_params(wait), held_s=wait)
 
 
 def cancel(job: JobOrId) -> Call[AnyJob]:
-    return Call("DELETE", _job_path(job), _reader(AnyJob))
+    return Call("DELETE", _job_path(job), reader(AnyJob))
 
 
 def jobs(state: JobState | None, kind: JobKind | None, limit: int, cursor: str | None) -> Call[JobPage]:
     params = {"limit": limit, "state": state, "kind": kind, "cursor": cursor}
     given = {name: value for name, value in params.items() if value is not None}
-    return Call("GET", "/v1/jobs", _reader(JobPage), params=given)
+    return Call("GET", "/v1/jobs", reader(JobPage), params=given)
 
 
 def events(job: JobOrId, after: str | None) -> Call[None]:
@@ -155,7 +131,7 @@ def file(job: JobOrId, file: FileRef | str) -> Call[bytes]:
 
 
 def networks() -> Call[list[NetworkInfo]]:
-    return Call("GET", "/v1/models", _reader(list[NetworkInfo]))
+    return Call("GET", "/v1/models", reader(list[NetworkInfo]))
 
 
 def ready() -> Call[None]:
@@ -223,7 +199,9 @@ def _nothing(response: httpx.Response) -> None:
     """For a reply whose status says it all."""
 
 
-def _reader(kind: type[T]) -> Callable[[httpx.Response], T]:
+def reader(kind: type[T]) -> Callable[[httpx.Response], T]:
+    """Reads a reply as ``kind``; raises UnexpectedReply."""
+
     def read(response: httpx.Response) -> T:
         try:
             return TypeAdapter(kind).validate_json(response.content)
@@ -242,7 +220,8 @@ def _job_path(job: JobOrId) -> str:
     return f"/v1/jobs/{quote(job_id, safe='')}"
 
 
-def _wait_params(wait: float) -> dict[str, float]:
+def wait_params(wait: float) -> dict[str, float]:
+    """``?wait=``, if there is anything to wait for."""
     return {"wait": round(wait, 3)} if wait > 0 else {}
 
 

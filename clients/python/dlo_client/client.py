@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from types import TracebackType
-from typing import Self, Unpack
+from typing import Self
 
 import httpx
 
-from dlo_client import calls
-from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, RunInputs, Submission, T
+from dlo_client import calls, recipe_calls
+from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, T
 from dlo_client.connection import DEFAULT_TIMEOUT_S, POLL_PAUSE_S, base_headers, base_url
 from dlo_client.contracts import (
     AnyJob,
@@ -26,9 +26,10 @@ from dlo_client.contracts import (
     NetworkInfo,
 )
 from dlo_client.contracts.base import ResultT
+from dlo_client.contracts.recipes import CameraBody, Recipe, RecipeBody, StoredCamera
 from dlo_client.errors import WaitTimeout
 from dlo_client.event_stream import EventCursor
-from dlo_client.outcomes import succeeded
+from dlo_client.outcomes import result_of, succeeded
 from dlo_client.pictures import Picture, Pictures
 from dlo_client.retry import Outcome, RetryPolicy
 
@@ -71,20 +72,103 @@ class Client:
         """Store a picture for several jobs; the same bytes give the same id."""
         return self._send(calls.upload(image))
 
-    def submit(self, request: JobRequest[ResultT], **more: Unpack[Submission]) -> Job[ResultT]:
-        """Hand in a job, with its pictures or with references to uploaded ones; see Submission."""
-        return self._send(calls.submit(request, **more))
+    def submit(
+        self,
+        request: JobRequest[ResultT],
+        images: Pictures | None = None,
+        *,
+        mask: Picture | None = None,
+        wait: float = 0.0,
+        idempotency_key: str | None = None,
+    ) -> Job[ResultT]:
+        """Hand in a job and return it at once, queued or running; ``wait``: seconds (at most 60) to hold the reply.
+
+        ``images``: one picture or several in order; ``mask``: the foreground. ``idempotency_key`` instead of a random
+        one: for a caller that may itself submit the same thing twice.
+        """
+        return self._send(calls.submit(request, images, mask, wait, idempotency_key))
 
     def run(
-        self, request: JobRequest[ResultT], image: Pictures | None = None, **more: Unpack[RunInputs]
+        self,
+        request: JobRequest[ResultT],
+        image: Pictures | None = None,
+        *,
+        mask: Picture | None = None,
+        timeout: float | None = None,
+    ) -> ResultT:
+        """The result of a request: submit, wait, insist on success.
+
+        ``timeout``: seconds to wait, by default the request's own limit. Raises JobFailed, JobCancelled, WaitTimeout.
+        """
+        return result_of(self.run_job(request, image, mask=mask, timeout=timeout))
+
+    def run_job(
+        self,
+        request: JobRequest[ResultT],
+        image: Pictures | None = None,
+        *,
+        mask: Picture | None = None,
+        timeout: float | None = None,
     ) -> Job[ResultT]:
-        """Submit, with one picture or several in order, wait and insist on success: raises JobFailed, JobCancelled or
-        WaitTimeout."""
-        patience_s = calls.patience_s(request, more.get("timeout"))
+        """As :meth:`run`, but the whole job: its files, timings and robot poses beside the result."""
+        patience_s = calls.patience_s(request, timeout)
         deadline = time.monotonic() + patience_s
         held_s = min(patience_s, LONGEST_WAIT_S)
-        job = self._send(calls.submit(request, image, more.get("mask"), held_s), deadline)
+        job = self._send(calls.submit(request, image, mask, held_s), deadline)
         return succeeded(self._ended(job, deadline, patience_s))
+
+    def result(self, job: Job[ResultT], timeout: float = 60.0) -> ResultT:
+        """The result of a submitted job, once it has ended; raises as :meth:`run` does."""
+        return result_of(self.wait(job, timeout))
+
+    def run_recipe(
+        self,
+        number: int,
+        images: Pictures | None = None,
+        *,
+        mask: Picture | None = None,
+        flange: Sequence[Sequence[float]] = (),
+        version: int | None = None,
+        timeout: float = 60.0,
+    ) -> AnyJob:
+        """The ended job of a stored recipe with these pictures; ``flange``: x, y, z, rotation, one a picture."""
+        deadline = time.monotonic() + calls.seconds(timeout)
+        held_s = min(timeout, LONGEST_WAIT_S)
+        call = recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=held_s)
+        return succeeded(self._ended(self._send(call, deadline), deadline, timeout))
+
+    def submit_recipe(
+        self,
+        number: int,
+        images: Pictures | None = None,
+        *,
+        mask: Picture | None = None,
+        flange: Sequence[Sequence[float]] = (),
+        version: int | None = None,
+        wait: float = 0.0,
+    ) -> AnyJob:
+        """The job of a stored recipe with these pictures, as it is after ``wait`` seconds."""
+        return self._send(recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=wait))
+
+    def store_recipe(self, number: int, recipe: RecipeBody) -> Recipe:
+        """Store a recipe under a number; the next version if there is one."""
+        return self._send(recipe_calls.store(number, recipe))
+
+    def recipes(self) -> list[Recipe]:
+        """The latest version of every recipe, by number."""
+        return self._send(recipe_calls.every())
+
+    def dry_run(self, number: int) -> list[AnyJob]:
+        """Jobs of a recipe with its stored pictures."""
+        return self._send(recipe_calls.dry_run(number))
+
+    def store_camera(self, name: str, camera: CameraBody | Picture) -> StoredCamera:
+        """Store a calibration: poses and intrinsics, or a YAML file of ROS, OpenCV or Kalibr."""
+        return self._send(recipe_calls.store_camera(name, camera))
+
+    def cameras(self) -> list[StoredCamera]:
+        """The latest version of every stored camera, by name."""
+        return self._send(recipe_calls.cameras())
 
     def wait(self, job: Job[ResultT], timeout: float = 60.0) -> Job[ResultT]:
         """The job once it has ended, whichever way; WaitTimeout after ``timeout`` seconds."""

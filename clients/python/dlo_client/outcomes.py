@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, overload
+
 from dlo_client.contracts import Job, JobState
 from dlo_client.contracts.base import ResultT
 from dlo_client.errors import JobCancelled, JobFailed, UnexpectedReply
@@ -16,8 +18,14 @@ def succeeded(job: Job[ResultT]) -> Job[ResultT]:
     return job
 
 
-def result_of(job: Job[ResultT]) -> ResultT:
-    """The result of a finished job, never None; raises JobFailed or JobCancelled."""
+@overload
+def result_of(job: Job[ResultT]) -> ResultT: ...
+@overload
+def result_of(job: ResultT) -> ResultT: ...
+def result_of(job: Any) -> Any:
+    """The result of a finished job, never None; raises JobFailed or JobCancelled. A result is returned as it is."""
+    if not isinstance(job, Job):
+        return job
     result = succeeded(job).result
     if result is None:
         raise UnexpectedReply(f"job {job.id} is {job.state} and has no result")

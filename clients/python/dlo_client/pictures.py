@@ -3,9 +3,11 @@
 ============================  =====================================================================
 ``bytes``, ``bytearray``, …   sent as they are
 ``str``, ``Path``             the file of that name
+``http://…``, ``https://…``   what that address of your own gives to this program, not to the service
 open binary file, ``BytesIO`` what it holds from its position on
 PIL image                     its pixels as a PNG, as they are in memory: EXIF does not turn them
-NumPy array, tensor, …        its pixels as a PNG, see :func:`dlo_client.arrays.png_of_array`
+NumPy array, tensor, …        its pixels as a PNG, see :func:`dlo_client.arrays.png_of_array`; of OpenCV
+                              ``opencv(array)``: its channels are in the order B, G, R
 several of these              a list, a tuple, a generator
 ============================  =====================================================================
 
@@ -20,6 +22,8 @@ import sys
 from collections.abc import Iterable, Mapping, Set
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeGuard, cast
+
+import httpx
 
 from dlo_client.arrays import png_of_array
 from dlo_client.errors import InvalidArgument
@@ -47,6 +51,8 @@ class ArrayLike(Protocol):
 Picture = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryFile | HasPixels | ArrayLike
 Pictures = Picture | Iterable[Picture]
 
+_ADDRESSES = ("http://", "https://")
+_FETCH_S = 20.0
 _PNG_MODES = ("1", "L", "LA", "P", "RGB", "RGBA", "I;16")
 
 
@@ -62,6 +68,8 @@ def part_of(picture: Picture, argument: str) -> Part:
     name = "picture"
     if isinstance(picture, bytes | bytearray | memoryview):
         data = bytes(picture)
+    elif isinstance(picture, str) and picture.startswith(_ADDRESSES):
+        name, data = _fetched(picture, argument)
     elif isinstance(picture, str | os.PathLike):
         name, data = _file(picture, argument)
     elif _is_image(picture):
@@ -103,6 +111,28 @@ def _is_image(picture: Any) -> TypeGuard[Any]:
     """Pillow is not imported for this: who has an image of it has it loaded."""
     pillow = sys.modules.get("PIL.Image")
     return pillow is not None and isinstance(picture, pillow.Image)
+
+
+def opencv(array: Any) -> Any:
+    """A picture as OpenCV holds it, (H, W, 3) B G R or (H, W, 4) B G R A, in the order that is sent: a copy.
+
+    Gray pictures are returned as they are.
+    """
+    shape: Any = getattr(array, "shape", ())
+    if len(shape) != 3 or shape[2] not in (3, 4):
+        return array
+    return array[:, :, [2, 1, 0, 3][: shape[2]]]
+
+
+def _fetched(address: str, argument: str) -> tuple[str, bytes]:
+    """Raises InvalidArgument for an address that gives no picture."""
+    try:
+        reply = httpx.get(address, timeout=_FETCH_S, follow_redirects=True)
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        raise InvalidArgument(argument, f"{address} cannot be fetched: {error or type(error).__name__}") from error
+    if not reply.is_success:
+        raise InvalidArgument(argument, f"{address} answers {reply.status_code} {reply.reason_phrase}")
+    return "picture", reply.content
 
 
 def _file(picture: str | os.PathLike[str], argument: str) -> tuple[str, bytes]:

@@ -19,7 +19,6 @@ from dlo_client.contracts import (
     CameraPose,
     CameraView,
     Curve3D,
-    Job,
     JobRequest,
     MergeCurvesRequest,
     MergeCurvesResult,
@@ -34,7 +33,6 @@ from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.cameras import AnyIntrinsics
 from dlo_client.contracts.reconstruction import Optimise
 from dlo_client.errors import InvalidArgument, JobFailed
-from dlo_client.outcomes import result_of
 from dlo_client.pictures import Picture, Pictures
 
 _INTRINSICS: TypeAdapter[AnyIntrinsics] = TypeAdapter(AnyIntrinsics)
@@ -67,7 +65,7 @@ class CameraOnArm(Protocol):
 class Reconstructor(Protocol):
     """The part of Client that a scan uses."""
 
-    def run(self, request: JobRequest[ResultT], image: Pictures | None = None, /) -> Job[ResultT]: ...
+    def run(self, request: JobRequest[ResultT], image: Pictures | None = None, /) -> ResultT: ...
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,7 @@ class Scan:
         turned = _with_curve(first, reversed_curve(first.result.curve))
         behind = list(self.onwards(turned))
         sections = [*reversed(behind), *ahead]
-        merged = result_of(self._client.run(MergeCurvesRequest(curves=[s.result.curve for s in sections])))
+        merged = self._client.run(MergeCurvesRequest(curves=[s.result.curve for s in sections]))
         return ScanResult(merged, sections, self._ended)
 
     def onwards(self, section: Section) -> Iterator[Section]:
@@ -191,7 +189,7 @@ class Scan:
             advance=advance,
             overlap=options.overlap,
         )
-        return result_of(self._client.run(request)).next_view.T_world_camera
+        return self._client.run(request).next_view.T_world_camera
 
     def _take(self, poses: Sequence[Pose], previous: Curve3D | None) -> Section:
         """Pictures from the poses, and what they show."""
@@ -212,7 +210,7 @@ class Scan:
             previous=previous,
             **self._options.reconstruct,
         )
-        return Section(result_of(self._client.run(request, pictures)), reached, pictures)
+        return Section(self._client.run(request, pictures), reached, pictures)
 
 
 def reversed_curve(curve: Curve3D) -> Curve3D:

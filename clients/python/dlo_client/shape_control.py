@@ -26,7 +26,6 @@ from dlo_client.contracts import (
 )
 from dlo_client.contracts.manipulation import UsedParameters
 from dlo_client.errors import InvalidArgument
-from dlo_client.outcomes import result_of
 
 Points = Sequence[tuple[float, float]]
 
@@ -117,7 +116,7 @@ class ShapeController:
             limits=self.limits,
             tolerance_m=self.threshold_m,
         )
-        return result_of(self.client.run(request))
+        return self.client.run(request)
 
     def _seen(self) -> list[tuple[float, float]]:
         return _points(self.robot.observe(), "robot.observe()")

@@ -172,7 +172,7 @@ def process(
     failed = False
     for image, stem in zip(images, stems(images), strict=True):
         try:
-            job = client.run(request, mask=image) if masks else client.run(request, image)
+            job = client.run_job(request, mask=image) if masks else client.run_job(request, image)
             show(image, job, save(client, job, out, stem) if out else [])
         except BrokenPipeError:
             raise

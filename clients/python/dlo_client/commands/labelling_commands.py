@@ -30,7 +30,6 @@ from dlo_client.labelling import (
 )
 from dlo_client.labelling.sources import SourcePicture, picture_names
 from dlo_client.labelling.tracked import file_tracked
-from dlo_client.outcomes import result_of
 
 if TYPE_CHECKING:
     from dlo_client.labelling.formats import Labels
@@ -187,7 +186,7 @@ def label_tracked(
         # The folder is opened first: nobody should wait for labels that have no place.
         with LabelStore(out, write=True) as store:
             store.remember({"kind": request.kind})
-            result = result_of(client.run(request, images))
+            result = client.run(request, images)
             labels = file_tracked(store, result, picture_names(images))
         for label, view in zip(labels, result.views, strict=True):
             _print([f"{label.name}: {len(label.instances)} cables, moved by {view.moved_px:.1f} px"])

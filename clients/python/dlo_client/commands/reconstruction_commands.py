@@ -39,7 +39,7 @@ def reconstruct(
     client: Client = context.obj
     views = _read_views(cameras)
     chosen = Target(view=target[0], xy=target[1:]) if target else None
-    job = client.run(ReconstructRequest(views=views, method=method, target=chosen), images)
+    job = client.run_job(ReconstructRequest(views=views, method=method, target=chosen), images)
     result = result_of(job)
     _print_curve(result.curve, f"reprojection {result.reprojection_px:.2f} px")
     for view in result.views:
