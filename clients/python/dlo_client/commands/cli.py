@@ -11,7 +11,10 @@ _MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
 def main() -> None:
     try:
         from dlo_client.commands import (  # noqa: F401  they register their commands
+            bridge_commands,
+            calibration_commands,
             harness_commands,
+            label_studio_commands,
             labelling_commands,
             reconstruction_commands,
             shape_commands,

@@ -1,0 +1,82 @@
+"""``dlo calibrate``, ``dlo bridge`` and ``dlo label-studio``: what they print, and what they refuse in one line."""
+
+from __future__ import annotations
+
+import json
+
+import httpx
+import numpy as np
+import pytest
+from dlo_client.calibration import HandEye, board_pictures
+from dlo_client.commands import bridge_commands, calibration_commands, label_studio_commands  # noqa: F401  register
+from dlo_client.commands.app import app
+from dlo_client.contracts.recipes import CameraBody, StoredCamera
+from typer.testing import CliRunner
+
+from tests.clients import samples
+
+LENS = {"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 320, "cy": 240}
+
+
+def dlo(*arguments, network=None):
+    transport = httpx.MockTransport(network or (lambda _: httpx.Response(500)))
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], obj=transport)
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "lens.json").write_text(json.dumps(LENS))
+    (tmp_path / "flange.csv").write_text("picture,x,y,z\na.png,1,2,3,0,0,0,1\n")
+    (tmp_path / "pictures").mkdir()
+    return tmp_path
+
+
+def arguments(files, *more):
+    options = ["--flange", files / "flange.csv", "--intrinsics", files / "lens.json", "--board", "9x6x0.03"]
+    return ["calibrate", files / "pictures", *options, *more]
+
+
+def test_calibrate_prints_the_pose_with_its_uncertainty_and_stores_it(files, monkeypatch):
+    sent = []
+
+    def network(request: httpx.Request) -> httpx.Response:
+        sent.append((request.method, request.url.path, json.loads(request.content)))
+        camera = CameraBody.model_validate(sent[-1][2])
+        stored = StoredCamera(name="wrist", version=4, created_at=samples.job().created_at, camera=camera)
+        return httpx.Response(200, text=stored.model_dump_json())
+
+    found = HandEye(np.eye(4), np.eye(4), 0.0002, 0.001, np.zeros((6, 6)), [0.2, 0.3])
+    monkeypatch.setattr(board_pictures, "hand_eye", lambda *_: (found, 11, ["b.png"]))
+    done = dlo(*arguments(files, "--store", "wrist"), network=network)
+    assert done.exit_code == 0, done.output
+    assert "0.200 mm, 0.0573 degrees" in done.stdout
+    assert "from 11 pictures, without 1: b.png" in done.stdout
+    assert "stored as wrist, version 4" in done.stdout
+    method, path, body = sent[0]
+    assert (method, path) == ("PUT", "/v1/cameras/wrist")
+    assert body["T_flange_camera"] == np.eye(4).tolist()
+    assert body["sigma_m"] == 0.0002
+
+
+def test_calibrate_names_what_is_missing(files):
+    done = dlo(*arguments(files))
+    assert done.exit_code == 1
+    assert "4 pictures that show the board are needed, 0 do" in done.stderr
+    (files / "pictures" / "other.png").write_bytes(b"x")
+    assert "no pose of other.png" in dlo(*arguments(files)).stderr
+    (files / "flange.csv").write_text("a.png,1,2,3\n")
+    assert "row 1: 7 numbers" in dlo(*arguments(files)).stderr
+
+
+def test_a_bridge_without_a_camera_does_not_start(tmp_path):
+    file = tmp_path / "bridge.toml"
+    file.write_text("[ascii]\nport = 4711\n")
+    done = dlo("bridge", file)
+    assert done.exit_code == 1
+    assert "picture: Field required" in done.stderr
+
+
+def test_a_backend_for_a_network_needs_a_password():
+    done = dlo("label-studio", "--listen", "0.0.0.0", "--port", "0")
+    assert done.exit_code == 1
+    assert "password: is needed" in done.stderr
