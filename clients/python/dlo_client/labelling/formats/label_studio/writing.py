@@ -39,20 +39,24 @@ def write(labels: Labels, out: Path) -> Path:
     return out / "label_studio.json"
 
 
-def _task(label: PictureLabel) -> dict[str, Any]:
+def prediction(label: PictureLabel) -> dict[str, Any]:
+    """One prediction, as a task holds it."""
     scores = [item.score for item in label.instances if item.score is not None]
-    prediction = {
+    return {
         "model_version": label.method or label.origin,
         "score": min(scores, default=0.0),
         "result": list(_regions(label)),
     }
+
+
+def _task(label: PictureLabel) -> dict[str, Any]:
     meta = {
         "dlo_name": label.name,
         "sha256": label.sha256,
         "crossings": [c.model_dump(mode="json") for c in label.crossings],
     }
     data = {"image": PREFIX + quote(label.name), "width": label.width, "height": label.height}
-    return {"data": data, "meta": meta, "predictions": [prediction]}
+    return {"data": data, "meta": meta, "predictions": [prediction(label)]}
 
 
 def _regions(label: PictureLabel) -> Iterator[dict[str, Any]]:
