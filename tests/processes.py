@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
@@ -38,12 +38,15 @@ def environment(settings: Settings) -> dict[str, str]:
 
 
 @contextmanager
-def running_service(data_dir: Path, workers: int) -> Iterator[str]:
-    """``python -m services`` with its own queue and workers, ready; its address. Stopped at the end."""
+def running_service(data_dir: Path, workers: int, more: Mapping[str, str] | None = None) -> Iterator[str]:
+    """``python -m services`` with its own queue and workers, ready; its address. Stopped at the end.
+
+    ``more``: further variables.
+    """
     settings = {name: value for name, value in os.environ.items() if not name.startswith("DLO_")}
     process = subprocess.Popen(
         [sys.executable, "-m", "services", "--port", "0", "--workers", str(workers), "--data-dir", str(data_dir)],
-        cwd=ROOT, env=settings | {"DLO_LOG_LEVEL": "WARNING"}, stdout=subprocess.PIPE, text=True,
+        cwd=ROOT, env=settings | {"DLO_LOG_LEVEL": "WARNING"} | dict(more or {}), stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None
     try:

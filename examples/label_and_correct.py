@@ -1,0 +1,44 @@
+"""Label a folder, put a person's corrections over it, and make a training set of what they made right.
+
+The corrections stand for an export of CVAT, COCO or Label Studio (``--tool``); docs/labelling.md has the commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+SAMPLES = Path(__file__).parent.parent / "tests" / "samples"
+
+
+def main(arguments: list[str] | None = None) -> list[str]:
+    """Files of the training set."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--url", default="http://127.0.0.1:8000")
+    parser.add_argument("--pictures", type=Path, default=SAMPLES)
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        labels, dataset = Path(folder, "labels"), Path(folder, "dataset")
+        dlo(options.url, "label", str(options.pictures), "--out", str(labels), "--format", "coco")
+        export = labels / "exports" / "coco.json"
+        if not export.exists():
+            export = next(labels.rglob("*coco*.json"))
+        dlo(options.url, "label-import", str(labels), str(export), "--tool", "coco")
+        dlo(options.url, "label-dataset", str(labels), str(options.pictures), str(dataset))
+        return sorted(str(path.relative_to(dataset)) for path in dataset.rglob("*") if path.is_file())
+
+
+def dlo(url: str, *arguments: str) -> None:
+    """The command of that name; a failure ends the script with what it printed."""
+    command = [sys.executable, "-c", "from dlo_client.commands.cli import main; main()", "--url", url, *arguments]
+    done = subprocess.run(command, check=False, text=True, capture_output=True)
+    print(done.stdout)
+    if done.returncode:
+        raise SystemExit(done.stderr)
+
+
+if __name__ == "__main__":
+    main()
