@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
+import dlo_client
 import httpx
 import numpy as np
 import pytest
@@ -74,6 +78,24 @@ def test_a_bridge_without_a_camera_does_not_start(tmp_path):
     done = dlo("bridge", file)
     assert done.exit_code == 1
     assert "picture: Field required" in done.stderr
+
+
+@pytest.mark.parametrize(("missing", "extra"), [("asyncua", "opcua"), ("defusedxml", "label"), ("scipy", "calibrate")])
+def test_a_missing_extra_is_named(files, missing, extra):
+    """In a process of its own: here all of them are installed, and loaded."""
+    (files / "bridge.toml").write_text('[opcua]\nport = 4840\n[picture]\nfile = "a"\n')
+    commands = {
+        "opcua": ["bridge", files / "bridge.toml"],
+        "label": ["label-studio"],
+        "calibrate": arguments(files),
+    }
+    program = f"import sys; sys.modules[{missing!r}] = None; from dlo_client.commands.cli import main; main()"
+    command = [sys.executable, "-c", program, *map(str, commands[extra])]
+    root = Path(dlo_client.__file__).parents[1]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    assert f'pip install "dlo-client[{extra}]"' in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_a_backend_for_a_network_needs_a_password():

@@ -7,14 +7,15 @@ import contextlib
 import ipaddress
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 
 from dlo_client.async_client import AsyncClient
-from dlo_client.bridge.cell import Cell
+from dlo_client.bridge.cell import Cell, TakePicture
 from dlo_client.bridge.fixed_bytes import REQUEST_BYTES, FixedBytes
-from dlo_client.bridge.settings import BridgeSettings, ListenSection
+from dlo_client.bridge.settings import BridgeSettings, JobsSection, ListenSection, OpcUaSection
 from dlo_client.bridge.sources import picture_source
 from dlo_client.bridge.text_lines import LONGEST_LINE, TextLines
+from dlo_client.errors import InvalidArgument
 
 log = logging.getLogger(__name__)
 Answer = Callable[[asyncio.StreamReader], Awaitable[bytes | None]]
@@ -39,9 +40,7 @@ async def bridge(settings: BridgeSettings, client: AsyncClient) -> AsyncIterator
             servers.append(await _listen(settings.binary, _bytes_answer(fixed)))
             ports["binary"] = servers[-1].sockets[0].getsockname()[1]
         if settings.opcua is not None:
-            from dlo_client.opcua.server import opcua_server  # an extra
-
-            await stack.enter_async_context(opcua_server(settings.opcua, client, take, settings.jobs))
+            await stack.enter_async_context(_opcua(settings.opcua, client, take, settings.jobs))
             ports["opcua"] = settings.opcua.port
         yield ports
     finally:
@@ -49,6 +48,18 @@ async def bridge(settings: BridgeSettings, client: AsyncClient) -> AsyncIterator
         for server in servers:
             server.close()
         await cell.close()
+
+
+def _opcua(
+    section: OpcUaSection, client: AsyncClient, take: TakePicture, jobs: JobsSection
+) -> AbstractAsyncContextManager[object]:
+    """The OPC UA server, which is an extra."""
+    try:
+        from dlo_client.opcua.server import opcua_server
+    except ModuleNotFoundError as error:
+        text = f'needs its extra: pip install "dlo-client[opcua]" (not found: {error.name})'
+        raise InvalidArgument("opcua", text) from None
+    return opcua_server(section, client, take, jobs)
 
 
 def _line_answer(lines: TextLines) -> Answer:

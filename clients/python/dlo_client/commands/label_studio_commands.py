@@ -13,6 +13,7 @@ from dlo_client.contracts import InstancesRequest
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
 from dlo_client.errors import InvalidArgument
 
+_EXTRA = 'needs its extra: pip install "dlo-client[label]"'
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
 
@@ -32,10 +33,12 @@ def label_studio(
     threshold: Threshold = None,
 ) -> None:
     """Answer Label Studio as a machine learning backend: labels for its tasks; ends at Ctrl-C."""
-    from dlo_client.labelling.backend.answers import Answers
-    from dlo_client.labelling.backend.pictures import TaskPictures
-    from dlo_client.labelling.backend.server import serving
-
+    try:
+        from dlo_client.labelling.backend.answers import Answers
+        from dlo_client.labelling.backend.pictures import TaskPictures
+        from dlo_client.labelling.backend.server import serving
+    except ModuleNotFoundError as error:
+        raise InvalidArgument("dlo label-studio", f"{_EXTRA} (not found: {error.name})") from None
     if listen not in _LOOPBACK and not password:
         raise InvalidArgument("password", f"is needed to listen on {listen}: anybody there could use the service")
     request = InstancesRequest(method=method, threshold=threshold, files=[])
