@@ -10,55 +10,44 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from dlo_client.contracts.frames import RotationConvention, Unit
+from dlo_client.contracts.frames import EULER_AXES, SCALAR_FIRST, RotationConvention, Unit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 FloatArray = NDArray[np.float64]
 
-EULER: dict[RotationConvention, str] = {
-    "kuka_abc": "ZYX",
-    "fanuc_wpr": "xyz",
-    "yaskawa": "xyz",
-    "staubli": "XYZ",
-    "kawasaki_oat": "ZYZ",
-}
-"""Axes in the order in which each maker lists its angles."""
-
 _PER_METER: dict[Unit, float] = {"m": 1.0, "mm": 1000.0}
-_QUATERNIONS = ("quaternion_xyzw", "quaternion_wxyz", "abb")
-_SCALAR_FIRST = ("quaternion_wxyz", "abb")
 
 
 def length(convention: RotationConvention) -> int:
     """How many numbers a rotation has."""
-    return 4 if convention in _QUATERNIONS else 3
+    return 4 if convention in SCALAR_FIRST else 3
 
 
 def written(rotation: FloatArray, convention: RotationConvention) -> list[float]:
     """(3, 3) rotation as its numbers; a quaternion's real part is not negative."""
     turn = Rotation.from_matrix(rotation)
-    if convention in _QUATERNIONS:
-        return _numbers(turn.as_quat(canonical=True, scalar_first=convention in _SCALAR_FIRST))
+    if convention in SCALAR_FIRST:
+        return _numbers(turn.as_quat(canonical=True, scalar_first=SCALAR_FIRST[convention]))
     if convention in ("rotation_vector", "ur"):
         return _numbers(turn.as_rotvec())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # gimbal lock: the third angle is then 0, the rotation right
-        return _numbers(turn.as_euler(EULER[convention], degrees=True))
+        return _numbers(turn.as_euler(EULER_AXES[convention], degrees=True))
 
 
 def read(numbers: Sequence[float], convention: RotationConvention) -> FloatArray:
     """(3, 3) rotation of its numbers. Raises ValueError for another count, or a quaternion of length 0."""
     if len(numbers) != length(convention):
         raise ValueError(f"a rotation as {convention} has {length(convention)} numbers, not {len(numbers)}")
-    if convention in _QUATERNIONS:
+    if convention in SCALAR_FIRST:
         if np.linalg.norm(numbers) < 0.5:
             raise ValueError("a quaternion has length 1")
-        turn = Rotation.from_quat(numbers, scalar_first=convention in _SCALAR_FIRST)
+        turn = Rotation.from_quat(numbers, scalar_first=SCALAR_FIRST[convention])
     elif convention in ("rotation_vector", "ur"):
         turn = Rotation.from_rotvec(numbers)
     else:
-        turn = Rotation.from_euler(EULER[convention], numbers, degrees=True)
+        turn = Rotation.from_euler(EULER_AXES[convention], numbers, degrees=True)
     return np.asarray(turn.as_matrix())
 
 

@@ -1,8 +1,10 @@
 from types import SimpleNamespace
 
 import pytest
-from dlo_client.contracts import JobState, NoopRequest, NoopResult
+from dlo_client.contracts import JobState, MergeCurvesRequest, MergeCurvesResult, NoopRequest, NoopResult
+from dlo_client.contracts.frames import Output
 
+from tests.clients import curve_samples
 from workers import jobs
 from workers.blobs import BlobsUnreachableError, FolderBlobs
 from workers.connection import connect
@@ -26,9 +28,9 @@ def tools(settings):
 def run(job_queue, ledger, tools, monkeypatch):
     """Runs a job whose stage is the given function."""
 
-    def run(stage):
+    def run(stage, request=None):
         monkeypatch.setattr(jobs.stages, "run", stage)
-        job, _ = job_queue.submit(NoopRequest(hold_s=0.25))
+        job, _ = job_queue.submit(request or NoopRequest(hold_s=0.25))
         jobs.run(ledger.claim(job.id, "w"), ledger, tools)
         return job_queue.get(job.id)
 
@@ -47,6 +49,16 @@ def test_the_outcome_becomes_result_files_and_timings(run, tools):
     assert tools.blobs.get(file.sha256) == b"pixels"
     assert job.timings_ms["segment"] == 12.5
     assert job.timings_ms["total"] >= job.timings_ms["queue_wait"] >= 0
+
+
+def test_an_output_becomes_poses(run, job_queue):
+    """Of a job that has places; a list of jobs leaves them out, as they can be many."""
+    result = MergeCurvesResult(curve=curve_samples.straight(), disagreement_m=0.0, outliers=0)
+    request = MergeCurvesRequest(curves=[curve_samples.straight()], output=Output(unit="mm"))
+    job = run(lambda *_: Outcome(result), request)
+    assert [pose.role for pose in job.poses.poses] == ["first", "middle", "last"]
+    assert job.poses.poses[0].position == tuple(1000 * c for c in result.curve.points_m[0])
+    assert job_queue.recent().jobs[0].poses is None
 
 
 def test_the_requests_fault_names_the_field(run):

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dlo_client.contracts.frames import RotationConvention, Unit
+from dlo_client.contracts.frames import EULER_AXES, SCALAR_FIRST, RotationConvention, Unit
 from dlo_client.errors import InvalidArgument
-
-_EULER = {"kuka_abc": "ZYX", "fanuc_wpr": "xyz", "yaskawa": "xyz", "staubli": "XYZ", "kawasaki_oat": "ZYZ"}
 
 
 def read(path: Path, unit: Unit, convention: RotationConvention) -> dict[str, NDArray[np.float64]]:
@@ -39,16 +37,16 @@ def _is_head(row: list[str]) -> bool:
 
 
 def _pose(numbers: list[float], scale: float, convention: RotationConvention) -> NDArray[np.float64]:
-    quaternion = convention in ("quaternion_xyzw", "quaternion_wxyz", "abb")
+    quaternion = convention in SCALAR_FIRST
     if len(numbers) != 6 + quaternion:
         raise ValueError(f"{6 + quaternion} numbers are expected for {convention}, not {len(numbers)}")
     pose = np.eye(4)
     pose[:3, 3] = np.array(numbers[:3]) * scale
     turn = numbers[3:]
     if quaternion:
-        pose[:3, :3] = Rotation.from_quat(turn, scalar_first=convention != "quaternion_xyzw").as_matrix()
+        pose[:3, :3] = Rotation.from_quat(turn, scalar_first=SCALAR_FIRST[convention]).as_matrix()
     elif convention in ("rotation_vector", "ur"):
         pose[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
     else:
-        pose[:3, :3] = Rotation.from_euler(_EULER[convention], turn, degrees=True).as_matrix()
+        pose[:3, :3] = Rotation.from_euler(EULER_AXES[convention], turn, degrees=True).as_matrix()
     return pose

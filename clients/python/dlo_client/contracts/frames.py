@@ -31,6 +31,18 @@ RotationConvention = Literal[
 ``kuka_abc`` about z, the new y, the new x; ``fanuc_wpr`` and ``yaskawa`` about the fixed x, y, z; ``staubli`` about x,
 the new y, the new z; ``kawasaki_oat`` about z, the new y, the new z."""
 
+EULER_AXES: dict[RotationConvention, str] = {
+    "kuka_abc": "ZYX",
+    "fanuc_wpr": "xyz",
+    "yaskawa": "xyz",
+    "staubli": "XYZ",
+    "kawasaki_oat": "ZYZ",
+}
+"""Axes in the order in which each maker lists its angles, in SciPy's letters: capital ones turn with the body."""
+
+SCALAR_FIRST = {"quaternion_xyzw": False, "quaternion_wxyz": True, "abb": True}
+"""The conventions that are quaternions, and whether the real part comes first."""
+
 FRAME = r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$"
 _Direction = Annotated[float, Field(ge=-1e3, le=1e3)]
 _PLACED = ("instances", "topology", "reconstruct", "merge_curves", "plan_disentangle", "plan_shape")
