@@ -1,10 +1,13 @@
 """A recording before a green or blue screen to a labelled set with other backgrounds (thesis 2.3 and 2.7.1).
 
     python -m models.synthesis.chroma_key SOURCE OUT --backgrounds FOLDER --per-image 8 --seed 0 --show report.png
+    python -m models.synthesis.chroma_key SOURCE OUT --backgrounds FOLDER --hue 96 159 --saturation 0.2 0.6
+    python -m models.synthesis.chroma_key SOURCE OUT --backgrounds FOLDER --page ranges.html
 
-SOURCE is a video or a folder of pictures. The screen's hue, saturation and value ranges are found, printed and, with
---show, drawn. Every picture gives --per-image pictures with new backgrounds, and itself. OUT can be read as a
-labelled set at any time; a run that stopped is continued by the same command.
+SOURCE is a video or a folder of pictures. The screen's hue, saturation and value ranges are found, or taken as given,
+printed and, with --show, drawn. --page writes a page on which they are picked by eye, and nothing else. Every picture
+gives --per-image pictures with new backgrounds, and itself. OUT can be read as a labelled set at any time; a run that
+stopped is continued by the same command.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import errno
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.synthesis.chroma_edges import refine
+from models.synthesis.chroma_page import page
 from models.synthesis.chroma_ranges import ScreenRanges, find_ranges, foreground, of_screen_hue, to_hsv
 from models.synthesis.chroma_report import report
 from models.synthesis.chroma_source import frames, spread
@@ -30,11 +34,13 @@ from models.synthesis.chroma_swap import Backgrounds, blend, open_backgrounds, v
 from models.synthesis.datasets import append_index, read_index, write_sample, write_whole
 
 SETTINGS = "chroma_key.json"
-_SCREEN_HUE_SHARE = 0.002  # of a picture: from here on something in it has the screen's hue
+_SCREEN_HUE_SHARE = 0.006  # of a picture: a thing this large with the screen's hue is no noise
 _REPORTED = 6
 
 Rgb = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
+Given = dict[str, tuple[float, float]]
+"""Ranges that the user knows, by the names of :class:`ScreenRanges`."""
 
 
 @dataclass(frozen=True)
@@ -91,10 +97,12 @@ def make_set(source: Path, out: Path, backgrounds: Backgrounds, ranges: ScreenRa
             append_index(out, {"name": name, "picture": k, "swapped": n > 0, "screen_hue": keyed.screen_hue})
 
 
-def prepare(source: Path, out: Path, params: KeyParams, show: Path | None) -> ScreenRanges:
-    """The ranges of the recording: those that ``out`` was begun with, else found now. ValueError when ``out`` was
-    begun with other settings."""
+def prepare(source: Path, out: Path, params: KeyParams, show: Path | None, given: Given | None = None) -> ScreenRanges:
+    """The ranges of the recording: those that ``out`` was begun with, else found now, but for the ``given`` ones.
+    ValueError when ``out`` was begun with other settings."""
     settings: dict[str, Any] = {"source": str(source.resolve()), **asdict(params)}
+    if given:
+        settings["ranges"] = {name: list(bounds) for name, bounds in given.items()}
     file = out / SETTINGS
     begun = json.loads(file.read_text()) if file.exists() else None
     if begun is not None and begun["settings"] != json.loads(json.dumps(settings)):
@@ -102,7 +110,7 @@ def prepare(source: Path, out: Path, params: KeyParams, show: Path | None) -> Sc
     pictures: Sequence[Rgb] = ()
     if begun is None or show:
         pictures, _ = spread(source, params.every)
-    ranges = find_ranges(pictures) if begun is None else _ranges_from(begun["ranges"])
+    ranges = _ranges(pictures, given or {}) if begun is None else _ranges_from(begun["ranges"])
     if show:
         shown = pictures[:_REPORTED]
         sheet = report(shown, [key(picture, ranges).mask for picture in shown], ranges)
@@ -113,14 +121,39 @@ def prepare(source: Path, out: Path, params: KeyParams, show: Path | None) -> Sc
     return ranges
 
 
+def _ranges(pictures: Sequence[Rgb], given: Given) -> ScreenRanges:
+    """The ``given`` ranges, the others found; nothing has to be found where all three are given."""
+    bounds = given if len(given) == 3 else {**_bounds(find_ranges(pictures)), **given}
+    found = ScreenRanges(bounds["hue_deg"], bounds["saturation"], bounds["value"], 0.0)
+    pixels = np.concatenate([to_hsv(picture)[::2, ::2].reshape(-1, 3) for picture in pictures])
+    return replace(found, share=float(found.contain(pixels).mean()))
+
+
+def _bounds(ranges: ScreenRanges) -> Given:
+    return {"hue_deg": ranges.hue_deg, "saturation": ranges.saturation, "value": ranges.value}
+
+
+def _given(args: argparse.Namespace) -> Given:
+    """The ranges of the command line. Raises ValueError naming the option."""
+    given: Given = {}
+    for option, name, top in (("hue", "hue_deg", 360.0), ("saturation", "saturation", 1.0), ("value", "value", 1.0)):
+        bounds = getattr(args, option)
+        if bounds is None:
+            continue
+        low, high = bounds
+        if not 0 <= low < high <= top:
+            raise ValueError(f"--{option} {low:g} {high:g}: two numbers from 0 to {top:g}, the smaller one first")
+        given[name] = (low, high)
+    return given
+
+
 def _ranges_from(stored: dict[str, Any]) -> ScreenRanges:
     hue, saturation, value = (tuple(stored[name]) for name in ("hue_deg", "saturation", "value"))
     return ScreenRanges(hue, saturation, value, stored["share"])
 
 
 def _tell(ranges: ScreenRanges) -> None:
-    bounds = {"hue (degrees)": ranges.hue_deg, "saturation": ranges.saturation, "value": ranges.value}
-    for name, (low, high) in bounds.items():
+    for name, (low, high) in _bounds(ranges).items():
         print(f"screen {name}: {low:.4g} to {high:.4g}")
     print(f"screen share of the pictures: {ranges.share:.1%}")
 
@@ -142,8 +175,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = _parser().parse_args(arguments)
     params = KeyParams(args.per_image, args.seed, args.every)
     try:
+        given = _given(args)
+        if args.page:
+            pictures, _ = spread(args.source, params.every)
+            write_whole(args.page, page(pictures[:_REPORTED], _ranges(pictures, given)).encode())
+            print(f"open {args.page} in a browser; it shows the options to copy")
+            return 0
         backgrounds = open_backgrounds(args.backgrounds)
-        ranges = prepare(args.source, args.out, params, args.show)
+        ranges = prepare(args.source, args.out, params, args.show, given)
         _tell(ranges)
         make_set(args.source, args.out, backgrounds, ranges, params)
     except ValueError as error:
@@ -170,6 +209,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--per-image", type=int, default=8, help="new pictures of each recorded one")
     parser.add_argument("--every", type=int, default=1, help="take every n-th frame")
     parser.add_argument("--seed", type=int, default=0)
+    for option, unit in (("hue", "degrees, 0 to 360"), ("saturation", "0 to 1"), ("value", "0 to 1")):
+        parser.add_argument(f"--{option}", type=float, nargs=2, metavar=("LOW", "HIGH"),
+                            help=f"the screen's, {unit}, instead of what is found")  # fmt: skip
+    parser.add_argument("--page", type=Path, metavar="HTML", help="write a page to pick the ranges by eye")
     parser.add_argument("--show", type=Path, metavar="PNG", help="draw histograms, ranges and first masks")
     return parser
 

@@ -21,6 +21,10 @@ GREEN_TO_BLUE_DEG = (70.0, 265.0)
 _LEAST_SHARE = 0.5  # of the pixels must be screen
 _REACH_DEG = 40.0  # a screen's hues lie this near to their mode
 _FADED = (0.18, 0.08)  # below this saturation or value a hue is noise
+_SPECK_SHARE = 5e-4  # of a picture; what is smaller is no DLO
+_SOFT = 0.025  # saturation and value change by less than this a pixel where a highlight fades
+_LARGE_SHARE = 0.02  # of the screen: connected parts of it that highlights may join
+_MEDIAN_SIDE, _MEDIAN_CELLS = 96, 21  # the cloth around a DLO: a fifth of the picture's width
 
 
 class ScreenError(ValueError):
@@ -75,26 +79,73 @@ def find_ranges(pictures: Sequence[Rgb]) -> ScreenRanges:
 
 
 def foreground(hsv: NDArray[np.float32], ranges: ScreenRanges) -> Mask:
-    """(H, W) what is not screen: specks opened away, glints closed, components below 0.05 % of the picture left out."""
-    outside = (~ranges.contain(hsv)).astype(np.uint8)
+    """(H, W) what is not screen nor a highlight on it: specks opened away, glints closed, components below 0.05 % of
+    the picture left out."""
+    screen = ranges.contain(hsv)
+    outside = (~(screen | highlights(hsv, ranges, screen))).astype(np.uint8)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
     opened = cv2.morphologyEx(outside, cv2.MORPH_OPEN, kernel)
     closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
-    large = stats[:, cv2.CC_STAT_AREA] >= 5e-4 * closed.size
+    large = stats[:, cv2.CC_STAT_AREA] >= _SPECK_SHARE * closed.size
     large[0] = False
     return np.asarray(large[labels])
 
 
+def highlights(hsv: NDArray[np.float32], ranges: ScreenRanges, screen: Mask) -> Mask:
+    """(H, W) where a lamp mirrors in a glossy screen and its color fades to white.
+
+    Strategy: a highlight fades softly into the screen around it; a white DLO has an edge. What is bright and pale is
+    taken for screen where it is linked to a large part of the screen without a step.
+    """
+    saturation, value = hsv[..., 1], hsv[..., 2]
+    if not screen.any():
+        return np.zeros_like(screen)
+    pale = (saturation < ranges.saturation[0] + 0.03) & (value > np.median(value[screen]))
+    pale = cv2.morphologyEx(pale.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
+    soft = _steepness(hsv[..., 1:]) < _SOFT
+    _, parts = cv2.connectedComponents(((pale | screen) & soft).astype(np.uint8), connectivity=4)
+    of_screen = np.bincount(parts[screen], minlength=int(parts.max()) + 1)
+    large = of_screen >= _LARGE_SHARE * np.count_nonzero(screen)
+    large[0] = False
+    linked = (large[parts] & pale & soft).astype(np.uint8)
+    return np.asarray((cv2.dilate(linked, np.ones((5, 5), np.uint8)) > 0) & pale)
+
+
+def _steepness(channels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) how much (H, W, C) values change a pixel, over a few pixels."""
+    smooth = cv2.GaussianBlur(channels, (0, 0), 2.0)
+    across, down = (cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1)))
+    return np.asarray(np.sqrt((across**2 + down**2).reshape(channels.shape).sum(-1)))
+
+
 def of_screen_hue(hsv: NDArray[np.float32], ranges: ScreenRanges) -> float:
     """Share of the picture that has the screen's hue and yet is not screen: a DLO of that hue stands out from the
-    cloth around it by its saturation, which light and shadow leave alone."""
+    cloth around it by its saturation, with an edge; where light and shadow change, saturation changes slowly."""
     hue, saturation, value = (np.ascontiguousarray(hsv[..., k]) for k in range(3))
     colored = (hue >= ranges.hue_deg[0]) & (hue <= ranges.hue_deg[1]) & (saturation > _FADED[0])
     colored &= value > max(ranges.value[0], _FADED[1])
-    around = float(np.median(saturation[colored])) if colored.any() else 0.0
-    odd = (colored & (np.abs(saturation - around) > 0.12)).astype(np.uint8)
-    return float(cv2.morphologyEx(odd, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).mean())
+    if not colored.any():
+        return 0.0
+    cloth = np.where(colored, saturation, np.median(saturation[colored]))
+    odd = (colored & (np.abs(saturation - _around(cloth)) > 0.12)).astype(np.uint8)
+    opened = cv2.morphologyEx(odd, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, parts, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
+    rim = parts * (opened > cv2.erode(opened, np.ones((3, 3), np.uint8), borderValue=1))
+    steep = np.bincount(rim.ravel(), _steepness(hsv[..., 1:2]).ravel(), count)
+    areas = stats[:, cv2.CC_STAT_AREA]
+    seen = (areas >= _SPECK_SHARE * opened.size) & (steep > _SOFT * np.bincount(rim.ravel(), minlength=count))
+    return float(areas[1:][seen[1:]].sum() / opened.size)
+
+
+def _around(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) median of the values in a wide surrounding, 0 to 1."""
+    height, width = values.shape
+    factor = _MEDIAN_SIDE / max(height, width)
+    small = cv2.resize(values, (max(round(width * factor), 1), max(round(height * factor), 1)),
+                       interpolation=cv2.INTER_AREA)  # fmt: skip
+    levels = cv2.medianBlur(np.rint(small * 255).astype(np.uint8), _MEDIAN_CELLS)
+    return np.asarray(cv2.resize(levels.astype(np.float32) / 255, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
 def _turn(hue_deg: NDArray[np.float32], origin: float) -> NDArray[np.float32]:

@@ -37,6 +37,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
         "planner": ["tests.benchmarks.bench_planner"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
+        "chroma_key": ["tests.benchmarks.bench_chroma_key", str(shared)],
         "synthesis": ["tests.benchmarks.bench_synthesis"],
         "methods": ["tests.benchmarks.bench_methods", str(shared)],
         "tangles": ["tests.benchmarks.bench_tangles"],
