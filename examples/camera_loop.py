@@ -3,7 +3,7 @@
     python examples/camera_loop.py --device 0            # a camera, by OpenCV
     python examples/camera_loop.py --frames 3            # without one: a bundled picture, again and again
 
-Pictures of OpenCV are in the order B, G, R; ``opencv`` says so.
+Pictures of OpenCV are in the order B, G, R; ``opencv`` turns them.
 """
 
 from __future__ import annotations

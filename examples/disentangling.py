@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> list[int]:
 
 
 def tangled() -> list[Line]:
-    """A trunk with three branches; the last one lies across the second."""
+    """A trunk with three branches; the last one crosses the second."""
     return [
         along((60, 240), (300, 240)),
         along((300, 240), (560, 90)),

@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> list[str]:
 
 
 async def talk(url: str | None) -> list[str]:
-    """What a controller says, and what it is answered."""
+    """Lines of a controller, and their replies."""
     settings = BridgeSettings.model_validate({"ascii": {"port": 0}, "picture": {"file": SAMPLE}})
     replies = []
     async with AsyncClient(url) as client:

@@ -1,6 +1,6 @@
 """Follow cables from picture to picture by their ids: each keeps the number it got when it was first seen.
 
-A cable of the next picture is the one whose centerline it lies on; what moved farther than its own width is new.
+A cable of the next picture is the one whose centerline it is nearest to; what moved farther than its own width is new.
 """
 
 from __future__ import annotations

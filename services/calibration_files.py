@@ -1,6 +1,6 @@
 """Calibration files to intrinsics: ROS's ``camera_info`` YAML, OpenCV's FileStorage, Kalibr's camchain.
 
-Raises ValueError that says what is missing. Files are read without objects, anchors or aliases: none of the three
+Raises ValueError naming what is missing. Files are read without objects, anchors or aliases: none of the three
 formats has them.
 """
 

@@ -154,7 +154,8 @@ def _of_move(plane: Plane, result: PlanShapeResult) -> Iterator[Place]:
 
 
 def _camera(output: Output) -> Camera:
-    assert output.camera is not None  # checked with the request
+    if output.camera is None:  # there was depth, but none for this DLO
+        raise _NowhereError("is seen in pixels only, and the output names no camera")
     return curves3d.camera(output.camera, "output.camera")
 
 
@@ -166,7 +167,7 @@ def _on_plane(camera: Camera, plane: Plane, picture_xy: FloatArray) -> FloatArra
     away = offset - camera.center @ normal
     flat = np.abs(slope) < _LEAST_SLOPE * np.linalg.norm(rays, axis=1)
     if not np.isfinite(rays).all() or flat.any() or (away * slope <= 0).any():
-        raise _NowhereError("does not lie on the plane, as the camera sees it")
+        raise _NowhereError("is not on the plane, as the camera sees it")
     return np.asarray(camera.center + rays * (away / slope)[:, None])
 
 

@@ -118,7 +118,7 @@ class JobsSection(_Section):
 
 
 class BridgeSettings(_Section):
-    """Everything that a bridge is told."""
+    """All settings of a bridge."""
 
     service: ServiceSection = ServiceSection()
     ascii: AsciiSection | None = None

@@ -63,7 +63,7 @@ class HandEye:
 def calibrate(
     views: Sequence[BoardView], flanges: Sequence[FloatArray], intrinsics: PinholeIntrinsics, mount: Mount = "flange"
 ) -> HandEye:
-    """From as many poses ``T_world_flange`` (4, 4) as views. Raises CalibrationError that says what is missing."""
+    """From as many poses ``T_world_flange`` (4, 4) as views. Raises CalibrationError naming what is missing."""
     if len(views) != len(flanges):
         raise CalibrationError(f"{len(views)} pictures need as many poses of the flange, not {len(flanges)}")
     if len(views) < _LEAST_VIEWS:
@@ -117,7 +117,7 @@ class _Lens:
         ideal = undistort(view.picture_xy[:, None], self._matrix, self._distortion)
         found, turn, place = cv2.solvePnP(view.points_m, ideal, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
         if not found:
-            raise CalibrationError("a picture's corners do not lie on a plane, as the camera sees it")
+            raise CalibrationError("a picture's corners are not those of a plane, as the camera sees it")
         return _pose(Rotation.from_rotvec(np.ravel(turn)).as_matrix(), np.ravel(place))
 
 

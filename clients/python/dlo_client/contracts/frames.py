@@ -103,11 +103,12 @@ class Output(OutputFrame):
         description="4 × 4, row by row, meters: poses are then the flange's, so that the tool is at the place",
     )
 
-    def check_fits(self, kind: str) -> None:
-        """Raises ValueError for a ``kind`` without places, or one in pixels without a camera."""
+    def check_fits(self, kind: str, *, in_space: bool = False) -> None:
+        """Raises ValueError for a ``kind`` without places, or one in pixels without a camera; ``in_space``: depth comes
+        along, which makes points of the pixels."""
         if kind not in _PLACED:
             raise ValueError(f"`output` has no meaning for {kind}: it has no places; {', '.join(_PLACED)} have")
-        if kind in _IN_PIXELS and self.camera is None:
+        if kind in _IN_PIXELS and self.camera is None and not in_space:
             raise ValueError(f"`output` needs its `camera` here: the answer of {kind} is in pixels")
         if self.frame == "camera" and self.camera is None and kind != "reconstruct":
             raise ValueError(f"`output` needs its `camera`: the frame of {kind} is no camera's")

@@ -39,7 +39,7 @@ class JobRequest(Contract, Generic[ResultT]):
     @model_validator(mode="after")
     def _output_fits(self) -> Self:
         if self.output is not None:
-            self.output.check_fits(str(getattr(self, "kind", "")))
+            self.output.check_fits(str(getattr(self, "kind", "")), in_space=getattr(self, "depth", None) is not None)
         return self
 
     @property

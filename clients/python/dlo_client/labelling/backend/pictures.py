@@ -28,7 +28,7 @@ class TaskPictures:
         self._transport = transport
 
     def read(self, address: str) -> bytes:
-        """Raises Refused that says why there is no picture."""
+        """Raises Refused, with the reason, where there is no picture."""
         parts = urlsplit(address)
         if parts.path == _LOCAL and not parts.netloc and self._root is not None:
             return self._local(unquote(parse_qs(parts.query).get("d", [""])[0]))
