@@ -22,3 +22,10 @@ with=(-r "$here/service.txt" -r "$here/s3.txt" -r "$here/telemetry.txt")
   echo "# Exact versions of dev.in on top of service.txt, s3.txt and telemetry.txt (Python 3.11); made by 'make lock'"
   frozen | grep -vxF -f "$here/service.txt" -f "$here/s3.txt" -f "$here/telemetry.txt"
 } >"$here/dev.txt"
+# The training extra is a part of dev.txt: the same versions, so that what is tested is what runs.
+"${1:-python3.11}" -m venv --clear "$fresh"
+"$fresh/bin/pip" install --quiet -r "$here/service.txt" -r "$here/training.in" -c "$here/dev.txt"
+{
+  echo "# Exact versions of training.in on top of service.txt (Python 3.11); made by 'make lock'"
+  frozen | grep -vxFf "$here/service.txt"
+} >"$here/training.txt"

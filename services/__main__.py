@@ -25,6 +25,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--host", help="address to listen on; only loopback without API keys")
     parser.add_argument("--port", type=int, help="0 takes a free one")
     parser.add_argument("--workers", type=int, help="worker processes")
+    parser.add_argument("--training-workers", type=int, help="worker processes that adapt networks")
     parser.add_argument("--data-dir", type=Path, help="pictures, results and the queue's data")
     parser.add_argument(
         "--then",

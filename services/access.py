@@ -18,7 +18,9 @@ from services.settings import ServiceSettings
 from services.submissions import Submissions
 from services.uploads import Uploads
 from workers.blobs import Blobs
+from workers.networks.store import NetworkStore
 from workers.queue import AsyncJobQueue, JobQueue
+from workers.unsure import UnsureStore
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Backend:
     queue: JobQueue
     waiting: AsyncJobQueue
     blobs: Blobs
+    networks: NetworkStore
+    unsure: UnsureStore
     uploads: Uploads
     submissions: Submissions
     previews: Previews
@@ -62,6 +66,26 @@ class Caller:
     def sees(self) -> str | None:
         """The owner whose jobs the caller sees; None for everybody's."""
         return self.key.name if self.key and not self.key.allows("admin") else None
+
+    def may_change(self, owner: str) -> bool:
+        """What belongs to ``owner``."""
+        return self.key is None or self.key.allows("admin") or self.key.name == owner
+
+    @property
+    def defaults(self) -> dict[str, object]:
+        """Fields of requests that leave them out."""
+        given = {"default_model": self.model, "keep_if_unsure": self.keeps_unsure}
+        return {name: value for name, value in given.items() if value}
+
+    @property
+    def model(self) -> str | None:
+        """The foreground network of requests that name none."""
+        return self.key.model if self.key else None
+
+    @property
+    def keeps_unsure(self) -> bool:
+        """Whether pictures that the service was not sure of may be kept for the key's owner."""
+        return self.key is not None and self.key.keep_if_unsure
 
     @property
     def most_jobs(self) -> int | None:

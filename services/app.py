@@ -25,13 +25,28 @@ from services.keys import KeyRing
 from services.metrics import RequestDurations, registry
 from services.middleware import Requests
 from services.preview import Previews
-from services.routes import cameras, docs, health, images, jobs, metrics, recipes, viewer, webhooks
+from services.routes import (
+    cameras,
+    docs,
+    health,
+    images,
+    jobs,
+    labels,
+    metrics,
+    models,
+    recipes,
+    unsure,
+    viewer,
+    webhooks,
+)
 from services.settings import ServiceSettings
-from services.submissions import Submissions
+from services.submissions import ForegroundNames, Submissions
 from services.uploads import Uploads
 from workers import logs
 from workers.blobs import open_blobs
+from workers.networks.store import NetworkStore
 from workers.queue import AsyncJobQueue, JobQueue
+from workers.unsure import UnsureStore
 
 DESCRIPTION = """Finds deformable linear objects (cables, wires, ropes) in pictures.
 
@@ -64,7 +79,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     app.add_middleware(Gate, settings=settings)
     app.add_middleware(Requests, durations=RequestDurations(backend.registry))
     problems.install(app)
-    for module in (images, jobs, recipes, cameras, health, metrics, webhooks):
+    for module in (images, jobs, recipes, cameras, health, labels, models, unsure, metrics, webhooks):
         app.include_router(module.router)
     viewer.mount(app)
     docs.mount(app)
@@ -76,13 +91,18 @@ def _assemble(settings: ServiceSettings) -> Backend:
     blobs = open_blobs(settings)
     queue = JobQueue(settings)
     uploads = Uploads(settings, blobs)
+    networks = NetworkStore.of(settings)
     return Backend(
         settings=settings,
         queue=queue,
         waiting=AsyncJobQueue(settings),
         blobs=blobs,
+        networks=networks,
+        unsure=UnsureStore.of(settings),
         uploads=uploads,
-        submissions=Submissions(settings, uploads, validation.limiter(), queue.foreground_networks),
+        submissions=Submissions(
+            settings, uploads, validation.limiter(), ForegroundNames(queue.foreground_networks, networks)
+        ),
         previews=Previews(),
         registry=registry(queue),
         keys=KeyRing(settings.api_key_hashes, settings.api_keys_file),

@@ -73,6 +73,20 @@ PICTURE: dict[str, Any] = {
 }
 """Body of ``POST /v1/images``."""
 
+NETWORK: dict[str, Any] = {
+    "required": True,
+    "description": "The file of a network, as `GET /v1/models/{name}/file` gives it",
+    "content": {"application/octet-stream": {"schema": _PICTURE}},
+}
+"""Body of ``POST /v1/models``."""
+
+LABELS: dict[str, Any] = {
+    "required": True,
+    "description": "A ZIP archive of `NAME.jpg` or `NAME.png`, and `NAME_ids.png` beside it: 0 background, else cable",
+    "content": {"application/zip": {"schema": _PICTURE}, "application/octet-stream": {"schema": _PICTURE}},
+}
+"""Body of ``POST /v1/labels``."""
+
 
 _FLANGE = {
     "type": "array",

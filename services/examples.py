@@ -26,6 +26,10 @@ PICTURES = {
 }
 """Of the examples, by the id under which the service knows them."""
 
+_LABELS, _NETWORK = ((_FOLDER / name).read_bytes() for name in ("labels.zip", "brightness.dlonet"))
+UPLOADS = {hashlib.sha256(data).hexdigest(): data for data in (_LABELS, _NETWORK)}
+"""Six labelled pictures, and a network that takes what is bright for a cable."""
+
 
 def _view(index: int) -> dict[str, Any]:
     x, y, z = _LEFTMOST_M
@@ -80,6 +84,8 @@ EXAMPLES: dict[str, dict[str, Any]] = {
         "history": [{"before": _LINE_M, "action": _LIFTED, "after": _BENT_M}],
         "object": _CABLE,
     },
+    "adapt": {"name": "drawn-table", "labels": {"id": hashlib.sha256(_LABELS).hexdigest()}, "minutes": 1},
+    "import_network": {"name": "brightness", "file": {"id": hashlib.sha256(_NETWORK).hexdigest()}},
     "noop": {"hold_s": 0.5},
 }
 """Fields of a request, by its kind."""

@@ -11,6 +11,8 @@ The file of ``DLO_API_KEYS_FILE`` holds the SHA-256 of each key and is read agai
     requests_at_once = 50
     jobs = 100
     stored_bytes = 10_000_000_000
+    model = "cell7"                  # foreground network of its requests that name none
+    keep_if_unsure = true            # keep the pictures that the service was least sure of, for `dlo review`
 
 ``python -m services.keys FILE NAME`` makes a key, appends it and prints it once.
 """
@@ -51,6 +53,8 @@ class Key(BaseModel):
     requests_at_once: PositiveInt | None = None
     jobs: PositiveInt | None = None
     stored_bytes: PositiveInt | None = None
+    keep_if_unsure: bool = False
+    model: str | None = Field(default=None, pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}(@[1-9]\d{0,5})?$")
 
     def allows(self, scope: Scope) -> bool:
         return scope in self.scopes or "admin" in self.scopes

@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 
 from services.fields import parameter_problems
 from workers.blobs import BlobMissing, BlobsUnreachableError, NoRoomError
+from workers.networks.store import NetworkUnknownError
 from workers.queue import IdempotencyConflict, JobGone, JobUnknown, QueueFull
 from workers.quota import QuotaExceededError
 
@@ -89,6 +90,8 @@ def problem_of(error: Exception) -> ProblemError:
             return ProblemError(404, "unknown_job", "no job has this id")
         case JobGone():
             return ProblemError(410, "job_expired", "the job has ended and its result is no longer kept")
+        case NetworkUnknownError():
+            return ProblemError(404, "unknown_network", "no network that was adapted or brought here has this name")
         case BlobMissing():
             return ProblemError(410, "file_expired", "the file is no longer kept")
         case IdempotencyConflict():
@@ -147,6 +150,7 @@ def install(app: FastAPI) -> None:
         JobUnknown,
         JobGone,
         BlobMissing,
+        NetworkUnknownError,
         NoRoomError,
         BlobsUnreachableError,
         QuotaExceededError,

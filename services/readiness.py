@@ -5,6 +5,7 @@ from __future__ import annotations
 from redis.exceptions import RedisError
 
 from workers.queue import JobQueue
+from workers.record import TRAINING
 
 
 def hindrance(queue: JobQueue) -> str | None:
@@ -16,6 +17,6 @@ def hindrance(queue: JobQueue) -> str | None:
         return "the queue cannot be reached"
     if apart:
         return apart
-    if not any(worker.ready for worker in workers):
+    if not any(worker.ready and worker.queues != [TRAINING] for worker in workers):
         return outsider or "no worker is ready yet"
     return None

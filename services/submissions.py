@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Any
 from urllib.parse import urlsplit
 
 from anyio import CapacityLimiter, to_thread
@@ -25,6 +26,7 @@ from services.settings import ServiceSettings
 from services.uploads import Uploads
 from services.validation import Checked, Given, checked
 from workers.blobs import Staged
+from workers.networks.store import NetworkStore, NetworkUnknownError
 from workers.record import Entry
 
 MULTIPART = "multipart/form-data"
@@ -61,6 +63,26 @@ class _Form:
     staged: list[Staged] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class ForegroundNames:
+    """The networks that a request may name: ``announced`` by workers, and those of users."""
+
+    announced: Callable[[], Sequence[str]]
+    store: NetworkStore
+
+    def refusal(self, model: str) -> str | None:
+        """Why ``model`` cannot be named; None if it can, or as long as no worker has announced any."""
+        shipped = self.announced()
+        if not shipped or model in shipped:
+            return None
+        try:
+            self.store.find(model)
+        except NetworkUnknownError:
+            known = ", ".join([*shipped, *self.store.names()])
+            return f"there is no foreground network {model!r}; there are: {known}"
+        return None
+
+
 class Submissions:
     """Reads submissions; large ones are checked one or two at a time."""
 
@@ -69,17 +91,18 @@ class Submissions:
         settings: ServiceSettings,
         uploads: Uploads,
         limiter: CapacityLimiter,
-        networks: Callable[[], Sequence[str]],
+        networks: ForegroundNames,
     ) -> None:
-        """``networks``: the names that a request's ``model`` may take, none when they are not known."""
         self._settings = settings
         self._networks = networks
         self._uploads = uploads
         self._limiter = limiter
 
     @asynccontextmanager
-    async def read(self, request: Request) -> AsyncIterator[Submission]:
+    async def read(self, request: Request, defaults: Mapping[str, Any] | None = None) -> AsyncIterator[Submission]:
         """The submission in the body of ``request``; at the end its pictures that were not kept are dropped.
+
+        ``defaults``: fields of a request that leaves them out, where its kind has them.
 
         Raises:
             ProblemError: naming the field at fault.
@@ -88,19 +111,21 @@ class Submissions:
         form = _Form(text=None, whole="request")
         try:
             await self._read(request, form)
-            yield Submission(await self._check(form), form.staged)
+            yield Submission(await self._check(form, defaults or {}), form.staged)
         finally:
             await to_thread.run_sync(_drop, form.staged)
 
     @asynccontextmanager
-    async def read_run(self, request: Request, compose: Compose) -> AsyncIterator[Submission]:
+    async def read_run(
+        self, request: Request, compose: Compose, defaults: Mapping[str, Any]
+    ) -> AsyncIterator[Submission]:
         """As :meth:`read`, of a body without a request, which ``compose`` makes of the number of pictures and the
         poses of the flange."""
         form = _Form(text=None, whole="recipe")
         try:
             flange = await self._read_run(request, form)
             form.text = await to_thread.run_sync(compose, len(form.images), flange)
-            yield Submission(await self._check(form), form.staged)
+            yield Submission(await self._check(form, defaults), form.staged)
         finally:
             await to_thread.run_sync(_drop, form.staged)
 
@@ -121,12 +146,12 @@ class Submissions:
         await self._name(given, form)
         return given.flange
 
-    async def named(self, given: RunInput, compose: Compose) -> Submission:
+    async def named(self, given: RunInput, compose: Compose, defaults: Mapping[str, Any]) -> Submission:
         """The submission of a run with uploaded pictures."""
         form = _Form(text=None, whole="recipe")
         await self._name(given, form)
         form.text = await to_thread.run_sync(compose, len(form.images), given.flange)
-        return Submission(await self._check(form), form.staged)
+        return Submission(await self._check(form, defaults), form.staged)
 
     async def _name(self, given: RunInput, form: _Form) -> None:
         """Fill ``form`` with uploaded pictures."""
@@ -169,22 +194,29 @@ class Submissions:
         else:
             form.images.append(info)
 
-    async def _check(self, form: _Form) -> Entry:
+    async def _check(self, form: _Form, defaults: Mapping[str, Any]) -> Entry:
         if form.text is None:
             raise field_error("request", "this part is missing: it holds the request as JSON")
         mask = form.mask.id if form.mask else None
-        given = Given(form.text, form.whole, tuple(image.id for image in form.images), mask)
+        given = Given(form.text, form.whole, tuple(image.id for image in form.images), mask, defaults)
         found = await checked(given, self._limiter)
         _check_webhook(found.entry, self._settings)
         await self._check_model(found.model)
+        await to_thread.run_sync(self._check_uploads, found)
         _check_sizes(found, await self._infos(found, form))
         return found.entry
 
     async def _check_model(self, model: str | None) -> None:
-        known = await to_thread.run_sync(self._networks) if model else []
-        if known and model not in known:
-            message = f"there is no foreground network {model!r}; there are: {', '.join(known)}"
-            raise field_error("model", message, code="invalid_model")
+        refusal = await to_thread.run_sync(self._networks.refusal, model) if model else None
+        if refusal:
+            raise field_error("model", refusal, code="invalid_model")
+
+    def _check_uploads(self, found: Checked) -> None:
+        """What is no picture: it has to be there; its lifetime begins anew."""
+        for name, upload_id in found.uploads.items():
+            if not self._uploads.keep(upload_id):
+                message = "nothing that was uploaded has this id (any longer); upload it first"
+                raise field_error(name, message, code="unknown_upload")
 
     async def _infos(self, found: Checked, form: _Form) -> dict[str, ImageInfo]:
         """What is known of each picture, by the field that names it."""
@@ -224,7 +256,11 @@ def _check_sizes(found: Checked, infos: Mapping[str, ImageInfo]) -> None:
         if (image.width, image.height) != (width, height):
             sizes = f"{width} x {height} pixels, but this one has {image.width} x {image.height}"
             raise field_error(f"{view}.intrinsics", f"are of a picture of {sizes}", code="size_mismatch")
-    image_there, mask = infos.get("image"), infos.get("mask")
-    if image_there and mask and (image_there.width, image_there.height) != (mask.width, mask.height):
-        sizes = f"{mask.width} x {mask.height} pixels, the image {image_there.width} x {image_there.height}"
-        raise field_error("mask", f"has another size than the image: {sizes}", code="size_mismatch")
+    for name, info in infos.items():
+        number = name.removeprefix("reference.")
+        beside = infos.get(f"views.{number}.image") or infos.get("image")
+        if beside is None or (name != "mask" and number == name):
+            continue
+        if (beside.width, beside.height) != (info.width, info.height):
+            sizes = f"{info.width} x {info.height} pixels, the image {beside.width} x {beside.height}"
+            raise field_error(name, f"has another size than the image: {sizes}", code="size_mismatch")

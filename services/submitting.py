@@ -12,9 +12,10 @@ from fastapi import Header, Query, Request, Response
 
 from services import waiting
 from services.access import Backend, Caller
+from services.problems import ProblemError
 from services.submissions import Submission
 from services.telemetry import origin
-from workers.record import JobRecord
+from workers.record import TRAINING, JobRecord
 
 Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
 IdempotencyKey = Annotated[
@@ -34,7 +35,11 @@ async def check_room(caller: Caller, backend: Backend, key: str | None) -> None:
 
 
 async def submitted(submission: Submission, caller: Caller, backend: Backend, key: str | None) -> AnyJob:
-    """Put it into the queue; its pictures are kept once there is room."""
+    """Put it into the queue; its pictures are kept once there is room. What only few workers do is not left to wait
+    when none of them is there."""
+    if submission.entry.priority == TRAINING and not await to_thread.run_sync(backend.queue.trains):
+        detail = "no worker trains here; an operator starts one with `python -m workers --queues training`"
+        raise ProblemError(503, "no_training_worker", detail, headers={"Retry-After": "60"})
 
     def keep() -> None:
         backend.queue.charge(caller.owner, caller.most_bytes, submission.sizes())

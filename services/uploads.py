@@ -5,7 +5,7 @@ from __future__ import annotations
 from anyio import to_thread
 from dlo_client.contracts import ImageInfo
 
-from services.examples import PICTURES
+from services.examples import PICTURES, UPLOADS
 from services.problems import field_error
 from services.settings import ServiceSettings
 from workers.blobs import BlobMissing, Blobs, Staged
@@ -36,11 +36,11 @@ class Uploads:
         """
         return await to_thread.run_sync(self._find, image_id, field)
 
-    def keep(self, image_id: str) -> bool:
-        """Start the lifetime of an uploaded picture, or one of the examples, anew; False if there is none."""
-        if self._blobs.touch(image_id):
+    def keep(self, upload_id: str) -> bool:
+        """Start the lifetime of an upload, or one of the examples, anew; False if there is none."""
+        if self._blobs.touch(upload_id):
             return True
-        sample = PICTURES.get(image_id)
+        sample = PICTURES.get(upload_id) or UPLOADS.get(upload_id)
         if sample:
             self._blobs.put(sample)
         return sample is not None

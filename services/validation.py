@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import gc
 import resource
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
 from anyio import CapacityLimiter, move_on_after, to_process
-from dlo_client.contracts import AnyRequest, CameraView, Contract, FieldProblem, ImagePart, ImageRef
+from dlo_client.contracts import AnyRequest, CameraView, Contract, FieldProblem, ImagePart, ImageRef, UploadRef
 from pydantic import ValidationError
 from pydantic_core import SchemaValidator, from_json
 
@@ -42,6 +42,8 @@ class Given:
     """What the JSON as a whole is called in a problem."""
     images: tuple[str, ...] = ()
     mask: str | None = None
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of a request that leaves them out, where its kind has them."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,8 @@ class Checked:
     """Field of a view, as in ``views.0``, to the width and height that its intrinsics are of."""
     model: str | None = None
     """The network that it names."""
+    uploads: dict[str, str] = field(default_factory=dict)
+    """Field to the id of an upload that is no picture."""
 
 
 class Refused(Exception):
@@ -162,7 +166,9 @@ def _fill(fields: dict[str, Any], given: Given) -> None:
     """
     views = fields.get("views")
     holders = [view for view in views if isinstance(view, dict)] if isinstance(views, list) else [fields]
-    sources = (value for holder in (fields, *holders) for value in holder.values() if isinstance(value, dict))
+    values = [value for holder in (fields, *holders) for value in holder.values()]
+    inner = [one for value in values if isinstance(value, list) for one in value]
+    sources = (value for value in (*values, *inner) if isinstance(value, dict))
     named = [source.get("part") for source in sources]
     free = [part for part in range(len(given.images)) if part not in named]
     empty = [holder for holder in holders if holder.get("image") is None]
@@ -178,19 +184,22 @@ class _Pictures:
     """Names the picture behind every image field of one request."""
 
     def __init__(self, given: Given) -> None:
-        self._parts = given.images
+        self._parts, self._defaults = given.images, given.defaults
         self._unused = set(range(len(given.images)))
         self._named: dict[str, str] = {}
+        self._uploads: dict[str, str] = {}
 
     def resolve(self, request: AnyRequest) -> Checked:
         """``request`` with an :class:`ImageRef` for every picture; none is missing, no part is left over."""
         resolved: AnyRequest = self._walk(request, ())
+        free = type(request).model_fields.keys() - request.model_fields_set
+        resolved = resolved.model_copy(update={k: v for k, v in self._defaults.items() if k in free})
         if self._unused:
             raise _refused("image", f"part {min(self._unused)} is not used by the request")
         if "image" in type(request).model_fields and request.needs_picture and not {"image", "mask"} & {*self._named}:
             raise _refused("image", _MISSING)
         cameras = self._cameras(getattr(request, "views", None) or [])
-        return Checked(Entry.of(resolved), self._named, cameras, getattr(request, "model", None))
+        return Checked(Entry.of(resolved), self._named, cameras, getattr(request, "model", None), self._uploads)
 
     def _cameras(self, views: Sequence[Any]) -> dict[str, tuple[int, int]]:
         """Every view has a picture; a planned pose has none."""
@@ -206,6 +215,9 @@ class _Pictures:
         match value:
             case ImagePart() | ImageRef():
                 return self._reference(value, ".".join(path))
+            case UploadRef():
+                self._uploads[".".join(path)] = value.id
+                return value
             case Contract():
                 given = [name for name in type(value).model_fields if name in value.model_fields_set]
                 return value.model_copy(

@@ -43,6 +43,13 @@ def test_service_and_workers_run_where_torch_is_not_installed():
 
 
 def test_every_requirement_is_pinned():
-    for name in ("service", "s3", "telemetry", "dev"):
+    for name in ("service", "s3", "telemetry", "training", "dev"):
         lines = (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()
         assert all("==" in line for line in lines if not line.startswith("#"))
+
+
+def test_training_workers_run_with_the_versions_that_are_tested():
+    pinned = {
+        name: set((ROOT / "requirements" / f"{name}.txt").read_text().splitlines()) for name in ("dev", "training")
+    }
+    assert {line for line in pinned["training"] if not line.startswith("#")} <= pinned["dev"]

@@ -21,7 +21,7 @@ from rq.serializers import JSONSerializer
 
 from workers.keys import Keys
 from workers.lua import filled
-from workers.record import QUEUES, Priority
+from workers.record import ALL_QUEUES, Priority
 
 RUN = "workers.jobs.run"
 """The one function that a queue entry may name."""
@@ -86,7 +86,9 @@ class RqDispatch:
     def __init__(self, client: redis.Redis, keys: Keys) -> None:
         self._keys = keys
         self._place = client.register_script(_PLACE)
-        self._queues = {name: Queue(keys.queue(name), connection=client, serializer=JSONSerializer) for name in QUEUES}
+        self._queues = {
+            name: Queue(keys.queue(name), connection=client, serializer=JSONSerializer) for name in ALL_QUEUES
+        }
         self.script = filled(
             _LUA,
             line=Queue.redis_queue_namespace_prefix + keys.queue(""),

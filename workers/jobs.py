@@ -37,6 +37,7 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
         say = say.bind(kind=request.kind)
         span.update_name(f"job {request.kind}")
         tools.progress = _reporter(claim, ledger)
+        tools.owner = ledger.owner(claim)
         outcome = stages.run(request, tools)
         poses = robot_poses(request.output, outcome.result) if request.output else None
         files = _store(outcome, tools.blobs)

@@ -58,6 +58,7 @@ class Ledger:
     def __init__(self, client: redis.Redis, settings: Settings, dispatch: Dispatch | None = None) -> None:
         """``dispatch``: RQ's unless another is given."""
         self.dispatch = dispatch or RqDispatch(client, settings.keys)
+        self._client, self._keys = client, settings.keys
         self._settings_arguments = (
             round(settings.result_ttl_s * 1000),
             round(settings.tombstone_ttl_s * 1000),
@@ -95,6 +96,10 @@ class Ledger:
             return None
         attempt, request, remaining_s, waited_s, *rest = answer
         return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, *rest)
+
+    def owner(self, claim: Claim) -> str:
+        """The name of the API key that the job came with; empty without keys."""
+        return cast(str | None, self._client.hget(self._keys.job(claim.job_id), "owner")) or ""
 
     def renew(self, claim: Claim, worker: str) -> bool:
         """Say that the job is still being worked on; False if the claim is no longer held."""

@@ -22,7 +22,7 @@ from workers.kept import Shelf
 from workers.ledger import Ledger
 from workers.presence import WorkerInfo
 from workers.reaper import reap
-from workers.record import QUEUES, Entry, Origin
+from workers.record import ALL_QUEUES, QUEUES, Entry, Origin
 from workers.settings import Settings
 from workers.view import QueueView
 
@@ -142,7 +142,7 @@ class JobQueue(QueueView):
 
     def _make_room(self, owner: str, most_jobs: int | None) -> None:
         with self._client.pipeline(transaction=False) as pipeline:
-            for name in QUEUES:
+            for name in ALL_QUEUES:
                 pipeline.zcard(self._keys.waiting(name))
             pipeline.scard(self._keys.owned(owner))
             pipeline.info("memory")

@@ -10,13 +10,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from dlo_client.contracts import AnyJob, AnyRequest, Contract, ImageRef, JobEvent, JobState
+from dlo_client.contracts import AnyJob, AnyRequest, Contract, ImageRef, JobEvent, JobState, UploadRef
+from dlo_client.contracts.submission import Queue
 from pydantic import TypeAdapter
 from pydantic_core import from_json
 
-Priority = Literal["interactive", "batch"]
-QUEUES: tuple[Priority, Priority] = ("interactive", "batch")
+Priority = Queue
+"""Of a job: the queue that it waits in."""
+QUEUES: tuple[Priority, ...] = ("interactive", "batch")
 """In the order in which workers look at them."""
+
+TRAINING: Literal["training"] = "training"
+"""The queue of what takes minutes; only workers that are started for it look at it."""
+ALL_QUEUES: tuple[Priority, ...] = (*QUEUES, TRAINING)
 
 REQUEST: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 
@@ -39,7 +45,7 @@ class Entry:
     request: str
     """Its JSON."""
     pictures: tuple[str, ...]
-    """Blob ids of the pictures that it names."""
+    """Blob ids of the pictures and other uploads that it names."""
     recipe: str = ""
     """JSON of the recipe that it was made by, if any."""
 
@@ -47,7 +53,7 @@ class Entry:
     def of(cls, request: AnyRequest) -> Entry:
         return cls(
             kind=request.kind,
-            priority=request.priority,
+            priority=request.queue,
             label=request.label,
             timeout_s=request.timeout_s,
             webhook_url=request.webhook_url,
@@ -104,9 +110,9 @@ def read_event(event_id: str, fields: Mapping[str, str]) -> JobEvent:
 
 
 def pictures(value: object) -> list[str]:
-    """Blob ids of all pictures that a request names, however deep."""
+    """Blob ids of all pictures and other uploads that a request names, however deep."""
     match value:
-        case ImageRef():
+        case ImageRef() | UploadRef():
             return [value.id]
         case Contract():
             return [blob for name in type(value).model_fields for blob in pictures(getattr(value, name))]

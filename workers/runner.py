@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
@@ -45,8 +45,8 @@ log = structlog.get_logger(__name__)
 class Runner:
     """One warm child, under the name of its worker; all methods from one thread that lives on."""
 
-    def __init__(self, settings: Settings, name: str) -> None:
-        self.name = name
+    def __init__(self, settings: Settings, name: str, queues: Sequence[str] = QUEUES) -> None:
+        self.name, self._queues = name, list(queues)
         self._children = Children(settings, self._turned)
         self._turn = time.monotonic()
         self._busy = False
@@ -163,7 +163,7 @@ class Runner:
                 name=self.name,
                 ready=child.ready and child.alive,
                 busy=self._busy,
-                queues=list(QUEUES),
+                queues=self._queues,
                 started_at=self._started_at,
                 networks=child.networks,
                 memory_mb=child.memory_mb,

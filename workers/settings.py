@@ -36,7 +36,7 @@ class Settings(BaseSettings):
     queue_prefix: str = Field(
         default="dlo", pattern="^[a-z0-9][a-z0-9_-]{0,31}$", description="of all keys: one a deployment on a server"
     )
-    data_dir: Path = Field(default=Path("data"), description="holds blobs/ and the embedded queue's queue/")
+    data_dir: Path = Field(default=Path("data"), description="holds blobs/, networks/ and the embedded queue's queue/")
     log_level: str = Field(default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$")
 
     result_ttl_s: PositiveFloat = Field(default=3600.0, description="a job's record after its end")
@@ -67,8 +67,19 @@ class Settings(BaseSettings):
     max_images_per_job: PositiveInt = 64
     max_image_bytes: PositiveInt = 32 * 1024 * 1024
     max_image_pixels: PositiveInt = 64_000_000
+    max_network_bytes: PositiveInt = Field(default=128 * 1024 * 1024, description="of the file of a network")
+    max_labels_bytes: PositiveInt = Field(default=256 * 1024 * 1024, description="of an archive of labelled pictures")
+    unsure_pictures: int = Field(
+        default=100, ge=0, description="kept for each API key, of requests that allow it; see keep_if_unsure"
+    )
+    default_model: str = Field(
+        default="", description="foreground network for requests that name none; default: the shipped one"
+    )
 
     workers: PositiveInt = Field(default=1, description="on this machine; they share its cores")
+    training_workers: int = Field(
+        default=0, ge=0, description="of those that adapt networks, beside them; they need requirements/training.txt"
+    )
     onnx_providers: list[str] = ["CPUExecutionProvider"]
     onnx_threads: int = Field(default=0, ge=0, description="a session; 0 = cores // workers")
     recycle_after_jobs: PositiveInt = Field(default=2000, description="then the warm child is replaced")
@@ -91,6 +102,15 @@ class Settings(BaseSettings):
     @property
     def blobs_dir(self) -> Path:
         return self.data_dir / "blobs"
+
+    @property
+    def training_dir(self) -> Path:
+        """Of what trainings have done so far, for those that are cut off."""
+        return self.data_dir / "training"
+
+    @property
+    def networks_dir(self) -> Path:
+        return self.data_dir / "networks"
 
     @property
     def queue_dir(self) -> Path:

@@ -12,7 +12,7 @@ from workers.listing import recent_page
 from workers.measures import Measures
 from workers.presence import WorkerInfo, present
 from workers.reading import absent, bounded_block, events_of, stream_after
-from workers.record import QUEUES, read_job
+from workers.record import ALL_QUEUES, TRAINING, read_job
 from workers.settings import Settings
 
 
@@ -58,6 +58,10 @@ class QueueView:
         """The live workers."""
         return present(self._client, self._keys)
 
+    def trains(self) -> bool:
+        """Whether a live worker takes what waits for training."""
+        return any(TRAINING in worker.queues for worker in self.workers())
+
     def networks(self) -> list[NetworkInfo]:
         """What the live, ready workers have, each network once."""
         there = (network for worker in self.workers() if worker.ready for network in worker.networks)
@@ -71,20 +75,20 @@ class QueueView:
     def depth(self) -> dict[str, int]:
         """Jobs that wait, by queue."""
         with self._client.pipeline(transaction=False) as pipeline:
-            for name in QUEUES:
+            for name in ALL_QUEUES:
                 pipeline.zcard(self._keys.waiting(name))
-            return dict(zip(QUEUES, pipeline.execute(), strict=True))
+            return dict(zip(ALL_QUEUES, pipeline.execute(), strict=True))
 
     def oldest_s(self) -> dict[str, float]:
         """How long the job that waits longest has waited, by queue; 0 where none waits."""
         with self._client.pipeline(transaction=False) as pipeline:
             pipeline.time()
-            for name in QUEUES:
+            for name in ALL_QUEUES:
                 pipeline.zrange(self._keys.waiting(name), 0, 0, withscores=True)
             (seconds, micros), *oldest = pipeline.execute()
         now = seconds + micros / 1e6
         ages = [max(0.0, now - float(found[0][1])) if found else 0.0 for found in oldest]
-        return dict(zip(QUEUES, ages, strict=True))
+        return dict(zip(ALL_QUEUES, ages, strict=True))
 
     def counts(self) -> dict[tuple[str, str], int]:
         """How many jobs of each kind have ever entered each state; every job enters ``queued``, once."""

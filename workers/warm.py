@@ -6,6 +6,7 @@ Of RQ only the queues, the blocking read over both of them and the warm shutdown
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from types import FrameType
 from typing import cast
@@ -51,9 +52,9 @@ class Turns:
 class WarmWorker(Worker):
     """One worker, one child; ``name`` gets a suffix, so that a killed worker's successor may bear it too."""
 
-    def __init__(self, settings: Settings, name: str) -> None:
+    def __init__(self, settings: Settings, name: str, queues: Sequence[str] = QUEUES) -> None:
         super().__init__(
-            [settings.keys.queue(priority) for priority in QUEUES],
+            [settings.keys.queue(priority) for priority in queues],
             name=f"{name}-{uuid4().hex[:6]}",
             connection=connect(settings, patient=True, text=False),
             job_class=AllowedJob,
@@ -61,7 +62,8 @@ class WarmWorker(Worker):
             worker_ttl=_RQ_WORKER_TTL_S,
             log_job_description=False,
         )
-        self._runner = Runner(settings, self.name)
+        self._runner = Runner(settings, self.name, queues)
+        self._both = tuple(queues) == QUEUES
         self._turns = Turns(settings.batch_share)
         self._asked_to_stop = False
 
@@ -84,7 +86,9 @@ class WarmWorker(Worker):
         return None
 
     def reorder_queues(self, reference_queue: Queue) -> None:
-        """Called with the queue that the job at hand came from."""
+        """Called with the queue that the job at hand came from; turns are for workers of both queues alone."""
+        if not self._both:
+            return
         interactive, batch = self.queues
         self._turns.taken(batch=reference_queue.name == batch.name)
         self._ordered_queues = [batch, interactive] if self._turns.batch_first else [interactive, batch]

@@ -86,6 +86,11 @@ class Network:
             )
         return self
 
+    def doors(self) -> tuple[list[tuple[str, list[Any]]], list[tuple[str, list[Any]]]]:
+        """Type and shape of each input and of each output; a free side has a name, or nothing, for a number."""
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        return [(i.type, i.shape) for i in inputs], [(o.type, o.shape) for o in outputs]
+
     def run(self, *inputs: NDArray) -> tuple[NDArray, ...]:
         """All outputs, in the network's order, of inputs in its order."""
         feed = dict(zip(self._inputs, inputs, strict=True))
@@ -108,17 +113,22 @@ def default_name(task: str) -> str:
 
 
 def load(name: str, runtime: Runtime | None = None) -> Network:
-    """Check the file against its SHA-256 and open it. Providers that are not installed are passed over.
+    """Check the file of a shipped network against its SHA-256 and open it.
 
     Raises UnknownNetworkError, CorruptWeightsError.
     """
-    runtime = runtime or Runtime()
     if name not in manifest():
         raise UnknownNetworkError(f"unknown network {name!r}; there are {', '.join(sorted(manifest()))}")
     spec = manifest()[name]
     data = (WEIGHTS / spec.file).read_bytes()
     if hashlib.sha256(data).hexdigest() != spec.sha256:
         raise CorruptWeightsError(f"{spec.file} is not the file that the manifest names")
+    return opened(spec, data, runtime)
+
+
+def opened(spec: NetworkSpec, data: bytes, runtime: Runtime | None = None) -> Network:
+    """The network of ``data``, the bytes of an ONNX file. Providers that are not installed are passed over."""
+    runtime = runtime or Runtime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = runtime.threads
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if runtime.spinning else "0")

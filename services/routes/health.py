@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from dlo_client.contracts import NetworkInfo
 from dlo_client.version import __version__
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
 from services import documents
-from services.access import BackendDep, Reader
+from services.access import BackendDep
 from services.problems import ProblemError
 from services.readiness import hindrance
 
@@ -47,9 +46,3 @@ def ready(backend: BackendDep) -> Health:
     if why_not := hindrance(backend.queue):
         raise ProblemError(503, "not_ready", why_not, headers={"Retry-After": "1"})
     return Health()
-
-
-@router.get("/v1/models", responses=documents.problems(403, 429))
-def list_models(_: Reader, backend: BackendDep) -> list[NetworkInfo]:
-    """The networks of the live workers: those that requests may name, and those that are used without being named."""
-    return backend.queue.networks()

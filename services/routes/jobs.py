@@ -70,7 +70,7 @@ async def submit_job(
 ) -> Response:
     """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in time."""
     await check_room(caller, backend, idempotency_key)
-    async with backend.submissions.read(request) as submission:
+    async with backend.submissions.read(request, caller.defaults) as submission:
         job = await submitted(submission, caller, backend, idempotency_key)
     return await awaited(request, backend, job.id, wait)
 

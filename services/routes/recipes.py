@@ -118,7 +118,7 @@ async def run_recipe(
     """Put the recipe's request with these pictures into the queue; as `POST /v1/jobs` with `wait`."""
     await check_room(caller, backend, idempotency_key)
     used, composed = await to_thread.run_sync(_composer, backend, number, version)
-    async with backend.submissions.read_run(request, composed.compose) as submission:
+    async with backend.submissions.read_run(request, composed.compose, caller.defaults) as submission:
         job = await submitted(_naming(submission, used), caller, backend, idempotency_key)
     return await awaited(request, backend, job.id, wait)
 
@@ -133,7 +133,9 @@ async def dry_run(number: Number, caller: Submitter, backend: BackendDep, versio
     if not recipe.samples:
         raise field_error("samples", "the recipe has no stored pictures", code="no_samples", status=409)
     groups = [recipe.samples] if composed.has_views else [[sample] for sample in recipe.samples]
-    submissions = [await backend.submissions.named(_input(group), composed.compose) for group in groups]
+    submissions = [
+        await backend.submissions.named(_input(group), composed.compose, caller.defaults) for group in groups
+    ]
     return [await submitted(_naming(one, used), caller, backend, None) for one in submissions]
 
 

@@ -24,6 +24,7 @@ from services.settings import ServiceSettings
 from services.standalone.supervised import Child
 from workers import embedded
 from workers.queue import JobQueue
+from workers.record import TRAINING
 
 _READY_WITHIN_S = 120.0
 _POLL_S = 0.1
@@ -140,6 +141,8 @@ class _Service:
         }
         tie = ("--with-parent", str(os.getpid()))
         workers = [Child("workers", tie, environment) for _ in range(settings.workers)]
+        training = (*tie, "--queues", TRAINING)
+        workers += [Child("workers", training, environment) for _ in range(settings.training_workers)]
         if self._queue_port is None:
             return [], workers
         place = ("--dir", str(settings.queue_dir), "--port", str(self._queue_port))

@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 from dlo_client.contracts import AnyJob, ImageRef, Problem
+from dlo_client.contracts.foreground import ForegroundOptions
 from dlo_client.errors import JobFailed
 
 from models.geometry.cameras import Camera
@@ -80,7 +81,7 @@ def seen(scene: Scene3D, cameras: Sequence[Camera], held: Tools, seed: int = 0) 
     views = []
     for number, camera in enumerate(cameras):
         rgb = render(scene, camera, rng).rgb
-        found = perceive(Source(rgb, None, []), held)
+        found = perceive(Source(rgb, None, []), held, ForegroundOptions())
         strands, _ = strands_of(found.scene, found.foreground.probability, rgb, camera)
         views.append(View(camera, strands, f"view {number}"))
     return [joined.view for joined in rejoin(views)]

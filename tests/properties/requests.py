@@ -24,7 +24,14 @@ def noop() -> st.SearchStrategy[Request]:
 
 
 def segment() -> st.SearchStrategy[Request]:
-    return st.fixed_dictionaries({"image": picture()}, optional={"threshold": number(0, 1)})
+    more = {"threshold": number(0, 1), "regions": regions(), "reference": st.lists(picture(), max_size=2)}
+    return st.fixed_dictionaries({"image": picture()}, optional=more)
+
+
+def regions() -> st.SearchStrategy[Request]:
+    """Polygons in, around and beside the picture, of any shape."""
+    polygons = st.lists(polyline(2, 120, 6), max_size=3)
+    return st.fixed_dictionaries({}, optional={"only": polygons, "never": polygons})
 
 
 @st.composite
@@ -45,6 +52,8 @@ def instances(draw: st.DrawFn) -> Request:
     asked |= {"method": method, "points_per_instance": draw(optional(st.integers(1, 2001)))}
     if draw(st.booleans()):
         asked["threshold"] = draw(number(0, 1))
+    if draw(st.integers(0, 3)) == 0:
+        asked |= {"regions": draw(regions()), "reference": draw(st.lists(picture(OF_ONE_SIZE), max_size=2))}
     return asked
 
 

@@ -1,6 +1,7 @@
 """The OpenAPI document says what the service does, and the service does what the document says."""
 
 import re
+from datetime import UTC, datetime
 from typing import get_args
 
 import pytest
@@ -8,6 +9,8 @@ import schemathesis
 from dlo_client.contracts import JobKind
 from hypothesis import HealthCheck, given, settings
 from schemathesis.specs.openapi.checks import response_schema_conformance, status_code_conformance
+
+from workers.presence import WorkerInfo, announce
 
 
 @pytest.fixture
@@ -67,8 +70,10 @@ def test_every_field_and_parameter_is_described(document):
 
 
 @pytest.mark.parametrize("kind", get_args(JobKind))
-def test_the_example_of_a_kind_is_taken_as_it_stands(client, document, kind):
+def test_the_example_of_a_kind_is_taken_as_it_stands(client, document, kind, job_queue):
     """The documentation page offered a body without a ``kind``, which was refused."""
+    trainer = WorkerInfo("t", ready=True, busy=False, queues=["training"], started_at=datetime.now(UTC), networks=[])
+    announce(job_queue._client, job_queue._keys, trainer)
     examples = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]["application/json"]["examples"]
     answer = client.post("/v1/jobs", json=examples[kind]["value"])
     assert answer.status_code == 202, answer.text

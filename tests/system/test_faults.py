@@ -109,7 +109,7 @@ def test_queue_server_killed_queued_jobs_are_still_there(tmp_path, start_worker)
         server.kill()
         assert not queue.ping()
         server.start()
-        assert queue.depth() == {"interactive": 1, "batch": 1}
+        assert queue.depth() == {"interactive": 1, "batch": 1, "training": 0}
         worker = start_worker(settings)
         for job_id in waiting:
             succeeds(queue, job_id)
@@ -212,7 +212,7 @@ def test_ten_jobs_for_two_workers_none_is_lost(job_queue, start_worker):
     jobs = [submit(job_queue, hold_s=0.2) for _ in range(10)]
     ended = [succeeds(job_queue, job_id) for job_id in jobs]
     assert {job.attempts for job in ended} == {1}
-    assert job_queue.depth() == {"interactive": 0, "batch": 0}
+    assert job_queue.depth() == {"interactive": 0, "batch": 0, "training": 0}
 
 
 def test_an_id_that_was_popped_by_a_worker_that_died_comes_back(job_queue, settings, start_worker):

@@ -72,7 +72,7 @@ def test_cancelled_jobs_leave_no_turn_behind(job_queue, client):
         job_queue.cancel(job_id)
     assert line(client) == []
     assert client.zcard(KEYS.turns("interactive")) == 0
-    assert job_queue.depth() == {"interactive": 0, "batch": 0}
+    assert job_queue.depth() == {"interactive": 0, "batch": 0, "training": 0}
 
 
 def test_batch_has_its_share_while_interactive_jobs_wait():
@@ -133,7 +133,7 @@ def test_two_deployments_on_one_server_do_not_meet(job_queue, settings, client):
     assert [job.id for job in other.recent().jobs] == [theirs]
     assert Ledger(client, other_settings).claim(ours, "w") is None
     assert client.lrange("rq:queue:north:interactive", 0, -1) == [theirs]
-    assert job_queue.depth() == other.depth() == {"interactive": 1, "batch": 0}
+    assert job_queue.depth() == other.depth() == {"interactive": 1, "batch": 0, "training": 0}
     own = {name for name in client.keys("*") if not name.startswith("rq:")}
     assert all(name.startswith(("dlo:", "north:")) for name in own)
     other.close()

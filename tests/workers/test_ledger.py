@@ -103,9 +103,9 @@ def test_what_a_cancelled_job_still_says_is_not_heard(job_queue, ledger):
 
 def test_a_cancelled_job_leaves_the_queue(job_queue, ledger):
     job_id = submit(job_queue, priority="batch")
-    assert job_queue.depth() == {"interactive": 0, "batch": 1}
+    assert job_queue.depth() == {"interactive": 0, "batch": 1, "training": 0}
     assert job_queue.cancel(job_id).state is JobState.CANCELLED
-    assert job_queue.depth() == {"interactive": 0, "batch": 0}
+    assert job_queue.depth() == {"interactive": 0, "batch": 0, "training": 0}
     assert ledger.claim(job_id, "w") is None
 
 

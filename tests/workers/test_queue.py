@@ -35,7 +35,7 @@ def test_a_submitted_job_waits_in_the_queue_of_its_priority(job_queue):
     assert created
     assert (job.state, job.kind, job.priority, job.label) == (JobState.QUEUED, "noop", "batch", "night shift")
     assert job_queue.get(job.id) == job
-    assert job_queue.depth() == {"interactive": 0, "batch": 1}
+    assert job_queue.depth() == {"interactive": 0, "batch": 1, "training": 0}
 
 
 def test_unknown_job(job_queue):

@@ -70,7 +70,7 @@ def run(tools: Tools, **fields) -> TopologyResult:
 
 
 def test_a_warm_worker_has_the_topology_networks_loaded(tmp_path):
-    loaded = stages.warm(Settings(data_dir=tmp_path, onnx_threads=1)).loaded
+    loaded = stages.warm(Settings(data_dir=tmp_path, onnx_threads=1)).weights.loaded
     assert {"topology", "topology_junctions", "topology_bridges", "topology_stubs", "topology_moves"} <= set(loaded)
 
 

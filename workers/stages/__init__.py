@@ -9,10 +9,12 @@ import cv2
 import numpy as np
 import structlog
 from dlo_client.contracts import (
+    AdaptRequest,
     AnyRequest,
     DisentangleRequest,
     DloObject,
     EstimateParametersRequest,
+    ImportNetworkRequest,
     InstancesRequest,
     JobKind,
     LabelTrackedRequest,
@@ -25,14 +27,18 @@ from dlo_client.contracts import (
     SegmentRequest,
     TopologyRequest,
 )
+from dlo_client.contracts.foreground import ForegroundOptions
 from pydantic import ValidationError
 
 from models.weights import inference
 from models.weights.inference import NetworkSpec, Runtime
 from workers.blobs import open_blobs
+from workers.networks.store import NetworkStore
 from workers.settings import Settings
 from workers.stages import (
+    adapt,
     estimate_parameters,
+    import_network,
     instances,
     label_tracked,
     merge_curves,
@@ -47,6 +53,7 @@ from workers.stages import (
 from workers.stages.foreground import Source
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.perception import perceive
+from workers.unsure import UnsureStore
 
 log = structlog.get_logger(__name__)
 
@@ -54,7 +61,8 @@ log = structlog.get_logger(__name__)
 _ABOUT: dict[JobKind, str] = {
     "noop": "hold_s", "segment": "image", "instances": "image", "topology": "image", "plan_disentangle": "topology",
     "reconstruct": "views", "next_view": "cameras", "merge_curves": "curves", "label_tracked": "strokes",
-    "plan_shape": "target_m", "estimate_parameters": "history",
+    "plan_shape": "target_m", "estimate_parameters": "history", "import_network": "file",
+    "adapt": "labels",
 }  # fmt: skip
 """The field that the numbers of each kind come from."""
 
@@ -98,6 +106,10 @@ def _run(request: AnyRequest, tools: Tools) -> Outcome:
             return plan_disentangle.run(request, tools)
         case LabelTrackedRequest():
             return label_tracked.run(request, tools)
+        case AdaptRequest():
+            return adapt.run(request, tools)
+        case ImportNetworkRequest():
+            return import_network.run(request, tools)
         case _:
             assert_never(request)
 
@@ -111,13 +123,18 @@ def warm(settings: Settings) -> Tools:
         blobs=open_blobs(settings, settings.disk_reserve_bytes // 2),
         max_image_pixels=settings.max_image_pixels,
         runtime=Runtime(settings.onnx_providers, threads, spinning=settings.workers == 1),
+        store=NetworkStore.of(settings),
+        default_model=settings.default_model,
+        max_network_bytes=settings.max_network_bytes,
+        training_dir=settings.training_dir,
+        unsure=UnsureStore.of(settings),
     )
     for spec in inference.manifest().values():
         if spec.default:
             tools.network(spec.name)
-    perceive(Source(np.zeros((360, 640, 3), np.uint8), None, []), tools)
+    perceive(Source(np.zeros((360, 640, 3), np.uint8), None, []), tools, ForegroundOptions())
     plan_shape.run(_FIRST_PLAN, tools)
-    tools.networks = [_info(spec, warm=spec.name in tools.loaded) for spec in inference.manifest().values()]
+    tools.networks = [_info(spec, warm=spec.name in tools.weights.loaded) for spec in inference.manifest().values()]
     return tools
 
 

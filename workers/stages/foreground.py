@@ -6,18 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from dlo_client.contracts import DisentangleRequest, InstancesRequest, ModelUsed, TopologyRequest
+from dlo_client.contracts.foreground import ForegroundOptions, ReferenceUsed
 from numpy.typing import NDArray
 
-from models.segmentation.effort import Effort, look
+from models.segmentation.effort import look
+from models.segmentation.empty_place import weigh
 from models.segmentation.segment import ForegroundInput, foreground_mask
-from models.weights.inference import default_name, manifest
+from models.weights.inference import Network
 from workers.stages.encoding import model_used
+from workers.stages.networks import NoSuchNetworkError
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.pictures import Picture, read_mask, read_picture
+from workers.stages.regions import within
 
-TASK = "foreground"
-_EIGHT_BIT = "_int8"
-"""Ends the name of a network's 8-bit form."""
 MASK_THRESHOLD = 0.5
 _ABOVE_ZERO = 1e-6
 _GRAY = 140
@@ -47,13 +48,19 @@ class Source:
 @dataclass(frozen=True)
 class Foreground:
     """``probability`` (H, W) of cable; ``cable`` (H, W) what counts as such at ``threshold``; ``picture`` (H, W, 3) to
-    draw on; ``models`` that took part."""
+    draw on; ``models`` that took part; ``reference`` what pictures of the empty place were worth, if there were any."""
 
     probability: NDArray[np.float32]
     cable: NDArray[np.bool_]
     threshold: float
     picture: NDArray[np.uint8]
     models: list[ModelUsed]
+    reference: ReferenceUsed | None = None
+
+    @property
+    def references(self) -> list[ReferenceUsed]:
+        """As answers list them."""
+        return [self.reference] if self.reference else []
 
 
 def read_source(request: InstancesRequest | TopologyRequest | DisentangleRequest, tools: Tools) -> Source:
@@ -85,36 +92,61 @@ def check_size(field: str, size: tuple[int, ...], other: str, wanted: tuple[int,
 
 
 def find_foreground(
-    source: Source,
-    tools: Tools,
-    *,
-    model: str | None = None,
-    threshold: float | None = None,
-    effort: Effort = "normal",
+    source: Source, tools: Tools, options: ForegroundOptions, threshold: float | None = None, view: int | None = None
 ) -> Foreground:
-    """The mask, or what the network named ``model`` (the default one where it is None) sees in the picture. In a hurry
-    its 8-bit form looks, where there is one.
+    """The mask, or what the network of ``options`` sees in the picture (of the ``view``), weighed against the pictures
+    of the empty place; nothing outside the regions. In a hurry the network's 8-bit form looks, where there is one.
 
-    Raises InvalidInput naming ``model``.
+    Raises InvalidInput naming ``model``, ``reference`` or ``regions``.
     """
     if source.mask is not None:
         applied = MASK_THRESHOLD if threshold is None else threshold
-        cable = source.mask >= max(applied, _ABOVE_ZERO)
+        mask = within(options.regions, source.mask)
         picture = _drawn(source.mask) if source.image is None else source.image
-        return Foreground(source.mask, cable, applied, picture, [])
+        return Foreground(mask, mask >= max(applied, _ABOVE_ZERO), applied, picture, [])
     assert source.image is not None
-    name = model or default_name(TASK)
-    spec = manifest().get(name)
-    if spec is None or spec.task != TASK:
-        known = ", ".join(s.name for s in manifest().values() if s.task == TASK)
-        raise InvalidInput("model", f"there is no foreground network {name!r}; there are: {known}", "invalid_model")
-    if effort == "fast":
-        spec = manifest().get(f"{name}{_EIGHT_BIT}", spec)
-    settings = ForegroundInput.from_manifest(spec.preprocess)
-    probability = look(source.image, tools.network(spec.name), settings, effort)
+    network = _network(options, tools)
+    settings = ForegroundInput.from_manifest(network.spec.preprocess)
+    probability = look(source.image, network, settings, options.effort)
+    probability, used = _against_reference(source.image, probability, options, tools, view)
+    probability = within(options.regions, probability)
     applied = settings.threshold if threshold is None else threshold
     cable = foreground_mask(probability, settings, threshold)
-    return Foreground(probability, cable, applied, source.image, [model_used(spec)])
+    return Foreground(probability, cable, applied, source.image, [model_used(network.spec)], used)
+
+
+def _network(options: ForegroundOptions, tools: Tools) -> Network:
+    try:
+        return tools.weights.foreground(options.model, options.default_model, eight_bit=options.effort == "fast")
+    except NoSuchNetworkError as error:
+        raise InvalidInput(error.field, str(error), "invalid_model") from error
+
+
+def _against_reference(
+    image: NDArray[np.uint8],
+    probability: NDArray[np.float32],
+    options: ForegroundOptions,
+    tools: Tools,
+    view: int | None,
+) -> tuple[NDArray[np.float32], ReferenceUsed | None]:
+    """The probability that the pictures of the empty place leave, and what they were worth."""
+    numbers = range(len(options.reference)) if view is None or not options.reference else [view]
+    places = []
+    for k in numbers:
+        place = read_picture(options.reference[k], f"reference.{k}", tools).rgb
+        check_size(f"reference.{k}", place.shape[:2], "image", image.shape[:2])
+        places.append(place)
+    if not places:
+        return probability, None
+    weighed = weigh(image, probability, places)
+    used = ReferenceUsed(
+        used=weighed.reason is None,
+        agreement=round(weighed.agreement, 4),
+        relied=round(weighed.relied, 4),
+        shift_px=round(weighed.shift_px, 2),
+        reason=weighed.reason,
+    )
+    return weighed.probability, used
 
 
 def _drawn(mask: NDArray[np.float32]) -> NDArray[np.uint8]:

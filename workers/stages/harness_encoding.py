@@ -70,6 +70,7 @@ def encode(seen: SeenHarness, match: Match | None = None, drawing: HarnessDrawin
             for k, c in enumerate(topology.crossings, start=1)
         ],
         match=None if match is None or drawing is None else _drawing_match(match, drawing, topology),
+        reference=seen.foreground.references,
         warnings=seen.remarks,
         models=seen.models,
     )  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Literal
 from dlo_client.contracts import (
     Crossing,
     Endpoint,
+    ImageRef,
     Instance,
     InstancesRequest,
     InstancesResult,
@@ -16,6 +17,7 @@ from dlo_client.contracts import (
     Spline,
     StrandPosition,
 )
+from dlo_client.labelling.labels import label_of
 
 from models.geometry import rle
 from models.geometry.polylines import resample
@@ -41,9 +43,8 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
     seen = perceive(
         source,
         tools,
-        model=request.model,
+        request,
         threshold=request.threshold,
-        effort=request.effort,
         method=request.method,
         params=request.params,
     )
@@ -65,10 +66,20 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         instances=instances,
         crossings=[_crossing(k, item) for k, item in enumerate(seen.scene.crossings, start=1)],
         status=_status(seen.scene),
+        reference=seen.foreground.references,
         warnings=source.remarks,
         models=seen.models,
     )
+    _offer(request, result, tools)
     return Outcome(result, files, watch.timings_ms | seen.timings_ms)
+
+
+def _offer(request: InstancesRequest, result: InstancesResult, tools: Tools) -> None:
+    """Keep the picture for its owner if that is allowed and the answer is among the least sure ones."""
+    if not request.keep_if_unsure or tools.unsure is None or not isinstance(request.image, ImageRef):
+        return
+    label = label_of(result, "")
+    tools.unsure.offer(tools.owner, tools.blobs.get(request.image.id), label.certainty, label.doubt)
 
 
 def _files(request: InstancesRequest, seen: Perception) -> dict[str, File]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from dlo_client.contracts import Contract, NetworkInfo
 
-from models.weights import inference
 from models.weights.inference import Network, Runtime
 from workers.blobs import Blobs
+from workers.networks.store import NetworkStore
+from workers.stages.networks import Networks
+from workers.unsure import UnsureStore
 
 
 def _nobody(fraction: float) -> None:
@@ -27,13 +30,23 @@ class Tools:
     """What a request may name, or the service uses by itself."""
     progress: Callable[[float], None] = _nobody
     """To be called with the share that is done, 0 to 1; set anew for each job."""
-    loaded: dict[str, Network] = field(default_factory=dict)
+    store: NetworkStore | None = None
+    """Where networks that users adapt or bring are kept."""
+    default_model: str = ""
+    owner: str = ""
+    """Of the job, set anew for each: the name of the API key that it came with."""
+    max_network_bytes: int = 2**27
+    training_dir: Path | None = None
+    unsure: UnsureStore | None = None
+    training_options: Sequence[str] = ()
+    """More of the command line of an adaptation, for tests."""
+
+    def __post_init__(self) -> None:
+        self.weights = Networks(self.runtime, self.store, self.default_model)
 
     def network(self, name: str) -> Network:
-        """Loaded once, then kept; raises models.weights.inference.UnknownNetworkError."""
-        if name not in self.loaded:
-            self.loaded[name] = inference.load(name, self.runtime)
-        return self.loaded[name]
+        """One that ships; raises models.weights.inference.UnknownNetworkError."""
+        return self.weights.shipped(name)
 
 
 @dataclass(frozen=True)

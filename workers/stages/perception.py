@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dlo_client.contracts import ModelUsed
+from dlo_client.contracts.foreground import ForegroundOptions
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
 
 from models.instances.scene import Scene
-from models.segmentation.effort import Effort
 from models.strands.stopwatch import Stopwatch
 from workers.stages.encoding import model_used
 from workers.stages.foreground import Foreground, Source, find_foreground
@@ -29,17 +29,17 @@ class Perception:
 def perceive(
     source: Source,
     tools: Tools,
+    options: ForegroundOptions,
     *,
-    model: str | None = None,
     threshold: float | None = None,
-    effort: Effort = "normal",
+    view: int | None = None,
     method: InstanceMethod = DEFAULT_METHOD,
     params: MethodParams | None = None,
 ) -> Perception:
-    """The whole chain. Raises InvalidInput naming ``model``."""
+    """The whole chain, for the ``view`` of several or the one picture. Raises InvalidInput as find_foreground does."""
     watch = Stopwatch()
     with watch.step("segment"):
-        foreground = find_foreground(source, tools, model=model, threshold=threshold, effort=effort)
+        foreground = find_foreground(source, tools, options, threshold, view)
     extract, networks = extract_with(method, params, tools)
     with watch.step("instances"):
         scene = extract(foreground.cable, source.image)

@@ -57,6 +57,7 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
             message=message,
             actions=[_action(k, a, arms) for k, (a, arms) in enumerate(feasible, start=1)],
             topology=None if seen is None else encode(seen),
+            reference=seen.foreground.references if seen else [],
             warnings=seen.remarks if seen else [],
             models=[*(seen.models if seen else []), model_used(network.spec)],
         )

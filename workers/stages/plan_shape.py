@@ -72,6 +72,7 @@ def run(request: PlanShapeRequest, tools: Tools) -> Outcome:
         state_m=_rounded(points),
         parameters=used,
         valid_for_s=request.valid_for_s,
+        reference=seen.reference if seen else [],
         warnings=warnings,
         models=[*models, *(seen.models if seen else [])],
     )

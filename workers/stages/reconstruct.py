@@ -137,6 +137,7 @@ def _result(
         overlap=round(overlap(first.curve, previous), 4) if previous is not None else None,
         ends=_ends(first, seen),
         next_view=curves3d.next_view(plan) if plan is not None else None,
+        reference=[s.reference for s in seen if s.reference is not None],
         warnings=[*_warnings(first, seen), *remarks],
         models=models,
     )

@@ -37,9 +37,7 @@ def see_harness(request: TopologyRequest | DisentangleRequest, tools: Tools, wat
         surfaces = _surfaces(request, source, tools)
     tools.progress(0.1)
     with watch.step("segment"):
-        foreground = find_foreground(
-            source, tools, model=request.model, threshold=request.threshold, effort=request.effort
-        )
+        foreground = find_foreground(source, tools, request, request.threshold)
     network, judges = topology_networks(tools)
     models = [*foreground.models, *(model_used(n.spec) for n in (network, *judges))]
     with watch.step("topology"):

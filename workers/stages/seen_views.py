@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from dlo_client.contracts import ModelUsed, ReconstructRequest, Target
+from dlo_client.contracts.foreground import ReferenceUsed
 from numpy.typing import NDArray
 
 from models.geometry.cameras import Camera
@@ -44,6 +45,7 @@ class SeenView:
     scale: float
     ids: list[int]
     share_px: NDArray[np.float64]
+    reference: ReferenceUsed | None = None
 
     def instance(self, strands: tuple[int, ...]) -> int | None:
         """Id of the instance that makes up the most of the strands."""
@@ -62,14 +64,13 @@ def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list
     for index, given in enumerate(request.views):
         picture, camera = read_view(given, f"views.{index}", tools, may_be_mask=request.model is None)
         remarks += picture.remarks
-        found = perceive(
-            Source.of(picture), tools, model=request.model, threshold=request.threshold, effort=request.effort
-        )
+        found = perceive(Source.of(picture), tools, request, threshold=request.threshold, view=index)
         scale = min(1.0, WORKING_SIDE / max(picture.rgb.shape[:2]))
         strands, ids = strands_of(found.scene, found.foreground.probability, picture.rgb, camera, scale)
         working = replace(camera, intrinsics=camera.intrinsics.scaled(scale))
         view = View(working, strands, given.name or f"views.{index}")
-        seen.append(SeenView(picture.rgb, camera, view, scale, ids, np.zeros((len(ids), len(ids)))))
+        shares = np.zeros((len(ids), len(ids)))
+        seen.append(SeenView(picture.rgb, camera, view, scale, ids, shares, found.foreground.reference))
         models.extend(m for m in found.models if m not in models)
         tools.progress(0.9 * (index + 1) / len(request.views))
     _check_pictures(request, seen)

@@ -20,7 +20,7 @@ def run(request: SegmentRequest, tools: Tools) -> Outcome:
         source = Source.of(read_picture(request.image, "image", tools, may_be_mask=request.model is None))
     tools.progress(0.2)
     with watch.step("segment"):
-        found = find_foreground(source, tools, model=request.model, threshold=request.threshold, effort=request.effort)
+        found = find_foreground(source, tools, request, request.threshold)
     with watch.step("encode"):
         files = {"mask.png": mask_png(found.probability)}
     height, width = found.probability.shape
@@ -29,6 +29,7 @@ def run(request: SegmentRequest, tools: Tools) -> Outcome:
         height=height,
         coverage=float(np.count_nonzero(found.probability >= found.threshold)) / found.probability.size,
         threshold=found.threshold,
+        reference=found.references,
         warnings=source.remarks,
         models=found.models,
     )

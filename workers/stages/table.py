@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from dlo_client.contracts import ModelUsed, PlanShapeRequest
+from dlo_client.contracts.foreground import ReferenceUsed
 from dlo_client.contracts.manipulation import (
     FARTHEST_M,
     LEAST_LENGTH_M,
@@ -38,6 +39,7 @@ class Seen:
     points: FloatArray
     warnings: list[PlanWarning]
     models: list[ModelUsed]
+    reference: list[ReferenceUsed]
 
 
 def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools) -> Seen:
@@ -49,7 +51,7 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
         raise InvalidInput("image", "is missing: give state_m, or a picture beside the homography")
     assert request.homography is not None
     picture = read_picture(request.image, "image", tools, may_be_mask=request.model is None)
-    perception = perceive(Source.of(picture), tools, model=request.model, effort=request.effort)
+    perception = perceive(Source.of(picture), tools, request)
     lines = [to_table(i.centerline_xy, np.array(request.homography)) for i in perception.scene.instances]
     if not lines:
         raise InvalidInput("image", "no DLO was found in it", "none_found")
@@ -68,7 +70,7 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
     nodes, goal = to_nodes(points), to_nodes(target)
     if shape_distance(nodes[::-1], goal) < shape_distance(nodes, goal):
         points = points[::-1]
-    return Seen(points, warnings, perception.models)
+    return Seen(points, warnings, perception.models, perception.foreground.references)
 
 
 def to_table(xy: FloatArray, homography: FloatArray) -> FloatArray:

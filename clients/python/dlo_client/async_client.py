@@ -25,9 +25,11 @@ from dlo_client.contracts import (
     JobRequest,
     JobState,
     NetworkInfo,
+    UploadRef,
 )
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.recipes import CameraBody, Recipe, RecipeBody, StoredCamera
+from dlo_client.contracts.unsure import UnsurePicture
 from dlo_client.errors import WaitTimeout
 from dlo_client.event_stream import EventCursor
 from dlo_client.outcomes import result_of, succeeded
@@ -72,6 +74,10 @@ class AsyncClient:
     async def upload(self, image: Picture) -> ImageInfo:
         """Store a picture for several jobs; the same bytes give the same id."""
         return await self._send(await _made(calls.upload, image))
+
+    async def upload_labels(self, archive: bytes) -> UploadRef:
+        """Store labelled pictures for ``adapt`` jobs; ``dlo_client.labelling.adaptation`` makes the archive."""
+        return await self._send(calls.upload_labels(archive))
 
     async def submit(
         self,
@@ -215,8 +221,40 @@ class AsyncClient:
         return await self._send(calls.file(job, file))
 
     async def networks(self) -> list[NetworkInfo]:
-        """The networks of the workers that are alive."""
+        """The networks of the workers that are alive, and those that were adapted or brought there."""
         return await self._send(calls.networks())
+
+    async def network(self, name: str) -> NetworkInfo:
+        """One of them, with its versions."""
+        return await self._send(calls.network(name))
+
+    async def network_file(self, name: str, version: int | None = None) -> bytes:
+        """The file of an adapted network, by default of the version that its name stands for."""
+        return await self._send(calls.network_file(name, version))
+
+    async def import_network(self, file: Picture, name: str | None = None) -> NetworkInfo:
+        """Take in a network from its file; it becomes the next version of ``name``, or of the name in the file."""
+        return await self._send(calls.import_network(file, name))
+
+    async def choose_version(self, name: str, version: int) -> NetworkInfo:
+        """Let the name stand for another of its versions."""
+        return await self._send(calls.choose_version(name, version))
+
+    async def delete_network(self, name: str, version: int | None = None) -> None:
+        """Delete an adapted network, or one of its versions."""
+        return await self._send(calls.delete_network(name, version))
+
+    async def unsure(self) -> list[UnsurePicture]:
+        """The caller's pictures that the service was least sure of, of requests with ``keep_if_unsure``."""
+        return await self._send(calls.unsure())
+
+    async def unsure_picture(self, picture: UnsurePicture) -> bytes:
+        """One of them, as it was sent."""
+        return await self._send(calls.unsure_picture(picture))
+
+    async def drop_unsure(self, picture: UnsurePicture) -> None:
+        """Forget one of them."""
+        return await self._send(calls.drop_unsure(picture))
 
     async def ready(self) -> bool:
         """Whether the service can take jobs now; False also while nobody answers."""

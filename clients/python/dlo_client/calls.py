@@ -28,8 +28,10 @@ from dlo_client.contracts import (
     JobState,
     NetworkInfo,
     Problem,
+    UploadRef,
 )
 from dlo_client.contracts.base import ResultT
+from dlo_client.contracts.unsure import UnsurePicture
 from dlo_client.errors import APIError, ConnectionFailed, InvalidArgument, UnexpectedReply, describe_fields, refusal
 from dlo_client.pictures import Part, Picture, Pictures, part_of, parts_of
 from dlo_client.retry import Outcome, retry_after_s
@@ -134,6 +136,51 @@ def networks() -> Call[list[NetworkInfo]]:
     return Call("GET", "/v1/models", reader(list[NetworkInfo]))
 
 
+def upload_labels(archive: bytes) -> Call[UploadRef]:
+    return Call("POST", "/v1/labels", reader(UploadRef), headers=_BINARY, body={"content": archive})
+
+
+def network(name: str) -> Call[NetworkInfo]:
+    return Call("GET", _network_path(name), reader(NetworkInfo))
+
+
+def network_file(name: str, version: int | None) -> Call[bytes]:
+    return Call("GET", f"{_network_path(name)}/file", lambda response: response.content, params=_version(version))
+
+
+def import_network(file: Picture, name: str | None) -> Call[NetworkInfo]:
+    """A worker checks it before the reply comes."""
+    return Call(
+        "POST",
+        "/v1/models",
+        reader(NetworkInfo),
+        params={"name": name} if name else {},
+        headers={**_BINARY, "Idempotency-Key": uuid4().hex},
+        body={"content": part_of(file, "file").data},
+        held_s=LONGEST_WAIT_S,
+    )
+
+
+def choose_version(name: str, version: int) -> Call[NetworkInfo]:
+    return Call("PUT", _network_path(name), reader(NetworkInfo), body={"json": {"version": version}})
+
+
+def delete_network(name: str, version: int | None) -> Call[None]:
+    return Call("DELETE", _network_path(name), _nothing, params=_version(version))
+
+
+def unsure() -> Call[list[UnsurePicture]]:
+    return Call("GET", "/v1/unsure", reader(list[UnsurePicture]))
+
+
+def unsure_picture(picture: UnsurePicture) -> Call[bytes]:
+    return Call("GET", f"/v1/unsure/{picture.id}", lambda response: response.content)
+
+
+def drop_unsure(picture: UnsurePicture) -> Call[None]:
+    return Call("DELETE", f"/v1/unsure/{picture.id}", _nothing)
+
+
 def ready() -> Call[None]:
     return Call("GET", "/readyz", _nothing)
 
@@ -218,6 +265,16 @@ def _job_path(job: JobOrId) -> str:
     if not isinstance(job_id, str) or not job_id:
         raise InvalidArgument("job", f"{job!r} is neither a job nor the id of one")
     return f"/v1/jobs/{quote(job_id, safe='')}"
+
+
+def _network_path(name: str) -> str:
+    if not isinstance(name, str) or not name:
+        raise InvalidArgument("name", f"{name!r} is no name of a network")
+    return f"/v1/models/{quote(name, safe='')}"
+
+
+def _version(version: int | None) -> dict[str, int]:
+    return {} if version is None else {"version": version}
 
 
 def wait_params(wait: float) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""A shipped network back to one that can be trained further, when its checkpoint is gone."""
+"""A shipped network back to one that can be trained further, when its checkpoint is gone, and into its file again."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 
 
-def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor]) -> int:
+def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor] | None = None) -> int:
     """Give ``network`` the weights of its own exported ``file``; returns how many convolutions were taken.
 
     The exporter folds each batch normalization into the convolution before it. Here the folded weights go back
     into the convolution, and the normalization gets the statistics that ``pictures`` (normalized, (B, 3, H, W))
-    produce and the scale and shift that undo them: the same function, in training mode too.
+    produce and the scale and shift that undo them: the same function, in training mode too. Without ``pictures`` the
+    statistics are 0 and 1: the same function in evaluation mode alone.
 
     Raises ValueError when the file is of another network.
     """
@@ -35,8 +36,45 @@ def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor]) -> int:
             _set(conv, name, weights, biases if name not in pairs else {})
     for name, norm in pairs.items():
         _pass_through(norm, biases[f"{name}.weight"])
-    _calibrate(network, pairs, pictures)
+    if pictures is not None:
+        _calibrate(network, pairs, pictures)
     return len(weights)
+
+
+def refold(file: Path, network: nn.Module, share: float = 1.0) -> bytes:
+    """The exported ``file`` of the same network with the weights of ``network``, each normalization folded into the
+    convolution before it; ``share`` of them, the rest stays as it is in the file.
+
+    Raises ValueError when the file is of another network.
+    """
+    model = onnx.load(file)
+    pairs, convolutions = _normalized(network), _convolutions(network)
+    places = {i.name: i for i in model.graph.initializer}
+    for node in model.graph.node:
+        if node.op_type != "Conv":
+            continue
+        name = node.input[1].removesuffix(".weight")
+        if name not in convolutions:
+            raise ValueError(f"the network has no {name}")
+        for place, new in zip(node.input[1:], _folded(convolutions[name], pairs.get(name)), strict=False):
+            old = numpy_helper.to_array(places[place])
+            if old.shape != tuple(new.shape):
+                raise ValueError(f"{name} is {tuple(new.shape)} in the network, {old.shape} in the file")
+            mixed = old + share * (new.detach().numpy() - old)
+            places[place].CopyFrom(numpy_helper.from_array(mixed.astype(old.dtype), place))
+    written: bytes = model.SerializeToString()
+    return written
+
+
+def _folded(conv: nn.Conv2d, norm: nn.BatchNorm2d | None) -> tuple[Tensor, Tensor]:
+    """Weight and bias that do what both do one after the other."""
+    bias = conv.bias if conv.bias is not None else torch.zeros(conv.out_channels)
+    if norm is None:
+        return conv.weight, bias
+    assert norm.running_mean is not None
+    assert norm.running_var is not None
+    scale = norm.weight / (norm.running_var + norm.eps).sqrt()
+    return conv.weight * scale[:, None, None, None], norm.bias + (bias - norm.running_mean) * scale
 
 
 def _convolutions(network: nn.Module) -> dict[str, nn.Conv2d]:

@@ -34,6 +34,13 @@ class Photograph:
     labels: ByteArray
     marked: FloatArray
 
+    def sample(self, rng: Rng, cut: Cut) -> tuple[ByteArray, ByteArray]:
+        """A cut (h, w, 3) and its labels (h, w); three times in four it is around a marked pixel, if there is one."""
+        at = None
+        if len(self.marked) and rng.random() < 0.75:
+            at = self.marked[rng.integers(len(self.marked))]
+        return cut_out(self.rgb, self.labels, cut, rng, at)
+
 
 @dataclass(frozen=True)
 class RealPictures:
@@ -44,12 +51,9 @@ class RealPictures:
 
     def sample(self, rng: Rng, cut: Cut) -> tuple[ByteArray, ByteArray]:
         """A cut (h, w, 3) and its labels (h, w); three times in four it is around a marked pixel, if there is one."""
-        photograph = self.photographs[rng.choice(len(self.photographs), p=self.chances)]
-        at = None
-        if len(photograph.marked) and rng.random() < 0.75:
-            at = photograph.marked[rng.integers(len(photograph.marked))]
+        drawn = self.photographs[rng.choice(len(self.photographs), p=self.chances)]
         # Photographs are at most 1280 px long; of smaller ones a smaller part is shrunk away.
-        return cut_out(photograph.rgb, photograph.labels, cut, rng, at)
+        return drawn.sample(rng, cut)
 
 
 def kept_aside(name: str) -> bool:
@@ -61,7 +65,7 @@ def load_labelled(folder: Path, aside: bool = False) -> RealPictures:
     """The labelled pictures of ``folder`` that train, or those kept aside. Raises ValueError when there is none."""
     return _weighted(
         [
-            _photograph(file, folder / "masks" / f"{file.stem}.png")
+            photograph(file, folder / "masks" / f"{file.stem}.png")
             for file in sorted((folder / "imgs").iterdir())
             if kept_aside(file.stem) == aside
         ]
@@ -70,10 +74,11 @@ def load_labelled(folder: Path, aside: bool = False) -> RealPictures:
 
 def load_empty(folder: Path, aside: bool = False) -> RealPictures:
     """The pictures without cables of ``folder`` that train, or those kept aside. Raises ValueError when none."""
-    return _weighted([_photograph(f, None) for f in sorted(folder.glob("*.jpg")) if kept_aside(f.stem) == aside])
+    return _weighted([photograph(f, None) for f in sorted(folder.glob("*.jpg")) if kept_aside(f.stem) == aside])
 
 
-def _photograph(file: Path, mask: Path | None) -> Photograph:
+def photograph(file: Path, mask: Path | None) -> Photograph:
+    """A picture with its mask, or without a cable. Raises ValueError when they do not fit or are none."""
     bgr = cv2.imread(str(file), cv2.IMREAD_COLOR)
     if bgr is None:
         raise ValueError(f"{file} is not a picture")
@@ -93,8 +98,8 @@ def _weighted(photographs: list[Photograph]) -> RealPictures:
     if not photographs:
         raise ValueError("there is no picture to train from")
     places: dict[str, int] = defaultdict(int)
-    for photograph in photographs:
-        places[photograph.name.split("_")[0]] += 1
+    for one in photographs:
+        places[one.name.split("_")[0]] += 1
     least = min(places.values())
     share = {place: min(count, _MOST_OF_A_PLACE * least) / count for place, count in places.items()}
     chances = np.array([share[p.name.split("_")[0]] for p in photographs])

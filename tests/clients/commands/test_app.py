@@ -8,6 +8,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from dlo_client.commands import network_commands  # noqa: F401  it registers its commands
 from dlo_client.commands.app import app
 from dlo_client.contracts import InstancesResult, JobPage, JobState
 from typer.testing import CliRunner, Result
@@ -160,6 +161,8 @@ def test_models_are_listed(dlo: Dlo) -> None:
         "yes",
         "31.0",
         "a" * 12,
+        "the",
+        "release",
         "iou",
         "0.61",
     ]

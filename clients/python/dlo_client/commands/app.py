@@ -22,7 +22,6 @@ from dlo_client.commands.printing import (
     print_instances,
     print_job_as_json,
     print_jobs,
-    print_networks,
     print_segment,
 )
 from dlo_client.commands.saving import save, stems
@@ -123,13 +122,6 @@ def jobs(
     """List recent jobs, newest first."""
     client: Client = context.obj
     print_jobs(list(islice(client.jobs(state=state, kind=kind, page_size=min(limit, 100)), limit)))
-
-
-@app.command()
-def models(context: typer.Context) -> None:
-    """List the networks of the service; warm ones are loaded before the first job."""
-    client: Client = context.obj
-    print_networks(client.networks())
 
 
 @app.command()

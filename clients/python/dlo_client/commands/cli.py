@@ -11,12 +11,16 @@ _MISSING = """The dlo command needs its extra: pip install "dlo-client[cli]"
 def main() -> None:
     try:
         from dlo_client.commands import (  # noqa: F401  they register their commands
+            adapt_commands,
             bridge_commands,
             calibration_commands,
             harness_commands,
             label_studio_commands,
             labelling_commands,
+            network_commands,
             reconstruction_commands,
+            record_commands,
+            review_commands,
             shape_commands,
         )
         from dlo_client.commands.app import app

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from dlo_client.client import Client
 from dlo_client.commands.app import app, readable
+from dlo_client.commands.labelling_formats import Format, Tool
 from dlo_client.commands.labelling_progress import shown_progress
 from dlo_client.commands.printing import print_error
 from dlo_client.connection import CONNECTION, Connection
@@ -37,27 +38,6 @@ if TYPE_CHECKING:
 _NEEDS_EXTRA = 'formats need the extra: pip install "dlo-client[label]" (not found: {name})'
 
 Folder = Annotated[Path, typer.Argument(metavar="OUT", help="The folder that `dlo label` filled.")]
-
-
-class Format(StrEnum):
-    """What labels can be written as."""
-
-    COCO = "coco"
-    COCO_POLYGONS = "coco-polygons"
-    YOLO = "yolo"
-    CVAT = "cvat"
-    LABEL_STUDIO = "label-studio"
-    PNG = "png"
-    JSON = "json"
-
-
-class Tool(StrEnum):
-    """Where corrections can come from."""
-
-    COCO = "coco"
-    CVAT = "cvat"
-    LABEL_STUDIO = "label-studio"
-    JSON = "json"
 
 
 class Frames(StrEnum):
@@ -85,7 +65,7 @@ def label(
     connection: Connection = context.meta[CONNECTION]
     request = InstancesRequest(method=method, threshold=threshold, files=[], timeout_s=600)
     options = LabelOptions(request, at_once=at_once, retry_failed=retry_failed)
-    with _readable():
+    with readable_labels():
         pictures = find_pictures(source, skip=out)
         with shown_progress() as progress:
             try:
@@ -110,7 +90,7 @@ def label_export(
     ] = None,
 ) -> None:
     """Write the labels of a folder for other tools; corrections go before the service's own."""
-    with _readable():
+    with readable_labels():
         _write(folder, formats, pictures)
 
 
@@ -126,7 +106,7 @@ def label_import(
     frames: Annotated[Frames, typer.Option(help="How frames of a video are found.")] = Frames.BY_NAME,
 ) -> None:
     """Take corrections back from a labelling tool and say what they changed, and what was left out."""
-    with _readable():
+    with readable_labels():
         from dlo_client.labelling.corrections import take_corrections
         from dlo_client.labelling.formats import READERS, Wanted
 
@@ -149,7 +129,7 @@ def label_dataset(
     everything: Annotated[bool, typer.Option("--all", help="Also labels that nobody corrected.")] = False,
 ) -> None:
     """Pictures with corrected labels as a training set that the service's training can mix in."""
-    with _readable():
+    with readable_labels():
         from dlo_client.labelling.training_set import export_training_set
 
         with LabelStore(folder) as store:
@@ -174,7 +154,7 @@ def label_tracked(
 ) -> None:
     """Label pictures from known poses with one stroke of a tracked pen a cable."""
     client: Client = context.obj
-    with _readable():
+    with readable_labels():
         views = TypeAdapter(list[CameraView]).validate_json(_text(cameras))
         marked = TypeAdapter(list[Stroke]).validate_json(_text(strokes))
         if len(views) != len(images):
@@ -254,7 +234,7 @@ def _print(lines: Iterable[str]) -> None:
 
 
 @contextmanager
-def _readable() -> Iterator[None]:
+def readable_labels() -> Iterator[None]:
     """Errors of this area too as one line and exit code 1."""
     try:
         with readable():

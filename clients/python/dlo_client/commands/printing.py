@@ -70,7 +70,7 @@ def print_jobs(jobs: Iterable[AnyJob]) -> None:
 
 
 def print_networks(networks: Iterable[NetworkInfo]) -> None:
-    table = _table(["name", "version", "task", "default", "warm", "MB", "sha256", "metrics"], right=[5])
+    table = _table(["name", "version", "task", "default", "warm", "MB", "sha256", "from", "metrics"], right=[5])
     for network in networks:
         table.add_row(
             network.name,
@@ -80,7 +80,23 @@ def print_networks(networks: Iterable[NetworkInfo]) -> None:
             "yes" if network.warm else "",
             f"{network.bytes / 1e6:.1f}",
             network.sha256[:12],
+            "the release" if network.shipped else network.parent or "a file",
             ", ".join(f"{name} {value:.3g}" for name, value in network.metrics.items()),
+        )
+    _console().print(table)
+
+
+def print_versions(network: NetworkInfo) -> None:
+    """The one that the name stands for is marked."""
+    table = _table(["version", "", "stored", "sha256", "from", "metrics"], right=[0])
+    for one in network.versions:
+        table.add_row(
+            str(one.version),
+            "in service" if str(one.version) == network.version else "",
+            f"{one.created_at:%Y-%m-%d %H:%M}",
+            one.sha256[:12],
+            one.parent or "a file",
+            ", ".join(f"{name} {value:.3g}" for name, value in one.metrics.items()),
         )
     _console().print(table)
 

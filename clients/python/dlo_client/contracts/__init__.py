@@ -1,5 +1,6 @@
 """What travels: the one definition that the service, the workers and the SDK share."""
 
+from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult, LabelsInfo
 from dlo_client.contracts.base import Contract, Point, Probability
 from dlo_client.contracts.cameras import CameraInfo, CameraPose, CameraView, PinholeIntrinsics, Pose
 from dlo_client.contracts.images import BlobId, ImageInfo, ImagePart, ImageRef, ImageSource
@@ -11,7 +12,6 @@ from dlo_client.contracts.jobs import (
     JobEvent,
     JobPage,
     JobState,
-    NetworkInfo,
     Problem,
 )
 from dlo_client.contracts.labelling import (
@@ -39,6 +39,14 @@ from dlo_client.contracts.methods import (
     InstanceMethod,
     RtDloParams,
     SectionMatchingParams,
+)
+from dlo_client.contracts.networks import (
+    ImportNetworkRequest,
+    ImportNetworkResult,
+    NetworkCard,
+    NetworkInfo,
+    NetworkVersion,
+    UploadRef,
 )
 from dlo_client.contracts.objects import (
     Crossing,
@@ -100,6 +108,8 @@ from dlo_client.contracts.topology import (
 )
 
 __all__ = [
+    "AdaptRequest",
+    "AdaptResult",
     "AnyJob",
     "AnyRequest",
     "AnyResult",
@@ -136,6 +146,8 @@ __all__ = [
     "ImagePart",
     "ImageRef",
     "ImageSource",
+    "ImportNetworkRequest",
+    "ImportNetworkResult",
     "Instance",
     "InstanceMethod",
     "InstancesRequest",
@@ -148,12 +160,15 @@ __all__ = [
     "JobState",
     "LabelTrackedRequest",
     "LabelTrackedResult",
+    "LabelsInfo",
     "MaskRLE",
     "MergeCurvesRequest",
     "MergeCurvesResult",
     "ModelUsed",
     "MoveAction",
+    "NetworkCard",
     "NetworkInfo",
+    "NetworkVersion",
     "NextView",
     "NextViewRequest",
     "NextViewResult",
@@ -193,5 +208,6 @@ __all__ = [
     "TopologyResult",
     "TrackedInstance",
     "TrackedLabels",
+    "UploadRef",
     "ViewOutcome",
 ]

@@ -13,7 +13,7 @@ from dlo_client.contracts.frames import RobotPoses
 from dlo_client.contracts.images import BlobId
 from dlo_client.contracts.recipes import RecipeUsed
 from dlo_client.contracts.requests import AnyResult, JobKind
-from dlo_client.contracts.submission import Priority
+from dlo_client.contracts.submission import Queue
 
 
 class JobState(StrEnum):
@@ -69,7 +69,7 @@ class Job(Reply, Generic[ResultT]):
     kind: JobKind = Field(description="of its request")
     state: JobState = Field(description="`queued`, `running`, or how it ended: `succeeded`, `failed`, `cancelled`")
     progress: Probability = Field(description="share of the work that is done")
-    priority: Priority = Field(description="of its request: `interactive` goes first")
+    priority: Queue = Field(description="queue: `interactive` goes before `batch`; `training` has its own workers")
     label: str | None = Field(default=None, description="as in the request")
     attempts: int = Field(default=0, description="times a worker has taken it up")
     created_at: datetime = Field(description="accepted by the service")
@@ -100,23 +100,3 @@ class JobEvent(Reply):
     id: str = Field(description="for `Last-Event-ID`, to resume after it")
     state: JobState = Field(description="of the job, from this event on")
     progress: Probability = Field(description="share of the work that is done")
-
-
-class NetworkInfo(Reply):
-    """A network of the manifest, as ``GET /v1/models`` shows it."""
-
-    name: str = Field(description="what a request's `model` names")
-    version: str = Field(description="of the network")
-    task: str = Field(description="what it is for: `foreground`, `links`, …")
-    default: bool = Field(description="taken for its task when a request names none")
-    warm: bool = Field(
-        default=True,
-        description="loaded before a worker takes jobs; others are loaded by the first job that names them",
-    )
-    sha256: str = Field(description="of its file")
-    bytes: int = Field(description="size of its file, bytes")
-    parameters: int = Field(description="how many numbers were trained")
-    input: str = Field(description="layout, size and normalization in words")
-    origin: str = Field(description="how it was made")
-    license: str = Field(description="of its weights")
-    metrics: dict[str, float] = Field(default_factory=dict, description="measured by the one who trained it, by name")

@@ -13,8 +13,9 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from dlo_client.contracts.base import Contract, Numbers, Reply, Taken
+from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
 from dlo_client.contracts.images import ImageSource
-from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.submission import JobRequest, ModelUsed
 
 FARTHEST_M = 1e3
 Meters = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
@@ -215,11 +216,12 @@ class PlanShapeResult(Reply):
     converged: bool = Field(description="the state is within the tolerance of the target")
     parameters: UsedParameters = Field(description="what the DLO was taken to be made of")
     valid_for_s: float = Field(description="counted from the job's `ended_at`; then look again")
+    reference: ReferencesUsed = Field(default_factory=list)
     warnings: list[PlanWarning] = Field(description="what limits the plan")
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class PlanShapeRequest(JobRequest[PlanShapeResult]):
+class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
     """State and target to the pick-and-place that brings the DLO closest to the target.
 
     The state is given as points, or as a picture of the table with the homography that takes its pixels to the table;
@@ -234,8 +236,6 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
     homography: Annotated[tuple[Row3, Row3, Row3] | None, Numbers] = Field(
         default=None, description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters"
     )
-    model: ModelName | None = Field(default=None, description="foreground network for the picture")
-    effort: Effort = "normal"
     target_m: Shape = Field(description="the DLO as it should be, the same end first")
     object: DloObject = Field(description="what is known of the DLO")
     parameters: RopeParameters | None = Field(default=None, description="default: estimated from the history")
@@ -261,8 +261,9 @@ class PlanShapeRequest(JobRequest[PlanShapeResult]):
             raise ValueError("`state_m` and a picture exclude each other")
         if self.state_m is None and self.homography is None:
             raise ValueError("`state_m` is missing; or give an image and its homography")
-        if self.state_m is not None and self.model is not None:
-            raise ValueError("`model` has no meaning beside state_m: there is no picture")
+        given = self.of_a_network or ("regions" if self.regions else None)
+        if self.state_m is not None and given:
+            raise ValueError(f"`{given}` has no meaning beside state_m: there is no picture")
         return self
 
     @model_validator(mode="after")

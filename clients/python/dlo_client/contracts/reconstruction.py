@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Point, Probability, Reply
 from dlo_client.contracts.cameras import AnyIntrinsics, CameraPose, CameraView, Pose
-from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
+from dlo_client.contracts.submission import JobRequest, ModelUsed
 
 Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
@@ -144,11 +145,12 @@ class ReconstructResult(Reply):
     overlap: Probability | None = Field(default=None, description="share of the curve that `previous` covers")
     ends: tuple[CurveEnd, CurveEnd] = Field(description="of `curve`, at its first and its last point")
     next_view: NextView | None = Field(description="None if no pose within the limits sees the DLO")
+    reference: ReferencesUsed = Field(default_factory=list)
     warnings: list[str] = Field(description="what limits the curve")
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class ReconstructRequest(JobRequest[ReconstructResult]):
+class ReconstructRequest(ForegroundOptions, JobRequest[ReconstructResult]):
     """Pictures from known poses to the 3D curves of the DLOs they show.
 
     ``spline_bundle`` takes any poses; ``dlo3ds`` is the published method, for a camera that slides along its x axis.
@@ -161,8 +163,6 @@ class ReconstructRequest(JobRequest[ReconstructResult]):
     method: ReconstructMethod = Field(
         default="spline_bundle", description="`spline_bundle` takes any poses, `dlo3ds` a slide along x"
     )
-    model: ModelName | None = Field(default=None, description="foreground network; default the best one")
-    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own")
     points: int = Field(default=60, ge=4, le=1000, description="how many points a curve has")
     files: list[ReconstructFile] = Field(
@@ -176,6 +176,8 @@ class ReconstructRequest(JobRequest[ReconstructResult]):
             raise ValueError("`views` were all taken from the same place: depth needs a camera that has moved")
         if self.target is not None and self.target.view >= len(self.views):
             raise ValueError(f"`target` names view {self.target.view}, but there are {len(self.views)} views")
+        if self.reference and len(self.reference) != len(self.views):
+            raise ValueError(f"`reference` has {len(self.reference)} pictures for {len(self.views)} views: one a view")
         return self
 
 

@@ -9,7 +9,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult
 from dlo_client.contracts.base import Probability, Reply
+from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
 from dlo_client.contracts.images import ImageSource, PictureWarnings
 from dlo_client.contracts.labelling import LabelTrackedRequest, LabelTrackedResult
 from dlo_client.contracts.manipulation import (
@@ -19,6 +21,7 @@ from dlo_client.contracts.manipulation import (
     PlanShapeResult,
 )
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
+from dlo_client.contracts.networks import ImportNetworkRequest, ImportNetworkResult
 from dlo_client.contracts.objects import Crossing, Instance, SceneStatus
 from dlo_client.contracts.reconstruction import (
     MergeCurvesRequest,
@@ -28,7 +31,7 @@ from dlo_client.contracts.reconstruction import (
     ReconstructRequest,
     ReconstructResult,
 )
-from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.submission import JobRequest, ModelUsed
 from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult, TopologyRequest, TopologyResult
 
 
@@ -50,17 +53,16 @@ class SegmentResult(Reply):
     height: int = Field(description="of the upright picture, pixels")
     coverage: Probability = Field(description="share of pixels at or above the threshold")
     threshold: Probability = Field(description="from which a pixel counts as foreground")
+    reference: ReferencesUsed = Field(default_factory=list)
     warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class SegmentRequest(JobRequest[SegmentResult]):
+class SegmentRequest(ForegroundOptions, JobRequest[SegmentResult]):
     """Picture to foreground probability."""
 
     kind: Literal["segment"] = Field(default="segment", description="of the job")
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
-    model: ModelName | None = Field(default=None, description="name in /v1/models; default the best one")
-    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own")
 
 
@@ -76,11 +78,12 @@ class InstancesResult(Reply):
     instances: list[Instance] = Field(description="every DLO, ids from 1 in order")
     crossings: list[Crossing] = Field(description="where DLOs cross each other or themselves")
     status: SceneStatus = Field(description="whether the answer can be relied on")
+    reference: ReferencesUsed = Field(default_factory=list)
     warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class InstancesRequest(JobRequest[InstancesResult]):
+class InstancesRequest(ForegroundOptions, JobRequest[InstancesResult]):
     """Picture, or foreground mask, to DLO instances.
 
     With ``image`` alone the foreground network makes the mask, unless the picture is one (two values) and no
@@ -92,10 +95,13 @@ class InstancesRequest(JobRequest[InstancesResult]):
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     mask: ImageSource | None = Field(default=None, description="or a `mask` part")
     method: InstanceMethod = Field(default=DEFAULT_METHOD, description="how instances are told apart")
-    model: ModelName | None = Field(default=None, description="foreground network; default the best one")
-    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
     params: MethodParams | None = Field(default=None, description="those of `method`")
+    keep_if_unsure: bool = Field(
+        default=False,
+        description="the service may keep the picture, for its owner alone, if it is among those that it is least sure "
+        "of: `GET /v1/unsure`, `dlo review`",
+    )
     points_per_instance: int | None = Field(
         default=None, ge=2, le=2000, description="default: one point about every 5 px"
     )
@@ -123,8 +129,8 @@ class InstancesRequest(JobRequest[InstancesResult]):
 
     @model_validator(mode="after")
     def _one_foreground(self) -> InstancesRequest:
-        if self.mask is not None and self.model is not None:
-            raise ValueError("`model` has no meaning beside `mask`: the mask is the foreground")
+        if self.mask is not None and self.of_a_network:
+            raise ValueError(f"`{self.of_a_network}` has no meaning beside `mask`: the mask is the foreground")
         return self
 
 
@@ -139,7 +145,9 @@ AnyRequest = Annotated[
     | DisentangleRequest
     | PlanShapeRequest
     | EstimateParametersRequest
-    | LabelTrackedRequest,
+    | LabelTrackedRequest
+    | ImportNetworkRequest
+    | AdaptRequest,
     Field(discriminator="kind"),
 ]
 AnyResult = Annotated[
@@ -153,7 +161,9 @@ AnyResult = Annotated[
     | DisentangleResult
     | PlanShapeResult
     | EstimateParametersResult
-    | LabelTrackedResult,
+    | LabelTrackedResult
+    | ImportNetworkResult
+    | AdaptResult,
     Field(discriminator="kind"),
 ]
 JobKind = Literal[
@@ -168,4 +178,6 @@ JobKind = Literal[
     "plan_shape",
     "estimate_parameters",
     "label_tracked",
+    "import_network",
+    "adapt",
 ]

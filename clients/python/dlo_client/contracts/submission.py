@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Generic, Literal, Self
+from typing import Generic, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -10,14 +10,7 @@ from dlo_client.contracts.base import Contract, Reply, ResultT
 from dlo_client.contracts.frames import Output
 
 Priority = Literal["interactive", "batch"]
-Effort = Annotated[
-    Literal["fast", "normal", "thorough"],
-    Field(
-        description="how hard the foreground is looked for: `fast` takes the 8-bit network; `normal` looks again, "
-        "closer, where strands are thin in a large picture; `thorough` sees the picture at two sizes and mirrored"
-    ),
-]
-ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$")]
+Queue = Literal["interactive", "batch", "training"]
 
 
 class JobRequest(Contract, Generic[ResultT]):
@@ -41,6 +34,11 @@ class JobRequest(Contract, Generic[ResultT]):
         if self.output is not None:
             self.output.check_fits(str(getattr(self, "kind", "")), in_space=getattr(self, "depth", None) is not None)
         return self
+
+    @property
+    def queue(self) -> Queue:
+        """That its job waits in."""
+        return self.priority
 
     @property
     def needs_picture(self) -> bool:

@@ -10,8 +10,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Point, Probability, Reply, Taken
+from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
 from dlo_client.contracts.images import ImageSource, PictureWarnings
-from dlo_client.contracts.submission import Effort, JobRequest, ModelName, ModelUsed
+from dlo_client.contracts.submission import JobRequest, ModelUsed
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 LengthUnit = Literal["px", "mm", "cm", "m", "in"]
@@ -174,17 +175,16 @@ class TopologyResult(Reply):
     branch_points: list[BranchPoint] = Field(description="ids from 1 in order")
     crossings: list[SectionCrossing] = Field(description="ids from 1 in order")
     match: DrawingMatch | None = Field(default=None, description="against the drawing, when one was given")
+    reference: ReferencesUsed = Field(default_factory=list)
     warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class _HarnessSource(Contract):
+class _HarnessSource(ForegroundOptions):
     """Where the foreground comes from, and what else is seen."""
 
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     mask: ImageSource | None = Field(default=None, description="or a `mask` part; what is not background is DLO")
-    model: ModelName | None = Field(default=None, description="foreground network; default the best one")
-    effort: Effort = "normal"
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
     depth: ImageSource | None = Field(
         default=None, description="16-bit gray, millimeters to the camera, 0 unknown, of the picture's size"
@@ -193,8 +193,8 @@ class _HarnessSource(Contract):
 
     @model_validator(mode="after")
     def _one_foreground(self) -> _HarnessSource:
-        if self.mask is not None and self.model is not None:
-            raise ValueError("`model` has no meaning beside `mask`: the mask is the foreground")
+        if self.mask is not None and self.of_a_network:
+            raise ValueError(f"`{self.of_a_network}` has no meaning beside `mask`: the mask is the foreground")
         return self
 
 
@@ -313,6 +313,7 @@ class DisentangleResult(Reply):
     message: str = Field(description="the status in words")
     actions: list[DisentangleAction] = Field(description="best first")
     topology: TopologyResult | None = Field(description="what was seen, when a picture was given")
+    reference: ReferencesUsed = Field(default_factory=list)
     warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
@@ -338,6 +339,7 @@ class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
             raise ValueError("`arms` needs two bases or more: one arm holds, the other moves")
         if len({a.name for a in self.arms}) < len(self.arms):
             raise ValueError("`arms`: two have the same name")
-        if self.topology is not None and (self.mask or self.depth or self.points or self.model):
+        seen = self.mask or self.depth or self.points or self.regions or self.of_a_network
+        if self.topology is not None and seen:
             raise ValueError("`topology` already says what is there: only an `image` to draw on may stand beside it")
         return self

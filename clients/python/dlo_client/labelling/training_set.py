@@ -13,15 +13,16 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from PIL import Image, ImageOps
+from PIL import Image
 
 from dlo_client.labelling.corrections import corrected_file
 from dlo_client.labelling.formats.exchange import FormatError
 from dlo_client.labelling.formats.indexed_png import ids_of
 from dlo_client.labelling.formats.names import stem_and_suffix, told_apart
 from dlo_client.labelling.labels import PictureLabel
-from dlo_client.labelling.sources import PictureUnreadable, SourcePicture, read_still
+from dlo_client.labelling.sources import PictureUnreadable, SourcePicture
 from dlo_client.labelling.store import LabelStore, StoreError, read_label, write_whole
+from dlo_client.labelling.upright import upright
 
 INDEX = "index.jsonl"
 
@@ -60,14 +61,7 @@ def export_training_set(
 
 
 def _write(folder: Path, flat: str, label: PictureLabel, picture: SourcePicture | None) -> None:
-    if picture is None:
-        raise PictureUnreadable("the picture is no longer in the source")
-    try:
-        image = ImageOps.exif_transpose(Image.open(io.BytesIO(read_still(picture)[0]))).convert("RGB")
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise PictureUnreadable(f"cannot be decoded: {error}") from error
-    if image.size != (label.width, label.height):
-        raise PictureUnreadable(f"is {image.width}×{image.height} now, its label {label.width}×{label.height}")
+    image = upright(picture, label)
     for suffix, pixels in (("_ids.png", Image.fromarray(ids_of(label), "L")), (".png", image)):
         buffer = io.BytesIO()
         pixels.save(buffer, "PNG")

@@ -1,0 +1,84 @@
+"""How much of what was learnt is kept, and whether the network is to be had at all.
+
+Strategy: weights between the parent's and the adapted ones give networks between them: most of what was learnt with
+little of what is forgotten. Of a few such mixtures the one is taken that is best on the pictures kept aside less what
+it loses on renders. It is accepted only when it is no worse than its parent on the former and hardly on the latter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array
+from models.training.foreground.augmentation import UNKNOWN
+from models.training.foreground.real_pictures import Photograph
+
+SHARES = (1.0, 0.8, 0.65, 0.5, 0.35)
+MOST_FORGOTTEN = 1.0
+"""Points of Dice on renders."""
+_SMOOTH = 1e-3
+"""Share of a picture's pixels that Dice adds to both sides: without a cable few false pixels cost little."""
+
+Probability = Callable[[ByteArray], Float32Array]
+"""(H, W, 3) RGB to (H, W) probability of cable."""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Dice in percent: of each picture ``aside``, and the mean over the ``general`` renders."""
+
+    aside: tuple[float, ...]
+    general: float
+
+    @property
+    def mean(self) -> float:
+        return float(np.mean(self.aside))
+
+
+@dataclass(frozen=True)
+class Exam:
+    """What networks are measured on."""
+
+    aside: Sequence[Photograph]
+    general: Sequence[tuple[ByteArray, BoolArray]]
+    threshold: float
+
+    def scores(self, probability: Probability) -> Scores:
+        aside = [dice(self.found(probability, p.rgb), p.labels == 255, p.labels != UNKNOWN) for p in self.aside]
+        general = [dice(self.found(probability, rgb), mask) for rgb, mask in self.general]
+        return Scores(tuple(aside), float(np.mean(general)))
+
+    def found(self, probability: Probability, rgb: ByteArray) -> BoolArray:
+        return np.asarray(probability(rgb) >= self.threshold)
+
+
+def dice(found: BoolArray, true: BoolArray, known: BoolArray | None = None) -> float:
+    """In percent, over the pixels where one can tell."""
+    if known is not None:
+        found, true = found & known, true & known
+    smooth = _SMOOTH * found.size
+    both, total = np.count_nonzero(found & true), np.count_nonzero(found) + np.count_nonzero(true)
+    return float(100 * (2 * both + smooth) / (total + smooth))
+
+
+def best(before: Scores, mixtures: dict[float, Scores]) -> float:
+    """The share of the learnt weights to keep; of equals the smallest."""
+
+    def gain(share: float) -> float:
+        scores = mixtures[share]
+        return round(scores.mean - max(before.general - scores.general, 0.0), 2)
+
+    return max(sorted(mixtures), key=gain)
+
+
+def refusal(before: Scores, after: Scores) -> str | None:
+    """Why the network must not be used; None if it may."""
+    if after.mean < before.mean:
+        return f"Dice on the pictures kept aside falls from {before.mean:.1f} to {after.mean:.1f}"
+    lost = before.general - after.general
+    if lost > MOST_FORGOTTEN:
+        return f"it forgets: Dice on the general set falls by {lost:.1f}, more than {MOST_FORGOTTEN:g}"
+    return None

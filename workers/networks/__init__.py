@@ -1,0 +1,1 @@
+"""Networks that users adapt or bring: their file, and where they are kept. Imports nothing that computes."""
