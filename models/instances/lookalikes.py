@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.sampling import read_nearest
 from models.instances.confidence import SURE
-from models.instances.scene import Crossing, Instance, Reason, Scene
+from models.instances.scene import Crossing, Instance, Scene
 
 COEFFICIENTS = Path(__file__).with_name("lookalikes.toml")
 _POINTS = 80
@@ -58,29 +58,19 @@ class Likeness(NamedTuple):
         return np.stack(self, axis=1)
 
 
-SCORE = ("one", "method", "cable")
-"""What the final score is made of: the log odds of the method's score and of being a cable."""
-
-
 @dataclass(frozen=True)
 class Calibration:
-    """``cable``: weights of :class:`Likeness`; ``least``: the probability below which an instance is left out;
-    ``score``: weights of :data:`SCORE`."""
+    """``weights`` of :class:`Likeness`; ``least``: the probability below which an instance is left out."""
 
-    cable: FloatArray
+    weights: FloatArray
     least: float
-    score: FloatArray
-
-
-_PARTS = {"cable": Likeness._fields, "score": SCORE}
 
 
 @cache
 def calibration() -> Calibration:
     """The shipped one."""
     table = tomllib.loads(COEFFICIENTS.read_text())
-    cable, score = (np.array([table[part][n] for n in names]) for part, names in _PARTS.items())
-    return Calibration(cable, table["least"], score)
+    return Calibration(np.array([table["weights"][name] for name in Likeness._fields]), table["least"])
 
 
 def without_lookalikes(
@@ -90,21 +80,15 @@ def without_lookalikes(
     if not scene.instances:
         return scene
     rule = rule or calibration()
-    cable = chance(likeness(scene, probability, mask, image).rows(), rule.cable)
-    scores = chance(score_rows(np.array([i.score for i in scene.instances]), cable), rule.score)
-    pairs = zip(scene.instances, scores.tolist(), cable.tolist(), strict=True)
-    return _only(replace(scene, instances=tuple(_rated(*pair) for pair in pairs)), cable >= rule.least)
+    cable = chance(likeness(scene, probability, mask, image).rows(), rule.weights)
+    rated = tuple(_rated(i, c) for i, c in zip(scene.instances, cable.tolist(), strict=True))
+    return _only(replace(scene, instances=rated), cable >= rule.least)
 
 
 def chance(rows: FloatArray, weights: FloatArray) -> FloatArray:
     """``(I,)`` probability of ``(I, f)`` rows of evidence."""
     out: FloatArray = 1 / (1 + np.exp(-np.clip(rows @ weights, -30, 30)))
     return out
-
-
-def score_rows(method: FloatArray, cable: FloatArray) -> FloatArray:
-    """``(I, 3)`` of :data:`SCORE`, of the method's scores (I,) and the probabilities (I,) to be a cable."""
-    return np.stack((np.ones(len(cable)), _odds(method), _odds(cable)), axis=1)
 
 
 def likeness(scene: Scene, probability: Float32Array, mask: BoolArray, image: ByteArray) -> Likeness:
@@ -187,11 +171,11 @@ def _crossings(crossings: Sequence[Crossing], count: int) -> FloatArray:
     return np.bincount([k - 1 for both in of for k in both], minlength=count).astype(np.float64)
 
 
-def _rated(instance: Instance, score: float, cable: float) -> Instance:
-    if score >= SURE:
-        return replace(instance, score=score, reasons=())
-    lookalike: tuple[Reason, ...] = () if cable >= SURE else ("lookalike",)
-    return replace(instance, score=score, reasons=(*instance.reasons, *lookalike))
+def _rated(instance: Instance, cable: float) -> Instance:
+    """An instance is no surer to be one whole cable than to be a cable."""
+    if cable >= SURE:
+        return instance
+    return replace(instance, score=min(instance.score, cable), reasons=(*instance.reasons, "lookalike"))
 
 
 def _only(scene: Scene, kept: BoolArray) -> Scene:

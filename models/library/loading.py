@@ -37,6 +37,13 @@ def default(task: str) -> Network:
     return _loaded(inference.default_name(task))
 
 
+def foreground(name: str | None, eight_bit: bool) -> Network:
+    """The foreground network of this name, or the default one; its 8-bit form where that is asked for and there is one.
+    Raises ArgumentError."""
+    chosen = default("foreground") if name is None else named(name, "foreground", "model")
+    return _loaded(inference.eight_bit(chosen.spec.name)) if eight_bit else chosen
+
+
 @cache
 def _loaded(name: str) -> Network:
     return inference.load(name, _runtime)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array
+from models.instances.lookalikes import without_lookalikes
 from models.instances.methods import METHODS
 from models.instances.published.ariadne_plus import AriadnePlusParams
 from models.instances.published.fastdlo import FastDloParams
@@ -17,6 +19,7 @@ from models.instances.section_matching import SectionMatchingParams
 from models.library import arguments, loading
 from models.library.arguments import ArgumentError
 from models.segmentation import segment as foreground
+from models.segmentation.effort import PASSES, Effort, look
 from models.topology.evidence import judges_of
 from models.topology.extraction import extract
 from models.topology.order import depth_map
@@ -35,20 +38,24 @@ class Foreground:
     threshold: float
 
 
-def segment(picture: ArrayLike, *, model: str | None = None, threshold: float | None = None) -> Foreground:
+def segment(
+    picture: ArrayLike, *, model: str | None = None, threshold: float | None = None, effort: Effort = "normal"
+) -> Foreground:
     """The foreground of a picture (thesis chapter 2).
 
     ``picture``: ``(H, W, 3)`` uint8 RGB. ``model``: a network of the task ``foreground``. ``threshold``: 0 to 1; with
     one, the mask is the probability cut there; without, patches that are small or not certain are left out.
+    ``effort``: how hard to look, ``fast``, ``normal`` or ``thorough``.
 
     Raises ArgumentError.
     """
     image = arguments.picture(picture, "picture")
-    task = "foreground"
-    network = loading.default(task) if model is None else loading.named(model, task, "model")
+    if effort not in PASSES:
+        raise ArgumentError("effort", f"is {effort!r}; there are {', '.join(PASSES)}")
+    network = loading.foreground(model, PASSES[effort].eight_bit)
     settings = foreground.ForegroundInput.from_manifest(network.spec.preprocess)
     limit = None if threshold is None else arguments.number(threshold, "threshold", 0, 1)
-    probability = foreground.segment(image, network, settings)
+    probability = look(image, network, settings, effort)
     mask = foreground.foreground_mask(probability, settings, limit)
     return Foreground(probability, mask, settings.threshold if limit is None else limit)
 
@@ -61,12 +68,13 @@ def instances(
     params: MethodParams | None = None,
     model: str | None = None,
     threshold: float | None = None,
+    effort: Effort = "normal",
 ) -> Scene:
     """The DLOs of a picture, of a mask, or of a mask with the picture's colors.
 
     ``picture``: ``(H, W, 3)`` uint8 RGB. ``mask``: ``(H, W)`` bool, integers (not 0: foreground) or
-    probabilities; without it the foreground is found with ``model`` and ``threshold`` as in
-    :func:`segment`. ``params``: those of the ``method``.
+    probabilities; without it the foreground is found with ``model``, ``threshold`` and ``effort`` as
+    in :func:`segment`. ``params``: those of the ``method``.
 
     Raises ArgumentError.
     """
@@ -75,8 +83,12 @@ def instances(
     chosen = METHODS[method]
     if params is not None and type(params) is not chosen.params:
         raise ArgumentError("params", f"are {type(params).__name__}; {method} takes {chosen.params.__name__}")
-    seen, image = _seen(picture, mask, model, threshold)
-    return chosen.extract(seen, image, params or chosen.params(), [loading.default(task) for task in chosen.tasks])
+    seen, image = _seen(picture, mask, model, threshold, effort)
+    networks = [loading.default(task) for task in chosen.tasks]
+    scene = chosen.extract(seen.mask, image, params or chosen.params(), networks)
+    if mask is not None or image is None:
+        return scene
+    return without_lookalikes(scene, seen.probability, seen.mask, image)
 
 
 def topology(
@@ -86,15 +98,17 @@ def topology(
     depth_m: ArrayLike | None = None,
     model: str | None = None,
     threshold: float | None = None,
+    effort: Effort = "normal",
 ) -> Topology:
     """Sections, branch-points and crossings of wire harnesses (thesis chapter 6).
 
-    ``picture``, ``mask``, ``model`` and ``threshold`` as for :func:`instances`; ``depth_m``: ``(H, W)``
+    ``picture``, ``mask``, ``model``, ``threshold`` and ``effort`` as for :func:`instances`; ``depth_m``: ``(H, W)``
     meters to the camera, 0 or NaN where unknown: it shows which strand is on top.
 
     Raises ArgumentError.
     """
-    seen, image = _seen(picture, mask, model, threshold)
+    found, image = _seen(picture, mask, model, threshold, effort)
+    seen = found.mask
     surfaces = []
     if depth_m is not None:
         depth = arguments.depth(depth_m, "depth_m")
@@ -105,17 +119,17 @@ def topology(
 
 
 def _seen(
-    picture: ArrayLike | None, mask: ArrayLike | None, model: str | None, threshold: float | None
-) -> tuple[BoolArray, ByteArray | None]:
+    picture: ArrayLike | None, mask: ArrayLike | None, model: str | None, threshold: float | None, effort: Effort
+) -> tuple[Foreground, ByteArray | None]:
     """Foreground, and the picture if there is one."""
     if picture is None and mask is None:
         raise ArgumentError("picture", "or a mask is needed")
     image = None if picture is None else arguments.picture(picture, "picture")
     if mask is None:
         assert image is not None
-        return segment(image, model=model, threshold=threshold).mask, image
+        return segment(image, model=model, threshold=threshold, effort=effort), image
     limit = None if threshold is None else arguments.number(threshold, "threshold", 0, 1)
     given = arguments.mask(mask, "mask", limit)
     if image is not None:
         arguments.same_size(image, given, ("picture", "mask"))
-    return given, image
+    return Foreground(given.astype(np.float32), given, 0.5 if limit is None else limit), image

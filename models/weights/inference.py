@@ -112,6 +112,12 @@ def default_name(task: str) -> str:
     raise UnknownNetworkError(f"no default network for {task!r}")
 
 
+def eight_bit(name: str) -> str:
+    """Name of the 8-bit form of a network; its own where it has none."""
+    small = f"{name}_int8"
+    return small if small in manifest() else name
+
+
 def load(name: str, runtime: Runtime | None = None) -> Network:
     """Check the file of a shipped network against its SHA-256 and open it.
 

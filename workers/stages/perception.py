@@ -8,6 +8,7 @@ from dlo_client.contracts import ModelUsed
 from dlo_client.contracts.foreground import ForegroundOptions
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
 
+from models.instances.lookalikes import without_lookalikes
 from models.instances.scene import Scene
 from models.strands.stopwatch import Stopwatch
 from workers.stages.encoding import model_used
@@ -43,6 +44,9 @@ def perceive(
     extract, networks = extract_with(method, params, tools)
     with watch.step("instances"):
         scene = extract(foreground.cable, source.image)
+    if source.mask is None and source.image is not None:
+        with watch.step("lookalikes"):
+            scene = without_lookalikes(scene, foreground.probability, foreground.cable, source.image)
     models = [*foreground.models, *(model_used(network.spec) for network in networks)]
     timings = watch.timings_ms | {f"instances.{name}": ms for name, ms in scene.timings_ms.items()}
     return Perception(scene, foreground, models, timings)

@@ -8,7 +8,7 @@ are fitted; the figures are of the others. Writes ``lookalikes.toml``.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -22,7 +22,7 @@ import torch
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.sampling import read_nearest
 from models.instances import lookalikes
-from models.instances.lookalikes import SCORE, Likeness, chance, likeness, score_rows
+from models.instances.lookalikes import Likeness, chance, likeness
 from models.instances.section_matching import extract
 from models.segmentation.effort import look
 from models.segmentation.segment import ForegroundInput, foreground_mask
@@ -30,7 +30,7 @@ from models.synthesis.scenes import WORKSHOP, SceneParams, render_scene, to_uint
 from models.synthesis.textures import load_pool
 from models.training.foreground.augmentation import UNKNOWN
 from models.training.foreground.real_pictures import load_empty, load_labelled
-from models.training.instances.confidence import calibration_error, matched
+from models.training.instances.confidence import calibration_error
 from models.training.instances.logistic import fit_logistic
 from models.weights.inference import Network, Runtime, default_name, load
 
@@ -43,30 +43,25 @@ _WORKSHOP = replace(WORKSHOP, size=(360, 640), empty_share=0.25)
 
 
 class Labelled(NamedTuple):
-    """``image`` (H, W, 3); ``labels`` (H, W): 255 cable, 0 none, 128 cannot tell; ``ids`` (H, W) of the cables where
-    they are known one by one."""
+    """``image`` (H, W, 3); ``labels`` (H, W): 255 cable, 0 none, 128 cannot tell."""
 
     image: ByteArray
     labels: ByteArray
-    ids: ByteArray | None = None
 
 
 class Seen(NamedTuple):
     """Of the instances of one picture of which one can tell: ``rows`` (I, features), ``cable`` (I,) whether each is
-    one; ``scores`` (I,) of the method and ``right`` (I,) whether it is one whole cable, empty where that is unknown."""
+    one."""
 
     rows: FloatArray
     cable: BoolArray
-    scores: FloatArray
-    right: BoolArray
 
 
 def rendered(count: int, textures: Path | None) -> Iterator[Labelled]:
     pool = load_pool(textures)
     for k in range(count):
         scene = render_scene(np.random.default_rng([_SEED, k]), _WORKSHOP if k % 2 else _TABLE, pool)
-        ids = scene.ids.numpy().astype(np.uint8)
-        yield Labelled(to_uint8(scene.rgb), np.where(ids > 0, 255, 0).astype(np.uint8), ids)
+        yield Labelled(to_uint8(scene.rgb), np.where(scene.ids.numpy() > 0, 255, 0).astype(np.uint8))
 
 
 def photographed(labelled: Path | None, empty: Path | None) -> Iterator[Labelled]:
@@ -81,63 +76,41 @@ def observe(picture: Labelled, network: Network, settings: ForegroundInput) -> S
     mask = foreground_mask(probability, settings)
     scene = extract(mask, picture.image)
     if not scene.instances:
-        return Seen(np.zeros((0, len(Likeness._fields))), np.zeros(0, bool), np.zeros(0), np.zeros(0, bool))
+        return Seen(np.zeros((0, len(Likeness._fields))), np.zeros(0, bool))
     marked = cv2.dilate((picture.labels == 255).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     known = [read_nearest(picture.labels != UNKNOWN, i.centerline_xy) > 0 for i in scene.instances]
     on = [read_nearest(marked, i.centerline_xy)[k] for i, k in zip(scene.instances, known, strict=True)]
     told = np.array([k.mean() > 0.5 for k in known])
     cable = np.array([len(values) > 0 and values.mean() > 0.5 for values in on])
     rows = likeness(scene, probability, mask, picture.image).rows()
-    if picture.ids is None:
-        return Seen(rows[told], cable[told], np.zeros(0), np.zeros(0, bool))
-    scores = np.array([i.score for i in scene.instances])
-    return Seen(rows, cable, scores, matched(scene, picture.ids))
+    return Seen(rows[told], cable[told])
 
 
 def fit(seen: list[Seen]) -> dict[str, object]:
     """Weights, threshold and figures, as ``lookalikes.toml`` has them; the order of the pictures does not matter."""
     order = np.random.default_rng(_SEED).permutation(len(seen))
     cut = len(order) * 2 // 3
-    parts = [[seen[k] for k in part] for part in (order[:cut], order[cut:])]
-    fitted, held = map(_joined, parts)
-    cable = _weights(fitted.rows, fitted.cable)
-    least = float(np.quantile(chance(fitted.rows, cable)[fitted.cable], _LOST))
-    whole = [_joined([s for s in part if len(s.scores)]) for part in parts]
-    score = _weights(_score_rows(whole[0], cable), whole[0].right)
-    final = chance(_score_rows(whole[1], cable), score)
-    real = chance(held.rows, cable)
-    kept = chance(whole[1].rows, cable) >= least
+    fitted, held = (_joined([seen[k] for k in part]) for part in (order[:cut], order[cut:]))
+    scale = fitted.rows.std(axis=0)
+    scale[0] = 1.0  # the column of ones
+    weights = fit_logistic(fitted.rows / scale, fitted.cable, np.full(len(scale), _SHRINKAGE)) / scale
+    least = float(np.quantile(chance(fitted.rows, weights)[fitted.cable], _LOST))
+    real = chance(held.rows, weights)
     return {
         "least": round(least, 4),
-        "cable": _named(Likeness._fields, cable),
-        "score": _named(SCORE, score),
+        "weights": {name: round(float(w), 4) for name, w in zip(Likeness._fields, weights, strict=True)},
         "held_out": {
             "instances": len(held.cable),
             "cables": int(held.cable.sum()),
             "cables_left_out": round(float((real[held.cable] < least).mean()), 4),
             "others_left_out": round(float((real[~held.cable] < least).mean()), 4),
-            "calibration_error": round(calibration_error(final[kept], whole[1].right[kept]), 4),
-            "calibration_error_without": round(calibration_error(whole[1].scores[kept], whole[1].right[kept]), 4),
+            "calibration_error": round(calibration_error(real, held.cable), 4),
         },
     }
 
 
 def _joined(parts: list[Seen]) -> Seen:
     return Seen(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def _weights(rows: FloatArray, truth: BoolArray) -> FloatArray:
-    scale = rows.std(axis=0)
-    scale[0] = 1.0  # the column of ones
-    return np.asarray(fit_logistic(rows / scale, truth, np.full(len(scale), _SHRINKAGE)) / scale)
-
-
-def _score_rows(seen: Seen, cable: FloatArray) -> FloatArray:
-    return score_rows(seen.scores, chance(seen.rows, cable))
-
-
-def _named(names: Sequence[str], weights: FloatArray) -> dict[str, float]:
-    return {name: round(float(weight), 4) for name, weight in zip(names, weights, strict=True)}
 
 
 def main() -> None:
