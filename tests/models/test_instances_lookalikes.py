@@ -102,4 +102,4 @@ def test_the_fit_finds_what_tells_them_apart() -> None:
     assert isinstance(held, dict)
     assert held["others_left_out"] > 0.6
     assert held["cables_left_out"] < 0.15
-    assert held["calibration_error"] < 0.1
+    assert held["calibration_error"] < 0.2

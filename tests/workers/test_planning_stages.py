@@ -285,7 +285,7 @@ def test_a_picture_of_the_table_and_the_target_decides_the_order(tools, order):
     first, last = np.array(result.state_m[0]), np.array(result.state_m[-1])
     assert np.sign(last[0] - first[0]) == order
     assert sorted([first[0], last[0]]) == pytest.approx([-0.2, 0.2], abs=0.02)
-    assert "foreground_compact" in {m.name for m in result.models}
+    assert "foreground_compact_int8" in {m.name for m in result.models}
 
 
 @pytest.mark.parametrize(

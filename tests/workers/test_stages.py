@@ -51,7 +51,7 @@ def test_every_default_network_is_loaded_before_the_first_job(tmp_path):
     """Nine of fifteen were listed as loaded and were not; the first plan took the time of three loads."""
     fresh = stages.warm(Settings(data_dir=tmp_path, onnx_threads=1))
     defaults = {spec.name for spec in inference.manifest().values() if spec.default}
-    assert set(fresh.weights.loaded) == defaults
+    assert set(fresh.weights.loaded) == defaults | {inference.eight_bit(inference.default_name("foreground"))}
     assert {network.name: network.warm for network in fresh.networks} == {
         name: name in defaults for name in inference.manifest()
     }
@@ -182,10 +182,10 @@ def test_the_whole_chain_from_a_picture(tools, method, networks):
     outcome = stages.run(InstancesRequest(image=image, method=method), tools)
     assert outcome.result.width == 200
     assert outcome.result.height == 120
-    assert [m.name for m in outcome.result.models] == ["foreground_compact", *networks]
+    assert [m.name for m in outcome.result.models] == ["foreground_compact_int8", *networks]
 
 
-@pytest.mark.parametrize(("effort", "suffix"), [("fast", "_int8"), ("normal", ""), ("thorough", "")])
+@pytest.mark.parametrize(("effort", "suffix"), [("fast", "_int8"), ("normal", "_int8"), ("thorough", "")])
 def test_every_effort_finds_cables(tools, effort, suffix):
     image = put(tools, Image.open(SAMPLES / "plain.jpg"))
     result = stages.instances.run(InstancesRequest(image=image, effort=effort, files=[]), tools).result
@@ -245,7 +245,7 @@ def test_a_mask_sent_as_image_is_taken_as_one(tools):
 def test_a_named_network_looks_at_every_picture_as_a_photograph(tools):
     image = put(tools, Image.fromarray(crossing_mask()))
     result = stages.run(InstancesRequest(image=image, model="foreground_compact", files=[]), tools).result
-    assert [m.name for m in result.models] == ["foreground_compact"]
+    assert [m.name for m in result.models] == ["foreground_compact_int8"]
     assert result.warnings == []
 
 

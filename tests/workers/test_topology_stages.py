@@ -96,7 +96,7 @@ def test_a_picture_alone_is_segmented_first(tools):
     result = run(tools, image=put(tools, np.full((120, 160, 3), 90, np.uint8)))
     assert result.status == "empty"
     assert result.message
-    assert {m.name for m in result.models} >= {"foreground_compact", "topology"}
+    assert {m.name for m in result.models} >= {"foreground_compact_int8", "topology"}
 
 
 @pytest.mark.parametrize("upper_branch", [True, False])

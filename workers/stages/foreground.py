@@ -9,7 +9,7 @@ from dlo_client.contracts import DisentangleRequest, InstancesRequest, ModelUsed
 from dlo_client.contracts.foreground import ForegroundOptions, ReferenceUsed
 from numpy.typing import NDArray
 
-from models.segmentation.effort import look
+from models.segmentation.effort import PASSES, look
 from models.segmentation.empty_place import weigh
 from models.segmentation.segment import ForegroundInput, foreground_mask
 from models.weights.inference import Network
@@ -95,7 +95,8 @@ def find_foreground(
     source: Source, tools: Tools, options: ForegroundOptions, threshold: float | None = None, view: int | None = None
 ) -> Foreground:
     """The mask, or what the network of ``options`` sees in the picture (of the ``view``), weighed against the pictures
-    of the empty place; nothing outside the regions. In a hurry the network's 8-bit form looks, where there is one.
+    of the empty place; nothing outside the regions. The network's 8-bit form looks, where there is one, unless it is
+    to look thoroughly.
 
     Raises InvalidInput naming ``model``, ``reference`` or ``regions``.
     """
@@ -117,7 +118,9 @@ def find_foreground(
 
 def _network(options: ForegroundOptions, tools: Tools) -> Network:
     try:
-        return tools.weights.foreground(options.model, options.default_model, eight_bit=options.effort == "fast")
+        return tools.weights.foreground(
+            options.model, options.default_model, eight_bit=PASSES[options.effort].eight_bit
+        )
     except NoSuchNetworkError as error:
         raise InvalidInput(error.field, str(error), "invalid_model") from error
 

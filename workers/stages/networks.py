@@ -16,8 +16,6 @@ from workers.networks.store import NetworkStore, NetworkUnknownError
 TASK = "foreground"
 _MOST_LOADED = 4
 """Of users' networks; the one that was used longest ago goes first."""
-_EIGHT_BIT = "_int8"
-"""Ends the name of a network's 8-bit form."""
 _NAME = re.compile(r"[a-z0-9][a-z0-9_.-]{0,63}(@[1-9]\d{0,5})?")
 
 
@@ -59,7 +57,7 @@ class Networks:
     def _named(self, field_name: str, name: str, eight_bit: bool) -> Network:
         spec = manifest().get(name)
         if spec is not None and spec.task == TASK:
-            return self.shipped(f"{name}{_EIGHT_BIT}" if eight_bit and f"{name}{_EIGHT_BIT}" in manifest() else name)
+            return self.shipped(inference.eight_bit(name) if eight_bit else name)
         if spec is None and self.store is not None and _NAME.fullmatch(name):
             try:
                 return self._from_store(self.store, *self.store.find(name))

@@ -12,8 +12,9 @@ from dlo_client.contracts.images import ImageSource
 Effort = Annotated[
     Literal["fast", "normal", "thorough"],
     Field(
-        description="how hard the foreground is looked for: `fast` takes the 8-bit network; `normal` looks again, "
-        "closer, where strands are thin in a large picture; `thorough` sees the picture at two sizes and mirrored"
+        description="how hard the foreground is looked for: `fast` sees the picture at three quarters of "
+        "the network's size; `normal` at that size, and closer where strands are thin in a large picture; `thorough` "
+        "at two sizes and mirrored, with the full network instead of its 8-bit form"
     ),
 ]
 ModelName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}(@[1-9]\d{0,5})?$")]
