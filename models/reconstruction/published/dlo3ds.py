@@ -31,8 +31,12 @@ from models.reconstruction.widths import radius_along
 _STEEPEST = 6.0
 """Change of distance, in lengths across the line of sight, from one sample to the next that no DLO makes."""
 _LEAST_STEEP = 0.02
+_LEAST_NOISE_PX = 0.17
+"""Light and shadow move the edges of a DLO the same way in every picture."""
+_NOISE_LEFT = 0.5
+"""Share of the noise of the samples that their distance to the fitted curve shows: it follows the rest."""
 _ANYWHERE = 2.0
-"""Standard deviation, as a share of the distance, of what no view says anything about."""
+"""Standard deviation, as a share of the distance, of depth that no view shows."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ def reconstruct(views: list[View], reference: int, strand: int, params: Dlo3dsPa
         raise NotReconstructable("the rays of the matched samples are parallel: the camera has to move farther")
     _check_course(points[kept], centers)
     spline = _pseudo_inverse_fit(points[kept], min(params.spans, int(kept.sum()) - 3))
-    return _judge(spline, views, chosen, matched[:, kept], used, (reference, strand), params)
+    return _reconstruction(spline, views, chosen, matched[:, kept], used, (reference, strand), params)
 
 
 def select(views: list[View], reference: int, strand: int) -> list[int | None]:
@@ -162,7 +166,7 @@ def _pseudo_inverse_fit(points: FloatArray, spans: int) -> Spline3D:
     return Spline3D(knots, np.linalg.pinv(matrix) @ points)
 
 
-def _judge(
+def _reconstruction(
     spline: Spline3D,
     views: list[View],
     chosen: list[int | None],
@@ -185,11 +189,12 @@ def _judge(
         dense = views[k].camera.project(spline.at(np.linspace(0, 1, 400)))
         errors = curves.distances(np.pad(seen, ((0, 0), (0, 1))), np.pad(dense, ((0, 0), (0, 1))))
         supports.append(Support("used", (int(chosen[k] or 0),), 1.0, float(errors.mean())))
-    noise = max(float(np.mean([supports[k].reprojection_px for k in used])), 0.5)
+    reprojection = float(np.mean([supports[k].reprojection_px for k in used]))
+    noise = max(reprojection / _NOISE_LEFT, _LEAST_NOISE_PX)
     covariance = across(_ray_covariance(points, [views[k].camera for k in used], noise), spline.tangents(parameters))
     radius, sigma = radius_along(points, views, strands)
     curve = Curve(spline, points, covariance, radius, sigma)
-    return Reconstruction(curve, tuple(supports), source[0], source[1], noise, noise)
+    return Reconstruction(curve, tuple(supports), source[0], source[1], noise, reprojection)
 
 
 def _ray_covariance(points: FloatArray, cameras: list[Camera], noise_px: float) -> FloatArray:
