@@ -36,7 +36,7 @@ def reconstruct(pictures: Sequence[ArrayLike], cameras: Sequence[Camera], *, poi
     views = []
     for k, (image, camera) in enumerate(zip(images, cameras, strict=True)):
         seen = segment(image)
-        views.append(view_of(instances(image, seen.mask), seen.probability, camera, f"pictures[{k}]"))
+        views.append(view_of(instances(image, seen.mask), seen.probability, image, camera, f"pictures[{k}]").view)
     if sum(bool(view.strands) for view in views) < 2:
         raise NotReconstructable("a DLO was found in fewer than two pictures")
     found = reconstruct_all([joined.view for joined in rejoin(views)], ReconstructParams(points=points))

@@ -6,11 +6,11 @@ to it, camera and centerlines alike, so that distances in pixels mean the same f
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.geometry.arrays import Float32Array
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.cameras import Camera
 from models.instances.scene import Scene
 from models.reconstruction.centering import center
@@ -20,28 +20,49 @@ WORKING_SIDE = 960
 _SHORTEST_PX = 20
 
 
-def view_of(scene: Scene, probability: Float32Array, camera: Camera, name: str) -> View:
-    """The working view of a picture. ``probability``: ``(H, W)`` of foreground, which centers the strands."""
-    size = camera.intrinsics
-    scale = min(1.0, WORKING_SIDE / max(size.width, size.height))
-    strands = []
-    for instance in scene.instances:
-        centered = center(instance.centerline_xy, instance.width_px, probability)
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """``view`` in working pixels, ``scale`` of them a pixel; ``ids`` (strands,) of the instances that they are."""
+
+    view: View
+    scale: float
+    ids: list[int]
+
+
+def view_of(scene: Scene, probability: Float32Array, image: ByteArray, camera: Camera, name: str) -> Seen:
+    """The working view of a picture. ``probability``: ``(H, W)`` of foreground; it and the colors of ``image``,
+    ``(H, W, 3)``, center the strands."""
+    scale = min(1.0, WORKING_SIDE / max(image.shape[:2]))
+    strands, ids = strands_of(scene, probability, image, camera, scale)
+    working = replace(camera, intrinsics=camera.intrinsics.scaled(scale))
+    return Seen(View(working, strands, name), scale, ids)
+
+
+def strands_of(
+    scene: Scene, probability: Float32Array, image: ByteArray | None, camera: Camera, scale: float = 1.0
+) -> tuple[tuple[Strand, ...], list[int]]:
+    """The instances that are long enough to show a curve, in ideal pixels times ``scale``, and their ids."""
+    strands, ids = [], []
+    for number, instance in enumerate(scene.instances, start=1):
+        centered = center(instance.centerline_xy, instance.width_px, probability, image)
         if centered is None:
             continue
         xy, width, known = centered
         ideal = camera.undistort(xy)
-        if len(ideal) > _SHORTEST_PX and np.isfinite(ideal).all():
-            strands.append(Strand.through((ideal + 0.5) * scale - 0.5, width * scale, known))
-    return View(_working_camera(camera, scale), tuple(strands), name)
+        shown = _longest_run(np.asarray(np.isfinite(ideal).all(axis=1)))
+        if len(ideal[shown]) > _SHORTEST_PX:
+            strands.append(Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown]))
+            ids.append(number)
+    return tuple(strands), ids
 
 
-def _working_camera(camera: Camera, scale: float) -> Camera:
-    """Without a lens; pixel centers at ``(k + 0.5) s - 0.5``."""
-    i = camera.intrinsics
-    cx, cy = ((c + 0.5) * scale - 0.5 for c in (i.cx, i.cy))
-    width, height = (max(round(side * scale), 1) for side in (i.width, i.height))
-    smaller = replace(
-        i, width=width, height=height, fx=i.fx * scale, fy=i.fy * scale, cx=cx, cy=cy, distortion=(), model="plumb_bob"
-    )
-    return replace(camera, intrinsics=smaller)
+def _longest_run(flags: BoolArray) -> slice:
+    """The longest stretch of (n,) ``flags`` that are all true; empty where none is."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).reshape(-1, 2)
+    first, past = max(edges.tolist(), key=lambda e: e[1] - e[0], default=(0, 0))
+    return slice(first, past)
+
+
+def scaled(xy: FloatArray, scale: float) -> FloatArray:
+    """Places with ``scale`` pixels for each; pixel centers at ``(k + 0.5) s - 0.5``."""
+    return (xy + 0.5) * scale - 0.5

@@ -17,6 +17,7 @@ from dlo_client.errors import JobFailed
 
 from models.geometry.cameras import Camera
 from models.reconstruction.joining import rejoin
+from models.reconstruction.seeing import strands_of
 from models.reconstruction.views import Strand, View
 from models.synthesis.arm import camera_above
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable, render
@@ -25,7 +26,6 @@ from workers.settings import Settings
 from workers.stages.foreground import Source
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.perception import perceive
-from workers.stages.seen_views import strands_of
 
 COLORS = ((0.1, 0.2, 0.7), (0.8, 0.1, 0.1), (0.1, 0.5, 0.2), (0.9, 0.7, 0.1), (0.05, 0.05, 0.05))
 DISTANCE_M = 0.25

@@ -1,8 +1,4 @@
-"""The pictures of a ``reconstruct`` request: what is found in each, and which of it is asked for.
-
-Geometry is done in working pixels: a picture whose longest side is more than ``WORKING_SIDE`` is thought of as reduced
-to it, camera and centerlines alike, so that distances in pixels mean the same for every camera.
-"""
+"""The pictures of a ``reconstruct`` request: what is found in each, and which of it is asked for."""
 
 from __future__ import annotations
 
@@ -14,21 +10,18 @@ from dlo_client.contracts.foreground import ReferenceUsed
 from numpy.typing import NDArray
 
 from models.geometry.cameras import Camera
-from models.instances.scene import Scene
-from models.reconstruction.centering import center
 from models.reconstruction.curves import Curve
 from models.reconstruction.joining import rejoin
+from models.reconstruction.seeing import scaled, view_of
 from models.reconstruction.tracking import continuing_strand
-from models.reconstruction.views import Strand, View
+from models.reconstruction.views import View
 from workers.stages.foreground import Source
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.perception import perceive
 from workers.stages.posed_pictures import read_view
 
-WORKING_SIDE = 960
 NO_CURVE = "invalid_views"
 _NEAR_TARGET_PX = 40.0
-_SHORTEST_PX = 20
 
 
 @dataclass(frozen=True)
@@ -65,12 +58,11 @@ def see(request: ReconstructRequest, tools: Tools) -> tuple[list[SeenView], list
         picture, camera = read_view(given, f"views.{index}", tools, may_be_mask=request.model is None)
         remarks += picture.remarks
         found = perceive(Source.of(picture), tools, request, threshold=request.threshold, view=index)
-        scale = min(1.0, WORKING_SIDE / max(picture.rgb.shape[:2]))
-        strands, ids = strands_of(found.scene, found.foreground.probability, picture.rgb, camera, scale)
-        working = replace(camera, intrinsics=camera.intrinsics.scaled(scale))
-        view = View(working, strands, given.name or f"views.{index}")
-        shares = np.zeros((len(ids), len(ids)))
-        seen.append(SeenView(picture.rgb, camera, view, scale, ids, shares, found.foreground.reference))
+        name = given.name or f"views.{index}"
+        one = view_of(found.scene, found.foreground.probability, picture.rgb, camera, name)
+        shares = np.zeros((len(one.ids), len(one.ids)))
+        reference = found.foreground.reference
+        seen.append(SeenView(picture.rgb, camera, one.view, one.scale, one.ids, shares, reference))
         models.extend(m for m in found.models if m not in models)
         tools.progress(0.9 * (index + 1) / len(request.views))
     _check_pictures(request, seen)
@@ -86,39 +78,6 @@ def _check_pictures(request: ReconstructRequest, seen: list[SeenView]) -> None:
         if seen[number].view.strands and view.T_world_camera != request.views[before].T_world_camera:
             message = f"is the picture of views.{before} again, but from another pose"
             raise InvalidInput(f"views.{number}.image", message, NO_CURVE)
-
-
-def strands_of(
-    scene: Scene,
-    probability: NDArray[np.float32],
-    image: NDArray[np.uint8] | None,
-    camera: Camera,
-    scale: float = 1.0,
-) -> tuple[tuple[Strand, ...], list[int]]:
-    """The instances that are long enough to say anything, in ideal pixels times ``scale``, and their ids."""
-    strands, ids = [], []
-    for number, instance in enumerate(scene.instances, start=1):
-        centered = center(instance.centerline_xy, instance.width_px, probability, image)
-        if centered is None:
-            continue
-        xy, width, known = centered
-        ideal = camera.undistort(xy)
-        shown = _longest_run(np.asarray(np.isfinite(ideal).all(axis=1)))
-        if len(ideal[shown]) > _SHORTEST_PX:
-            strands.append(Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown]))
-            ids.append(number)
-    return tuple(strands), ids
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> slice:
-    """The longest stretch of (n,) ``flags`` that are all true; empty where none is."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).reshape(-1, 2)
-    first, past = max(edges.tolist(), key=lambda e: e[1] - e[0], default=(0, 0))
-    return slice(first, past)
-
-
-def scaled(xy: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    return (xy + 0.5) * scale - 0.5
 
 
 def chosen_strand(request: ReconstructRequest, seen: list[SeenView], previous: Curve | None) -> tuple[int, int] | None:
