@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from tests.properties.numbers import number, optional, polyline, pose
+from tests.properties.numbers import either, number, optional, polyline, pose
 from tests.properties.pictures import SIZE
 
 Request = dict[str, Any]
@@ -76,7 +76,7 @@ def intrinsics(draw: st.DrawFn) -> Request:
         "D": bends,
         "distortion_model": lens,
     }
-    return info | (odd if draw(st.integers(0, 9)) == 0 else {})
+    return info | draw(either(st.just({}), st.sampled_from([{}, odd])))
 
 
 def camera() -> st.SearchStrategy[Request]:
@@ -106,9 +106,11 @@ def slide(draw: st.DrawFn) -> list[Request]:
 def curve(draw: st.DrawFn) -> Request:
     points = draw(polyline(3, 0.3))
     degree, count = draw(st.sampled_from([3, 3, 3, 3, 2])), draw(st.integers(4, 9))
-    inner = draw(st.lists(number(0, 1, 0.02), min_size=count - degree - 1, max_size=count - degree - 1))
+    spans = count - degree
+    even = st.just([k / spans for k in range(1, spans)])
+    inner = draw(either(even, st.lists(number(0, 1, 0.02), min_size=spans - 1, max_size=spans - 1)))
     knots = sorted([0.0] * (degree + 1) + inner + [1.0] * (degree + 1))
-    if draw(st.integers(0, 19)) == 0:
+    if draw(either(st.just(False), st.booleans())):
         knots = [draw(number(0, 1))] * len(knots)
     control = draw(polyline(3, 0.3, count))
     control = (control * count)[:count]
@@ -130,7 +132,7 @@ def reconstruct(draw: st.DrawFn) -> Request:
         asked["target"] = {"view": draw(st.integers(0, 3)), "xy": [draw(number(0, 96)), draw(number(0, 72))]}
     if draw(st.integers(0, 3)) == 0:
         asked["previous"] = draw(curve())
-    return asked | {"points": draw(st.sampled_from([4, 20, 60, 1000, 3]))}
+    return asked | {"points": draw(either(st.sampled_from([4, 20, 60, 1000]), st.sampled_from([20, 60, 3])))}
 
 
 def next_view() -> st.SearchStrategy[Request]:
@@ -138,7 +140,8 @@ def next_view() -> st.SearchStrategy[Request]:
     return st.fixed_dictionaries(
         {"curve": curve(), "cameras": st.lists(camera(), min_size=1, max_size=3)},
         optional={
-            "pictures": st.integers(1, 17), "optimise": st.sampled_from(["fixed", "b", "z", "bz"]),
+            "pictures": either(st.integers(2, 16), st.integers(1, 17)),
+            "optimise": st.sampled_from(["fixed", "b", "z", "bz"]),
             "baseline_m": number(0.01, 0.1), "baseline_at_most_m": number(0.01, 1), "nearest_m": number(0.05, 0.2),
             "delta_z_m": span, "margin_px": number(0, 20), "advance": st.booleans(), "overlap": number(0.05, 0.9),
         },
@@ -200,14 +203,21 @@ def plan_shape(draw: st.DrawFn) -> Request:
     elif draw(st.booleans()):
         asked["history"] = draw(st.lists(experience(0.4), max_size=3))
     return asked | {
-        "horizon": draw(st.sampled_from([1, 1, 1, 2, 5])), "tolerance_m": draw(number(0.001, 0.02)),
-        "scale_target": draw(st.booleans()), "alternatives": draw(st.integers(0, 15)),
+        "horizon": draw(either(st.sampled_from([1, 2]), st.sampled_from([1, 1, 4, 5]))),
+        "tolerance_m": draw(number(0.001, 0.02)),
+        "scale_target": draw(st.booleans()),
+        "alternatives": draw(either(st.integers(0, 14), st.sampled_from([0, 3, 15]))),
         "valid_for_s": draw(number(1, 10)),
     }  # fmt: skip
 
 
 def estimate_parameters() -> st.SearchStrategy[Request]:
-    return st.fixed_dictionaries({"history": st.lists(experience(0.4), max_size=4), "object": dlo()})
+    return st.fixed_dictionaries(
+        {
+            "history": either(st.lists(experience(0.4), min_size=1, max_size=4), st.lists(experience(0.4), max_size=2)),
+            "object": dlo(),
+        }
+    )
 
 
 @st.composite
@@ -280,7 +290,10 @@ def plan_disentangle(draw: st.DrawFn) -> Request:
         base = st.tuples(number(-50, 150), number(-50, 150), optional(number(10, 300)))
         arms = draw(st.lists(base, min_size=1, max_size=3))
         asked["arms"] = [{"name": f"a{k}", "xy": [x, y], "reach_px": r} for k, (x, y, r) in enumerate(arms)]
-    return asked | {"margin_px": draw(number(0, 40)), "at_most": draw(st.integers(0, 51))}
+    return asked | {
+        "margin_px": draw(number(0, 40)),
+        "at_most": draw(either(st.integers(1, 50), st.sampled_from([0, 3, 51]))),
+    }
 
 
 @st.composite
