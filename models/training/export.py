@@ -6,7 +6,7 @@ import hashlib
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,23 +17,7 @@ import tomli_w
 import torch
 from torch import Tensor, nn
 
-from models.weights.inference import WEIGHTS
-
-
-@dataclass(frozen=True)
-class Card:
-    """What the manifest says of a network besides what can be read off its file."""
-
-    version: str
-    task: str
-    default: bool
-    input: str
-    license: str
-    origin: str
-    preprocess: Mapping[str, Any]
-    training: Mapping[str, Any]
-    metrics: Mapping[str, float]
-    features: Sequence[str] = ()
+from models.weights.inference import WEIGHTS, Card, NetworkSpec
 
 
 @dataclass(frozen=True)
@@ -157,20 +141,10 @@ def register(name: str, path: Path, card: Card, parameters: int) -> None:
     if card.default:
         for entry in entries.values():
             entry["default"] = entry["default"] and entry["task"] != card.task
-    entries[name] = {
-        "version": card.version,
-        "task": card.task,
-        "default": card.default,
-        "file": path.name,
-        "sha256": hashlib.sha256(data).hexdigest(),
-        "bytes": len(data),
-        "parameters": parameters,
-        "input": card.input,
-        "license": card.license,
-        "origin": card.origin,
-        "preprocess": dict(card.preprocess),
-        "training": dict(card.training),
-        "metrics": dict(card.metrics),
-        **({"features": list(card.features)} if card.features else {}),
-    }
+    spec = NetworkSpec(
+        name=name, file=path.name, sha256=hashlib.sha256(data).hexdigest(), bytes=len(data), parameters=parameters,
+        **{field.name: getattr(card, field.name) for field in fields(Card)},
+    )  # fmt: skip
+    empty = () if spec.features else ("features",)
+    entries[name] = {key: value for key, value in asdict(spec).items() if key not in ("name", *empty)}
     file.write_text(tomli_w.dumps(dict(sorted(entries.items()))))

@@ -30,19 +30,14 @@ class FeaturesDifferError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class NetworkSpec:
-    """One entry of ``weights/manifest.toml``. ``preprocess`` holds what a caller needs to feed the network:
-    sizes, normalization, threshold; ``training`` and ``metrics``: where it comes from and how good it is;
+class Card:
+    """What the manifest holds of a network besides what can be read off its file. ``preprocess``: what a caller needs
+    to feed it: sizes, normalization, threshold; ``training`` and ``metrics``: where it comes from and how good it is;
     ``features``: names of the columns of a row of evidence."""
 
-    name: str
     version: str
     task: str
     default: bool
-    file: str
-    sha256: str
-    bytes: int
-    parameters: int
     input: str
     license: str
     origin: str
@@ -50,6 +45,17 @@ class NetworkSpec:
     training: Mapping[str, Any]
     metrics: Mapping[str, float]
     features: Sequence[str] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkSpec(Card):
+    """One entry of ``weights/manifest.toml``."""
+
+    name: str
+    file: str
+    sha256: str
+    bytes: int
+    parameters: int
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,7 @@ class Network:
         self._inputs = [i.name for i in session.get_inputs()]
 
     def __call__(self, inputs: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The output of a network with one input and one output; shapes as ``spec.input`` says."""
+        """The output of a network with one input and one output; shapes as in ``spec.input``."""
         (output,) = self.run(inputs)
         return output
 

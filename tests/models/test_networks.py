@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from models.training import export as exporting
-from models.training.export import Card, export
+from models.training.export import export
 from models.training.foreground.export import SIZES, dynamic_sides
 from models.training.foreground.network_convnext import ConvNeXt
 from models.training.foreground.network_deeplab import DeepLab, Encoder
@@ -22,7 +22,7 @@ from models.training.foreground.network_swin import (
 )
 from models.training.foreground.networks import NETWORKS, build
 from models.training.foreground.train import Training, TrainParams
-from models.weights.inference import manifest
+from models.weights.inference import Card, manifest
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,10 @@ from typing import Any
 
 import torch
 
-from models.training.export import Card, export, refuse_useless
+from models.training.export import export, refuse_useless
 from models.training.foreground.networks import build, stored
 from models.training.foreground.train import MEAN, STD
+from models.weights.inference import Card
 
 # Traced at the first size. There every axis of the coarsest features spans two windows of the Swin networks:
 # a length that is 1 when traced stays 1 for good.

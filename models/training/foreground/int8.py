@@ -20,14 +20,14 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from models.segmentation.segment import ForegroundInput, segment
 from models.synthesis.scenes import WORKSHOP, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
-from models.training.export import Card, register
-from models.weights.inference import WEIGHTS, Network, load, manifest
+from models.training.export import register
+from models.weights.inference import WEIGHTS, Card, Network, load, manifest
 
 _CALIBRATION_SEED, _HELD_OUT_SEED = 60_000_011, 70_000_027
 
 
 class RenderedScenes(CalibrationDataReader):  # type: ignore[misc]
-    """Feeds ``count`` rendered pictures, prepared as the manifest says."""
+    """Feeds ``count`` rendered pictures, prepared by the manifest."""
 
     def __init__(self, input_name: str, settings: ForegroundInput, pool: TexturePool, count: int) -> None:
         self._feeds = self._make(input_name, settings, pool, count)
