@@ -1,4 +1,4 @@
-"""Polylines: arrays of points joined in order, ``(n, 2)`` pixels ``(x, y)`` where nothing else is said."""
+"""Polylines: arrays of points joined in order, ``(n, 2)`` pixels ``(x, y)`` unless stated otherwise."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ class Intersections(NamedTuple):
 
 def arc_lengths(points: FloatArray) -> FloatArray:
     """Length from the first of ``(n, d)`` points to every point, ``(n,)``; the last entry is the whole length."""
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return np.concatenate(([0.0], np.cumsum(steps)))
+    steps = points[1:] - points[:-1]
+    lengths = np.zeros(len(points))
+    np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=lengths[1:])
+    return lengths
 
 
 def resample(points: FloatArray, count: int) -> FloatArray:

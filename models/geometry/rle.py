@@ -2,7 +2,7 @@
 
 A mask is read down its columns. Its runs alternate background, foreground, background … (the first may be
 empty). From the fourth run on, the difference to the run two places before is stored. Each number becomes
-5-bit groups, lowest first, in two's complement; bit 6 says that more groups follow; 48 makes it printable.
+5-bit groups, lowest first, in two's complement; bit 6 is set where more groups follow; 48 makes it printable.
 """
 
 from __future__ import annotations

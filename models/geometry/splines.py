@@ -25,12 +25,15 @@ class Spline:
         return points
 
 
-def fit_spline(points_xy: FloatArray, *, tolerance_px: float, spans_at_most: int = 64) -> Spline:
+def fit_spline(
+    points_xy: FloatArray, *, tolerance_px: float, spans: int | None = None, spans_at_most: int = 64
+) -> Spline:
     """Clamped least-squares spline (cubic if there are 4 points or more) within the tolerance.
 
-    ``points_xy``: ``(n, 2)``, ``n >= 2``, no two neighbors equal. The number of spans starts at one per 8 points
-    and doubles until the root mean square distance between points and curve is at most ``tolerance_px``, there
-    are two points a span, or ``spans_at_most`` is reached. The curve starts and ends at the outer points.
+    ``points_xy``: ``(n, 2)``, ``n >= 2``, no two neighbors equal. The number of spans starts at ``spans``, else at one
+    per 8 points, and doubles until the root mean square distance between points and curve is at most
+    ``tolerance_px``, there are two points a span, or ``spans_at_most`` is reached. The curve starts and ends at the
+    outer points.
     """
     lengths = arc_lengths(points_xy)
     parameters = lengths / lengths[-1]
@@ -38,12 +41,12 @@ def fit_spline(points_xy: FloatArray, *, tolerance_px: float, spans_at_most: int
     at_most = max(1, min((len(points_xy) - degree) // 2, spans_at_most))
     weights = np.ones(len(points_xy))
     weights[[0, -1]] = 1e3
-    spans = min(at_most, max(1, len(points_xy) // 8))
+    count = min(at_most, max(1, len(points_xy) // 8 if spans is None else spans))
     while True:
-        spline, error = _fit(points_xy, parameters, weights, degree, spans)
-        if error <= tolerance_px or spans >= at_most:
+        spline, error = _fit(points_xy, parameters, weights, degree, count)
+        if error <= tolerance_px or count >= at_most:
             return spline
-        spans = min(2 * spans, at_most)
+        count = min(2 * count, at_most)
 
 
 def _fit(

@@ -25,11 +25,16 @@ from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
 from models.instances.scene import Crossing, Instance, Scene
 from models.strands.chain import Chain
+from models.strands.ends import beyond, width_of
 from models.strands.stopwatch import Stopwatch
 
 MAX_INSTANCES = 255
 """As many as labels of one byte can name."""
 _POINT_SPACING_PX = 5.0
+_FITTED_PX = 3.0
+"""Nearer points than this, on average, are thinned out before a spline is fitted: a skeleton has one a pixel."""
+_TIP_POINTS = 3
+_POINTS_A_SPAN = 8
 _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
 _SHORTEST_WIDTHS = 3.0
@@ -76,7 +81,8 @@ def assemble(
         evidence = evidence_of(instances, doubts, mask, image)
         ends = endpoints_of(instances, mask.shape)
         seen = instance_features(instances, ends, evidence)
-        likely = _likely(rough := rated(instances, ends, evidence, seen, method))
+        rough = rated(instances, ends, evidence, seen, method)
+        likely = _likely(rough, in_doubt=1 if image is None else 0)
         instances = [rough[k] for k in likely]
         shifts = None if shifts is None else shifts[likely]
         strands = [Strand.of(i.centerline_xy, i.width_px) for i in instances]
@@ -84,7 +90,8 @@ def assemble(
         raw = order(meetings, strands, image)
         existence, order_seen = crossing_features(meetings, instances), order_features(raw)
         crossings = rated_crossings(raw, existence, order_seen, method)
-        ends = endpoints_of(instances, mask.shape)
+        if len(likely) < len(rough):
+            ends = endpoints_of(instances, mask.shape)
     with watch.step("labels"):
         finished = tuple(replace(i, endpoints=e) for i, e in zip(instances, ends, strict=True))
         labels = draw_labels(mask, finished, crossings, shifts)
@@ -92,23 +99,27 @@ def assemble(
     return Scene(finished, crossings, labels, watch.timings_ms, features)
 
 
-def _likely(instances: list[Instance]) -> list[int]:
-    """Those that are more likely a DLO than not, or so long that they are kept and called unsure."""
+def _likely(instances: list[Instance], in_doubt: int) -> list[int]:
+    """Those that are more likely a DLO than not, or so long that they are kept and called unsure.
+
+    Without any, the ``in_doubt`` longest: a mask without a picture was made by somebody who means a DLO.
+    """
     long = _LONG_WIDTHS * _typical_width(instances)
-    return [k for k, i in enumerate(instances) if i.score >= _LEAST_SCORE or i.length_px >= long]
+    likely = [k for k, i in enumerate(instances) if i.score >= _LEAST_SCORE or i.length_px >= long]
+    return likely or list(range(min(in_doubt, len(instances))))
 
 
 def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: float) -> Instance | None:
     """The instance of one chain, or None if it is too short for its own width."""
-    width = max(1.0, 2 * float(np.median(read_nearest(distances, chain.xy))) - 1)
+    width = width_of(read_nearest(distances, chain.xy))
     points = (
         np.concatenate((chain.xy, chain.xy[:1])) if chain.closed else _to_the_tips(chain.xy, mask, tip_widths * width)
     )
-    points = points[np.concatenate(([True], np.any(np.diff(points, axis=0) != 0, axis=1)))]
-    rough_length = float(arc_lengths(points)[-1])
+    lengths = arc_lengths(points)
+    rough_length = float(lengths[-1])
     if rough_length < _SHORTEST_WIDTHS * width:
         return None
-    spline = fit_spline(points, tolerance_px=_TOLERANCE_PX)
+    spline = fit_spline(_thinned(points, lengths), tolerance_px=_TOLERANCE_PX, spans=len(points) // _POINTS_A_SPAN)
     count = max(2, round(rough_length / _POINT_SPACING_PX) + 1)
     centerline = resample(spline.at(np.linspace(0, 1, 2 * count)), count)
     length = float(arc_lengths(centerline)[-1])
@@ -116,25 +127,20 @@ def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: flo
     return Instance(centerline, width, length, chain.closed, spline, (), score)
 
 
+def _thinned(points: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Every so many of the points, about ``_FITTED_PX`` apart, no two neighbors equal, the last one included."""
+    every = max(1, round(_FITTED_PX * (len(points) - 1) / lengths[-1]))
+    kept = np.append(np.arange(0, len(points) - 1, every), len(points) - 1)
+    return points[kept[np.append(True, np.diff(lengths[kept]) > 0)]]
+
+
 def _to_the_tips(points: FloatArray, mask: BoolArray, most: float) -> FloatArray:
     """The points with both ends moved on along the strand while there is foreground, at most so many pixels.
 
     Maxima of a distance transform end half a width before the strand does.
     """
-    first, last = _tip(points, mask, most), _tip(points[::-1], mask, most)
+    first, last = (beyond(way, mask, most, _TIP_POINTS) for way in (points, points[::-1]))
     return np.concatenate((first, points, last))
-
-
-def _tip(ordered: FloatArray, mask: BoolArray, most: float) -> FloatArray:
-    """``(1, 2)`` the tip beyond the first point, or ``(0, 2)`` if that is the tip already."""
-    step = ordered[0] - ordered[min(3, len(ordered) - 1)]
-    direction = step / max(float(np.hypot(*step)), 1e-9)
-    ahead = ordered[0] + np.arange(1, int(most) + 2)[:, None] * direction
-    limit = np.array(mask.shape[::-1]) - 1
-    inside = np.all((ahead >= 0) & (ahead <= limit), axis=1) & (read_nearest(mask, ahead) > 0)
-    reached = int(np.argmin(np.append(inside, False)))
-    tip: FloatArray = ahead[max(reached - 1, 0) : reached]
-    return tip
 
 
 def _without_fragments(

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.directions import quarter_turned, tangents
 from models.geometry.sampling import read_nearest
 from models.instances.crossings import Meeting
 from models.instances.scene import Crossing, Endpoint, Instance, Reason
@@ -74,7 +75,7 @@ def probability(features: FloatArray, method: str, part: str, names: Sequence[st
 def evidence_of(
     instances: Sequence[Instance], doubts: Sequence[float], mask: BoolArray, image: ByteArray | None
 ) -> Evidence:
-    """What can be said for and against each instance."""
+    """What speaks for and against each instance."""
     gap = np.array([1 - read_nearest(mask, i.centerline_xy).mean() for i in instances])
     contrast, sharpness = np.full(len(instances), np.nan), np.full(len(instances), np.nan)
     if image is not None:
@@ -89,8 +90,7 @@ def _beside(instances: Sequence[Instance]) -> FloatArray:
     if len(instances) < 2:
         return out
     points = np.concatenate([i.centerline_xy for i in instances])
-    steps = np.concatenate([np.gradient(i.centerline_xy, axis=0) for i in instances])
-    steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
+    steps = np.concatenate([tangents(i.centerline_xy) for i in instances])
     owner = np.repeat(np.arange(len(instances)), [len(i.centerline_xy) for i in instances])
     width = np.array([i.width_px for i in instances])
     pairs = cKDTree(points).query_pairs(1.2 * float(np.median(width)) + 2, output_type="ndarray")
@@ -105,8 +105,7 @@ def _beside(instances: Sequence[Instance]) -> FloatArray:
 def _edges(instance: Instance, image: ByteArray) -> tuple[float, float]:
     """Contrast in gray levels over both edges, and the share of it that lies within three pixels."""
     line = instance.centerline_xy[:: max(1, len(instance.centerline_xy) // 40)]
-    step = np.gradient(line, axis=0)
-    normal = np.stack((-step[:, 1], step[:, 0]), axis=1) / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    normal = quarter_turned(tangents(line))
     half = instance.width_px / 2
     offsets = np.array([max(half - 4, 0.0), max(half - 1.5, 0.0), half + 1.5, half + 4])
     signed = np.concatenate((offsets, -offsets))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import ByteArray, FloatArray
+from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, crossing_segments, point_at
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, StrandPosition
@@ -134,7 +135,6 @@ def _color_variance(image: ByteArray, strand: Strand, at: float, other_extent: f
     along = np.clip(np.arange(at - reach, at + reach + 1.0), 0.0, strand.lengths[-1])
     points = point_at(strand.xy, strand.lengths, along)
     tangent = points[-1] - points[0]
-    normal = np.array([-tangent[1], tangent[0]]) / max(float(np.hypot(*tangent)), 1e-9)
-    lanes = np.linspace(-0.25, 0.25, 3)[:, None, None] * strand.width * normal
+    lanes = np.linspace(-0.25, 0.25, 3)[:, None, None] * strand.width * quarter_turned(unit(tangent))
     colors = read_nearest(image, points + lanes).mean(axis=0)
     return float(colors.var(axis=0).mean()) + _NOISE_LEVELS**2

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from models.geometry.directions import quarter_turned, tangents
 from models.geometry.polylines import resample
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Instance
@@ -67,11 +68,9 @@ def _sections(
     for k, instance in enumerate(instances):
         count = int(np.clip(instance.length_px / _SPACING_PX, 3, _AT_MOST))
         line = resample(instance.centerline_xy, count)
-        step = np.gradient(line, axis=0)
-        step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
         owner.append(np.full(count, k))
         points.append(line)
-        normals.append(np.stack((-step[:, 1], step[:, 0]), axis=1))
+        normals.append(quarter_turned(tangents(line)))
     if not owner:
         return np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
     names, middle = np.concatenate(owner), np.concatenate(points)

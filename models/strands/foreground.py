@@ -15,7 +15,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array
 
-_ALONG = 4.5
+ALONG = 4.5
 """Foreground at the edge runs along it where its length is more than this times its typical depth. Lengths count less
 the more uneven the depth is: where a strand leaves at a low angle it goes from nothing to the full width."""
 _MARGIN_PX, _MOST_MARGIN_PX = 12, 60
@@ -79,11 +79,11 @@ def _wall(framed_mask: ByteArray, size: int) -> None:
     inner = framed_mask[size : framed_mask.shape[0] - size, size : framed_mask.shape[1] - size]
     change = np.flatnonzero(np.diff(inner[0], prepend=0, append=0))
     for start, stop in change.reshape(-1, 2).tolist():
-        # Deeper than its length divided by _ALONG, it cannot be foreground along the edge.
-        reach = int((stop - start) / _ALONG) + 1
+        # Deeper than its length divided by ALONG, it cannot be foreground along the edge.
+        reach = int((stop - start) / ALONG) + 1
         depth = np.sort(np.minimum.accumulate(inner[:reach, start:stop], axis=0).sum(axis=0, dtype=np.int64))
         low, typical, high = depth[[len(depth) // 8, len(depth) // 2, 7 * len(depth) // 8]].tolist()
-        if typical < reach and (stop - start) * low > _ALONG * typical * high:
+        if typical < reach and (stop - start) * low > ALONG * typical * high:
             left = 0 if start == 0 else start + size
             right = framed_mask.shape[1] if stop == inner.shape[1] else stop + size
             framed_mask[:size, left:right] = 0

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.components import components
+from models.geometry.directions import quarter_turned, unit
 from models.geometry.sampling import read_nearest
 from models.strands.pixel_graph import FREE, PixelGraph, smoothed
 
@@ -118,14 +119,15 @@ def _with_ends(
     count, lengths = len(closed), np.diff(bounds)
     base = np.stack((bounds[:-1], bounds[1:] - 1), axis=1).ravel()
     sign = np.tile([1, -1], count)
-    typical = np.repeat(_medians(radii, bounds), 2)
+    own = _medians(radii, bounds)
+    typical = np.repeat(own, 2)
     reach = np.minimum(np.maximum(_LOOK_RADII * typical, 10.0) / 1.15, np.repeat(lengths, 2) - 1)
     offsets = np.rint(np.linspace(0, 1, _LOOK) * reach[:, None]).astype(np.int64)
     samples = base[:, None] + sign[:, None] * offsets if count else np.zeros((0, _LOOK), np.int64)
     looked = xy[samples]
     half, far = looked[:, _LOOK // 2], looked[:, -1]
-    near, whole = _unit(looked[:, 0] - half), _unit(looked[:, 0] - far)
-    outward = _unit(near + 0.5 * (near - whole))
+    near, whole = unit(looked[:, 0] - half), unit(looked[:, 0] - far)
+    outward = unit(near + 0.5 * (near - whole))
     step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) > 1 else np.zeros(0)
     along = np.concatenate(([0.0], np.cumsum(step)))
     length = along[bounds[1:] - 1] - along[bounds[:-1]] if count else np.zeros(0)
@@ -133,7 +135,7 @@ def _with_ends(
     tip = looked[:, 0]
     margin = np.minimum(tip, np.array(shape[::-1]) - 1 - tip).min(axis=1)
     return Sections(
-        xy, bounds, closed, _medians(radii, bounds), length, nodes, tip, outward, radius,
+        xy, bounds, closed, own, length, nodes, tip, outward, radius,
         np.median(colors[samples], axis=1), _beside(half, outward, typical, image), margin,
     )  # fmt: skip
 
@@ -142,13 +144,8 @@ def _beside(points: FloatArray, outward: FloatArray, radius: FloatArray, image: 
     """``(E, 3)`` mean color of both sides, two radii and two pixels away."""
     if image is None:
         return np.zeros((len(points), 3))
-    normal = np.stack((-outward[:, 1], outward[:, 0]), axis=1) * (2 * radius + 2)[:, None]
+    normal = quarter_turned(outward) * (2 * radius + 2)[:, None]
     out: FloatArray = read_nearest(image, np.stack((points + normal, points - normal))).mean(axis=0)
-    return out
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    out: FloatArray = vectors / np.maximum(np.hypot(*vectors.T), 1e-9)[:, None]
     return out
 
 

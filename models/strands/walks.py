@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.directions import unit
 from models.geometry.polylines import arc_lengths, bridge
 from models.strands.chain import Chain
 from models.strands.pixel_graph import FREE
@@ -51,7 +52,7 @@ def follow(partner: IntArray, done: BoolArray | None = None) -> list[tuple[list[
             entered.append(end)
             end = int(partner[end ^ 1]) if partner[end ^ 1] != end ^ 1 else end
         if entered:
-            found.append((entered, end == start and partner[start] != start))
+            found.append((entered, bool(end == start and partner[start] != start)))
     return found
 
 
@@ -123,6 +124,6 @@ def _beside(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
 
 
 def _across(vector: FloatArray, direction: FloatArray) -> FloatArray:
-    unit = direction / max(float(np.hypot(*direction)), 1e-9)
-    out: FloatArray = vector - float(vector @ unit) * unit
+    along = unit(direction)
+    out: FloatArray = vector - float(vector @ along) * along
     return out

@@ -276,3 +276,14 @@ def test_the_overlay_of_a_large_picture_is_reduced(tools):
     x, y = (round((v + 0.5) / 2 - 0.5) for v in outcome.result.instances[0].centerline_xy[20])
     assert np.ptp(drawn[y, x].astype(int)) > 60, "the colored centerline is where the reduced mask is"
     assert drawn[5, 5].max() < 8
+
+
+def test_foreground_without_a_cable_is_named(tools):
+    """A surface in a mask gave `none_found` and nothing else; a white mask is refused."""
+    slab = np.zeros((360, 640), np.uint8)
+    slab[60:300, 200:440] = 255
+    result = stages.run(InstancesRequest(mask=put(tools, Image.fromarray(slab))), tools).result
+    assert result.status.code == "none_found"
+    assert any("25 % of the picture is foreground" in text for text in result.warnings)
+    with pytest.raises(InvalidInput, match="255 everywhere"):
+        stages.run(InstancesRequest(mask=put(tools, Image.fromarray(np.full_like(slab, 255)))), tools)

@@ -67,7 +67,7 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         crossings=[_crossing(k, item) for k, item in enumerate(seen.scene.crossings, start=1)],
         status=_status(seen.scene),
         reference=seen.foreground.references,
-        warnings=source.remarks,
+        warnings=[*source.remarks, *_remarks(seen)],
         models=seen.models,
     )
     _offer(request, result, tools)
@@ -101,6 +101,14 @@ def _status(scene: found.Scene) -> SceneStatus:
     return SceneStatus(
         code=code if scene.instances else "none_found", limit=_SURE, reasons=[r for r, _ in reasons.most_common()]
     )
+
+
+def _remarks(seen: Perception) -> list[str]:
+    """Why nothing was found where there is foreground."""
+    share = float(seen.foreground.cable.mean())
+    if seen.scene.instances or not share:
+        return []
+    return [f"{100 * share:.3g} % of the picture is foreground, but no part of it has the shape of a cable"]
 
 
 def _instance(number: int, item: found.Instance, mask: MaskRLE, points: int | None) -> Instance:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from models.geometry.directions import angle_between, quarter_turned, unit
 from models.geometry.polylines import bridge
 from models.geometry.sampling import read_nearest
 from models.strands.sections import Sections, pairs_at_junctions
@@ -22,7 +23,7 @@ from models.strands.sections import Sections, pairs_at_junctions
 KINDS = ("junction", "gap", "shared", "absorbed")
 JUNCTION, GAP, SHARED, ABSORBED = range(4)
 """Kinds of link: two ends at one crossing; over a gap; along a section that two DLOs share; that section's own
-two ends, which says that it is shared and no strand of its own."""
+two ends: it is shared and no strand of its own."""
 FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
 """``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where it does."""
 _NOISE_LEVELS = 8.0
@@ -129,9 +130,9 @@ def _measure(
     radius = np.maximum(sections.end_radius[a], sections.end_radius[b])
     toward, onward = (link / np.maximum(length, 1e-9)[:, None],) * 2
     toward, onward, length = _through(sections, pairs, kind, via, toward, onward, length)
-    leaving = _angle(sections.outward[a], toward)
-    arriving = _angle(onward, -sections.outward[b])
-    turn = _angle(sections.outward[a], -sections.outward[b])
+    leaving = angle_between(sections.outward[a], toward)
+    arriving = angle_between(onward, -sections.outward[b])
+    turn = angle_between(sections.outward[a], -sections.outward[b])
     known = length**2 / (length**2 + (1.5 * radius + 2) ** 2)
     points, off = _between(sections, a, b, mask)
     color = sections.color[a] - sections.color[b]
@@ -171,11 +172,6 @@ def _through(
     return toward, onward, length
 
 
-def _angle(a: FloatArray, b: FloatArray) -> FloatArray:
-    out: FloatArray = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
-    return out
-
-
 def _between(sections: Sections, a: IntArray, b: IntArray, mask: BoolArray) -> tuple[FloatArray, BoolArray]:
     """``(m, 16, 2)`` points from tip to tip, leaving both ends in their directions, and ``(m, 16)`` which of them are
     off the foreground."""
@@ -201,22 +197,22 @@ def _likeness(
     contrast = np.abs(beside - (sections.color[a] + sections.color[b]) / 2).mean(axis=1)
     width = 0.4 * contrast + _NOISE_LEVELS
     radius = np.maximum(sections.end_radius[a], sections.end_radius[b])
-    link = sections.tip[b] - sections.tip[a]
-    normal = np.stack((-link[:, 1], link[:, 0]), axis=1) / np.maximum(np.hypot(*link.T), 1e-9)[:, None]
+    normal = quarter_turned(unit(sections.tip[b] - sections.tip[a]))
     bulge = np.sin(np.linspace(0, np.pi, points.shape[1]))[:, None]
     best = np.zeros(len(rows))
     for bow in _BOWS_RADII:
         bowed = points + bow * bulge * (radius[:, None] * normal)[:, None]
-        own = np.minimum(_away(image, bowed, sections.color[a]), _away(image, bowed, sections.color[b]))
+        seen = read_nearest(image, bowed)
+        own = np.minimum(_away(seen, sections.color[a]), _away(seen, sections.color[b]))
         like = np.exp(-((own / width[:, None]) ** 2))
         best = np.maximum(best, (like * off).sum(axis=1) / off.sum(axis=1))
     out[rows] = best
     return out
 
 
-def _away(image: ByteArray, points: FloatArray, colors: FloatArray) -> FloatArray:
-    """``(m, 16)`` mean absolute difference of the picture at the points to ``(m, 3)`` colors."""
-    out: FloatArray = np.abs(read_nearest(image, points) - colors[:, None]).mean(axis=2)
+def _away(seen: FloatArray, colors: FloatArray) -> FloatArray:
+    """``(m, 16)`` mean absolute difference of ``(m, 16, 3)`` colors to ``(m, 3)`` ones."""
+    out: FloatArray = np.abs(seen - colors[:, None]).mean(axis=2)
     return out
 
 

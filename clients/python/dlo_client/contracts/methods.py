@@ -46,7 +46,7 @@ class AriadnePlusParams(Contract):
     """Parameters of Ariadne+ (thesis section 3.3)."""
 
     method: Literal["ariadne_plus"] = Field(default="ariadne_plus", description="whose parameters these are")
-    superpixels: int = Field(default=50, ge=2, le=400, description="how many the foreground is cut into")
+    superpixels: int = Field(default=50, ge=2, le=400, description="into how many the foreground is cut at most")
 
 
 MethodParams = Annotated[

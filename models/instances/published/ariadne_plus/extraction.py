@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.directions import quarter_turned, tangents
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
 from models.instances.assembly import Order, assemble
@@ -39,7 +40,8 @@ Network = EmbeddingNetwork | AboveNetwork
 
 @dataclass(frozen=True)
 class AriadnePlusParams:
-    """``superpixels``: how many the foreground is cut into (thesis 3.6.5: 50)."""
+    """``superpixels``: how many the foreground is cut into (thesis 3.6.5: 50); fewer where they would be smaller than
+    a DLO is wide."""
 
     superpixels: int = 50
 
@@ -66,7 +68,8 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams
     watch = Stopwatch()
     with watch.step("superpixels"):
         distances = distance_map(mask)
-        regions = region_graph(mask, image, params.superpixels)
+        width = 4 * float(distances.sum()) / max(np.count_nonzero(mask), 1)
+        regions = region_graph(mask, image, params.superpixels, width)
     with watch.step("scores"):
         appearance = _appearance(regions, distances, image, networks[0]) if networks and image is not None else None
         scores = intersection_scores(regions, appearance)
@@ -121,8 +124,7 @@ def _chain(path: list[int], ring: bool, regions: Regions, distances: Float32Arra
 
 def _settled(points: FloatArray, distances: Float32Array) -> FloatArray:
     """Every point moved across the curve to the largest distance from the background, then smoothed."""
-    step = np.gradient(points, axis=0)
-    normal = np.stack((-step[:, 1], step[:, 0]), axis=1) / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    normal = quarter_turned(tangents(points))
     reach = max(2.0, 1.5 * float(np.median(read_nearest(distances, points))))
     offsets = np.linspace(-reach, reach, 13)
     ahead = points[:, None] + offsets[None, :, None] * normal[:, None]

@@ -16,6 +16,8 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.components import components
 
 _COMPACTNESS = 40.0
+_LEAST_AREA = 2.0
+"""Typical area of a superpixel in squared widths, at least: smaller ones lie side by side across a DLO and fork."""
 _LEAST_CONTACT = 2
 """Pixel pairs along which two superpixels must touch to be neighbors."""
 _GRADIENT = 5
@@ -39,15 +41,18 @@ class Regions:
     tips: FloatArray
 
 
-def region_graph(mask: BoolArray, image: ByteArray | None, superpixels: int) -> Regions:
+def region_graph(mask: BoolArray, image: ByteArray | None, superpixels: int, width_px: float = 1.0) -> Regions:
     """MaskSLIC, adjacency, and intersections as single nodes.
+
+    ``superpixels``: how many at most; ``width_px``: typical width of the foreground, which bounds them too.
 
     Strategy: one pass over the label array finds all neighbors: labels of pixels one step right, down and along both
     diagonals are compared with their own. No mask is made for any superpixel.
     """
     if not mask.any():
         return Regions(np.zeros((0, 2)), (), np.zeros(0, bool), np.zeros((0, 2)))
-    labels = _superpixels(mask, image, superpixels)
+    large = int(np.count_nonzero(mask) / (_LEAST_AREA * max(width_px, 1.0) ** 2))
+    labels = _superpixels(mask, image, min(superpixels, max(large, 2)))
     rows, columns = np.nonzero(labels)
     of = labels[rows, columns] - 1
     count = int(labels.max(initial=0))
@@ -79,7 +84,7 @@ def _slivers(pairs: IntArray, area: IntArray) -> BoolArray:
 
 
 def _around(node: IntArray, pairs: IntArray) -> list[set[int]]:
-    """The neighbors of every node, when ``node`` says which node each superpixel belongs to."""
+    """The neighbors of every node, where ``node`` is the node of each superpixel."""
     around: list[set[int]] = [set() for _ in range(int(node.max(initial=-1)) + 1)]
     for a, b in np.unique(node[pairs].reshape(-1, 2), axis=0).tolist():
         if a != b:

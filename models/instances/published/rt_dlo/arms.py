@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.geometry.directions import angle_between, unit
 from models.instances.published.rt_dlo.graph import Vertices
 
 ARM_VERTICES = 12
@@ -36,8 +37,7 @@ def arm_of(chain: Sequence[int], vertices: Vertices) -> Arm:
     near = list(chain[:ARM_VERTICES])
     away = np.hypot(*(vertices.xy[near] - vertices.xy[near[0]]).T)
     near = near[: 1 + max(1, int(np.searchsorted(away, _ARM_RADII * vertices.typical_radius)))]
-    step = vertices.xy[near[0]] - vertices.xy[near[-1]]
-    outward = step / max(float(np.hypot(*step)), 1e-9)
+    outward = unit(vertices.xy[near[0]] - vertices.xy[near[-1]])
     middle = len(near) // 2
     radius = float(np.sort(vertices.radii[near])[middle])
     return Arm(near[0], vertices.xy[near[0]], outward, radius, np.sort(vertices.colors[near], axis=0)[middle])
@@ -54,7 +54,7 @@ def continuation(a: Arm, b: Arm) -> float:
     leaving, arriving = float(a.outward @ link) / length, -float(b.outward @ link) / length
     if min(leaving, arriving) <= 0:
         return 0.0
-    turn = float(np.arccos(np.clip(-float(a.outward @ b.outward), -1.0, 1.0)))
+    turn = float(angle_between(a.outward, -b.outward))
     width = min(a.radius, b.radius) / max(a.radius, b.radius)
     return leaving * arriving * width * _likeness(turn / _TURN_SCALE) * color_likeness(a.color, b.color)
 

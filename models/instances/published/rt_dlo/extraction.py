@@ -65,7 +65,7 @@ def _extract(
         edges = select_edges(vertices, mask, params.neighbors, params.min_similarity)
     with watch.step("paths"):
         graph = resolve_intersections(graph_of(edges.tolist()), vertices)
-        pieces = [piece for path in extract_paths(graph) for piece in split_at_kinks(path, vertices)]
-        paths = join_paths(pieces, vertices, mask)
+        cut = [split_at_kinks(path, vertices) for path in extract_paths(graph)]
+        paths = join_paths(cut, vertices, mask)
         chains = [Chain(vertices.xy[list(p.vertices)], p.closed) for p in paths]
     return assemble(chains, mask, distances, image, watch, method="rt_dlo")

@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
+from models.geometry.directions import unit
 from models.geometry.polylines import arc_lengths
 from models.geometry.sampling import read_nearest
-from models.instances.published.rt_dlo.arms import Arm, arm_of, continuation
+from models.instances.published.rt_dlo.arms import Arm, arm_of, color_likeness, continuation
 from models.instances.published.rt_dlo.graph import Vertices
 from models.instances.published.rt_dlo.intersections import Graph, chain_from
 from models.strands.walks import follow
@@ -26,6 +27,8 @@ _NEAR_RADII = 4.0
 _TURN_RADII = 2.5
 _SHARP_COSINE = 0.5
 _LEAST_SCORE = 0.05
+_LEAST_LIKE = 0.5
+"""Likeness in color of the two sides of a kink in one DLO."""
 
 
 @dataclass(frozen=True)
@@ -75,29 +78,44 @@ def _sharp_turns(xy: FloatArray, vertices: Vertices) -> IntArray:
     reach = max(1, round(_TURN_RADII * vertices.typical_radius * (len(xy) - 1) / float(arc_lengths(xy)[-1])))
     if len(xy) <= 2 * reach:
         return np.zeros(0, dtype=np.int64)
-    steps = xy[reach:] - xy[:-reach]
-    steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
+    steps = unit(xy[reach:] - xy[:-reach])
     cosines = np.einsum("ij,ij->i", steps[:-reach], steps[reach:])
     sharp = np.flatnonzero(cosines < _SHARP_COSINE)
     stretches = np.split(sharp, np.flatnonzero(np.diff(sharp) > 1) + 1)
     return np.array([s[np.argmin(cosines[s])] + reach for s in stretches if len(s)], dtype=np.int64)
 
 
-def join_paths(paths: list[Path], vertices: Vertices, mask: BoolArray) -> list[Path]:
+def join_paths(cut: list[list[Path]], vertices: Vertices, mask: BoolArray) -> list[Path]:
     """Paths connected end to end where one seems to go on in the other: over gaps, along shared foreground.
+
+    ``cut``: the pieces of each path in order, as :func:`split_at_kinks` gives them.
 
     Strategy: every pair of ends within reach gets a score (how well one continues the other, less for length
     and for foreground missing between them). Pairs are joined in descending order, each end once; joining
-    the two ends of one path closes it. End ``2 p`` is the first vertex of open path ``p``, end ``2 p + 1``
-    its last.
+    the two ends of one path closes it. A cut whose two sides found nothing better is undone: a DLO has a
+    kink there, or two DLOs of other colors meet. End ``2 p`` is the first vertex of open path ``p``, end
+    ``2 p + 1`` its last.
     """
-    open_paths = [path for path in paths if not path.closed]
+    open_paths = [path for pieces in cut for path in pieces if not path.closed]
     arms = [arm_of(chain, vertices) for p in open_paths for chain in (p.vertices, p.vertices[::-1])]
     partner = np.arange(len(arms))
     for _, a, b in sorted(_scored_joints(arms, mask)):
         if partner[a] == a and partner[b] == b:
             partner[a], partner[b] = b, a
-    return [path for path in paths if path.closed] + _joined(open_paths, partner)
+    for a in _cut_ends(cut):
+        if partner[a] == a and partner[a + 1] == a + 1 and _of_one_color(arms[a], arms[a + 1]):
+            partner[a], partner[a + 1] = a + 1, a
+    return [path for pieces in cut for path in pieces if path.closed] + _joined(open_paths, partner)
+
+
+def _cut_ends(cut: list[list[Path]]) -> list[int]:
+    """The end before each cut; the end after it is the next one."""
+    last = np.cumsum([0, *(len(pieces) for pieces in cut if not pieces or not pieces[0].closed)])
+    return [2 * k - 1 for start, stop in pairwise(last.tolist()) for k in range(start + 1, stop)]
+
+
+def _of_one_color(a: Arm, b: Arm) -> bool:
+    return color_likeness(a.color, b.color) > _LEAST_LIKE
 
 
 def _scored_joints(arms: list[Arm], mask: BoolArray) -> list[tuple[float, int, int]]:

@@ -1,0 +1,32 @@
+"""Directions in the plane: arrays of vectors ``(…, 2)``, x then y."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.geometry.arrays import FloatArray
+
+_NOTHING = 1e-9
+"""A shorter vector has no direction: it stays about 0."""
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """The vectors at length 1."""
+    out: FloatArray = vectors / np.maximum(np.hypot(vectors[..., 0], vectors[..., 1]), _NOTHING)[..., None]
+    return out
+
+
+def quarter_turned(directions: FloatArray) -> FloatArray:
+    """The directions after a quarter turn from x towards y."""
+    return np.stack((-directions[..., 1], directions[..., 0]), axis=-1)
+
+
+def tangents(line: FloatArray) -> FloatArray:
+    """``(n, 2)`` unit directions along a line of ``(n, 2)`` points, ``n >= 2``."""
+    return unit(np.gradient(line, axis=0))
+
+
+def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """``(…,)`` radians, 0 to pi, between unit vectors."""
+    out: FloatArray = np.arccos(np.clip((a * b).sum(axis=-1), -1.0, 1.0))
+    return out
