@@ -21,7 +21,7 @@ from models.disentangling.sweep import Sweep
 from models.disentangling.turn_candidates import Turn, find_turns
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths, point_at
-from models.topology.classifiers import Judge, judged
+from models.topology.classifiers import Classifier, probabilities_of
 from models.topology.scene import Topology
 
 
@@ -110,18 +110,18 @@ UNSURE_BELOW = 0.3
 """Below this probability an action more likely fails than works, even where the network is a little off."""
 
 
-def plan(topology: Topology, judge: Judge, params: DisentangleParams | None = None) -> list[Action]:
+def plan(topology: Topology, classifier: Classifier, params: DisentangleParams | None = None) -> list[Action]:
     """Actions that leave fewer crossings than there are, or as many where only a preparing one is likely to lead on;
     best first, one for every place to hold.
 
     Where everything is held at both ends, actions follow that suppose one branch-point to be a mere touch.
-    ``judge``: of :data:`evidence.MOVE_FEATURES`, the probability that a turn works.
+    ``classifier``: of :data:`evidence.MOVE_FEATURES`, the probability that a turn works.
     """
     settings = params or DisentangleParams()
     hand_px = settings.hand_px or usual_hand_px(topology)
     frame = Frame.of(topology, hand_px, settings.margin_px)
     scene = in_hands(topology, hand_px)
-    search = Search(judge, frame, settings.clearance_widths)
+    search = Search(classifier, frame, settings.clearance_widths)
     options = search.ranked(scene)
     if scene.crossings and all(o.turn.after >= len(scene.crossings) for o in options):
         options += [
@@ -165,7 +165,7 @@ class Option:
 class Search:
     """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is wished."""
 
-    judge: Judge
+    classifier: Classifier
     frame: Frame
     clearance_widths: float = 1.0
 
@@ -190,7 +190,9 @@ class Search:
         turns = find_turns(scene, self.frame, self.clearance_widths, gain, most_holds)
         before = len(scene.crossings)
         found = []
-        for turn, weighed in zip(turns, judged(self.judge, [t.evidence for t in turns]).tolist(), strict=True):
+        for turn, weighed in zip(
+            turns, probabilities_of(self.classifier, [t.evidence for t in turns]).tolist(), strict=True
+        ):
             score = min(weighed, turn.held.certainty)
             moves = before / (before - turn.after) if turn.after < before else before + 1
             found.append(Option(turn, score, score**moves * turn.in_view**_OUT_OF_VIEW))

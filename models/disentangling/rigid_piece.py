@@ -8,6 +8,7 @@ import numpy as np
 
 from models.disentangling.hands import allowance
 from models.geometry.arrays import FloatArray
+from models.geometry.directions import unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Topology
 
@@ -99,7 +100,7 @@ def heading_from(topology: Topology, section: int, end: int, away: float) -> Flo
     lengths = arc_lengths(xy)
     reach = max(_HEADING_WIDTHS * whole.width, away) + _BLOB
     near, far = point_at(xy, lengths, np.minimum([float(allowance(whole.width, 0.5, _BLOB)), reach], lengths[-1]))
-    return (far - near) / max(float(np.hypot(*(far - near))), 1e-9)
+    return unit(far - near)
 
 
 def _beyond(topology: Topology, section: int, branch: int) -> list[int] | None:

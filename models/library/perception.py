@@ -20,7 +20,7 @@ from models.library import arguments, loading
 from models.library.arguments import ArgumentError
 from models.segmentation import segment as foreground
 from models.segmentation.effort import PASSES, Effort, look
-from models.topology.evidence import judges_of
+from models.topology.evidence import classifiers_of
 from models.topology.extraction import extract
 from models.topology.order import depth_map
 from models.topology.scene import Topology
@@ -114,8 +114,8 @@ def topology(
         depth = arguments.depth(depth_m, "depth_m")
         arguments.same_size(seen, depth, ("picture" if mask is None else "mask", "depth_m"))
         surfaces.append(depth_map(depth))
-    judges = judges_of(loading.default)
-    return extract(seen, loading.default("topology"), judges, image, surfaces)
+    classifiers = classifiers_of(loading.default)
+    return extract(seen, loading.default("topology"), classifiers, image, surfaces)
 
 
 def _seen(

@@ -25,7 +25,7 @@ _SAME_SHAPE_PX = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """What a view says about a curve: ``strands`` that belong to it, ``share`` of the samples in the picture that lie
+    """How a view supports a curve: ``strands`` that belong to it, ``share`` of the samples in the picture that lie
     on them, mean distance ``reprojection_px`` of those, and how it ended."""
 
     verdict: Verdict

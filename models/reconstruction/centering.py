@@ -19,6 +19,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, resample
 
 _STEP_PX = 1.0
@@ -178,5 +179,4 @@ def _smooth(values: FloatArray, sigma: float) -> FloatArray:
 
 def _normals(line: FloatArray) -> FloatArray:
     tangent = gaussian_filter1d(np.gradient(line, axis=0), 3.0, axis=0, mode="nearest")
-    tangent /= np.maximum(np.hypot(*tangent.T)[:, None], 1e-9)
-    return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    return quarter_turned(unit(tangent))

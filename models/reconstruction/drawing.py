@@ -7,6 +7,7 @@ import numpy as np
 
 from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.cameras import Camera
+from models.geometry.directions import quarter_turned, tangents
 from models.reconstruction.curves import Curve
 
 _DARK = (20, 20, 20)
@@ -42,10 +43,8 @@ def reprojection(image: ByteArray, camera: Camera, curves: list[Curve], dropped:
 
 def _outline(points: FloatArray, camera: Camera, radius: float) -> list[FloatArray]:
     ideal = camera.project(points)
-    tangent = np.gradient(ideal, axis=0)
-    tangent /= np.maximum(np.hypot(*tangent.T)[:, None], 1e-9)
     half = radius * camera.focal_px / camera.in_camera(points)[:, 2]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) * half[:, None]
+    normal = quarter_turned(tangents(ideal)) * half[:, None]
     return [camera.distort(ideal + normal), camera.distort(ideal - normal)]
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.cameras import NEAREST_M, Camera, epipolar_lines
+from models.geometry.directions import unit
 from models.reconstruction.triangulation import depth_on_ray
 from models.reconstruction.views import Samples, Strand, View
 
@@ -78,7 +79,7 @@ def match(
 ) -> Match:
     """Depths of the samples ``index`` (n,) of ``strand`` in ``reference``.
 
-    ``prior_depth`` (n,): where an earlier reconstruction expects them, NaN where it says nothing.
+    ``prior_depth`` (n,): where an earlier reconstruction expects them, NaN where it expects nothing.
     """
     xy = strand.xy[index]
     rays = reference.camera.rays(xy)
@@ -115,13 +116,12 @@ def without_leaps(depth: FloatArray, steps: FloatArray, steepest: float) -> Floa
 
 
 def steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera]) -> FloatArray:
-    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is largest: what a match
-    says about the depth."""
+    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is largest: how
+    well a match shows the depth."""
     best = np.zeros(len(index))
     for other in others:
         pole = camera.intrinsics.matrix @ (camera.rotation.T @ (other.center - camera.center))
-        direction = pole[:2] - pole[2] * line.xy[index]
-        direction /= np.maximum(np.hypot(*direction.T)[:, None], 1e-12)
+        direction = unit(pole[:2] - pole[2] * line.xy[index])
         best = np.maximum(best, np.abs(np.einsum("ni,ni->n", direction, line.normals[index])))
     return best
 

@@ -31,7 +31,7 @@ _FEWEST = 4
 
 
 class NotReconstructable(ValueError):
-    """There is no curve that at least two views agree on; the message says why."""
+    """There is no curve that at least two views agree on; the message gives the reason."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class ReconstructParams:
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """A curve, what each view says about it, and where it came from: strand ``strand`` of view ``reference``.
+    """A curve, how each view supports it, and where it came from: strand ``strand`` of view ``reference``.
 
     ``noise_px`` of the centerlines as the residuals show it; ``cost`` of the match.
     """
@@ -223,11 +223,11 @@ def _finish(
     begin, end = _seen_range(refined)
     parameters = curves.at_equal_lengths(refined.spline, params.points, begin, end)
     curve = _curve(refined, parameters, views, strands, params)
-    said = [
+    renewed = [
         new if kept else old
         for new, old, kept in zip(supports(refined, views, strands), attempt.supports, keep, strict=True)
     ]
-    return Reconstruction(curve, tuple(said), reference, strand, refined.noise_px, attempt.cost)
+    return Reconstruction(curve, tuple(renewed), reference, strand, refined.noise_px, attempt.cost)
 
 
 def _seen_range(refined: Refined) -> tuple[float, float]:

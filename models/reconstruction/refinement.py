@@ -21,11 +21,12 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.cameras import NEAREST_M, Camera
+from models.geometry.directions import quarter_turned, unit
 from models.reconstruction.curves import Spline3D, basis
 from models.reconstruction.views import Samples, View
 
 _UNSURE = 0.2
-"""Standard deviation, as a share of the distance, of a sample that no view says anything about."""
+"""Standard deviation, as a share of the distance, of a sample that no view shows."""
 _ANYWHERE = 2.0
 """The same of a whole DLO."""
 
@@ -81,7 +82,7 @@ def across(covariance: FloatArray, tangents: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What a view says about n samples: signed residual, (n, 3) its derivative by the point, whether it counts; and
+    """What a view shows of n samples: signed residual, (n, 3) its derivative by the point, whether it counts; and
     ``across`` (n, 3) the derivative of a residual along ``normal`` (n, 2), across the curve as it projects."""
 
     residual: FloatArray
@@ -208,8 +209,7 @@ def _measure(
     residual = np.einsum("ni,ni->n", normal, off)
     along = np.abs(normal[:, 0] * off[:, 1] - normal[:, 1] * off[:, 0])
     heading = tangents @ camera.rotation
-    flow = (heading[:, :2] - plane * heading[:, 2:]) * focal
-    flow /= np.maximum(np.hypot(*flow.T), 1e-9)[:, None]
+    flow = unit((heading[:, :2] - plane * heading[:, 2:]) * focal)
     turn = np.abs(np.einsum("ni,ni->n", flow, normal))
     used = front & (np.abs(residual) < gate) & ((along < 1.5) | ~seen.at_end[nearest])
     used &= turn < params.turn
@@ -221,7 +221,7 @@ def _measure(
         by_local = np.concatenate([scaled, -np.einsum("ni,ni->n", scaled, plane)[:, None]], axis=1)
         return np.asarray(by_local @ camera.rotation.T)
 
-    aside = np.stack([-flow[:, 1], flow[:, 0]], axis=1)
+    aside = quarter_turned(flow)
     return _Measured(residual, by_point(normal), used, by_point(aside), aside)
 
 

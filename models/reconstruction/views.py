@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.cameras import Camera
+from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, resample
 
 _SPACING_PX = 1.0
@@ -112,5 +113,4 @@ def _run_ends(known: BoolArray) -> BoolArray:
 def _normals(xy: FloatArray) -> FloatArray:
     index = np.arange(len(xy))
     tangent = xy[np.minimum(index + _TANGENT_PX, len(xy) - 1)] - xy[np.maximum(index - _TANGENT_PX, 0)]
-    tangent /= np.maximum(np.hypot(*tangent.T)[:, None], 1e-12)
-    return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    return quarter_turned(unit(tangent))

@@ -79,7 +79,7 @@ def render(args: argparse.Namespace) -> None:
 
 
 def truth_record(scene: Labelled, stride: int = 8) -> dict[str, Any]:
-    """What ``scenes.jsonl`` says of a scene: pixels and radians, every ``stride``-th sample of the centerlines
+    """What ``scenes.jsonl`` holds of a scene: pixels and radians, every ``stride``-th sample of the centerlines
     (x, y, height); sample numbers of crossings count in the shortened centerlines."""
     crossings = [
         asdict(c)

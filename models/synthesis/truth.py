@@ -30,7 +30,7 @@ class Crossing:
 class Camera:
     """A pinhole: ``K`` (3, 3) px and ``T_camera_world`` (4, 4) m; the world is the table, z towards the camera.
 
-    ``parallax`` says whether heights above the table move points in the picture. The 2.5-D compositor draws
+    ``parallax``: whether heights above the table move points in the picture. The 2.5-D compositor draws
     the table as this camera, looking straight down, sees it, but everything on it without parallax: there the
     camera is exact for points of the table only."""
 

@@ -14,8 +14,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.directions import unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
+from models.strands.ends import width_of
 from models.strands.graph import degrees
 from models.topology.classifiers import chain_links, links_of
 from models.topology.graph import Graph
@@ -23,7 +25,7 @@ from models.topology.scene import Predictions
 from models.topology.sites import Arm, bend, ends_at, measure_arm
 
 _LONG = 12.0
-"""Widths; how much longer a strand is says nothing more."""
+"""Widths; a strand that is longer counts no more."""
 _REACH_WIDTHS = 3.2
 _REACH_PX = 14.0
 _CONE = np.cos(np.deg2rad(65))
@@ -78,10 +80,10 @@ def _end(knot: int, strand: int, xy: FloatArray, radii: FloatArray) -> End:
     """Strategy: the outermost half width of a medial line follows the shape of the tip; what lies behind it tells."""
     lengths = arc_lengths(xy)
     total = float(lengths[-1])
-    width = max(2.0, 2 * float(np.median(radii)) - 1)
+    width = max(2.0, width_of(radii))
     at = np.minimum(np.array([0.4, 1.6, 1.8, 3.4]) * width + [0, 2, 2, 4], total * np.array([0.2, 0.6, 0.6, 1.0]))
     outer, middle, again, inner = point_at(xy, lengths, at)
-    near, far = _unit(outer - middle), _unit(again - inner)
+    near, far = unit(outer - middle), unit(again - inner)
     turn = float(np.arctan2(far[0] * near[1] - far[1] * near[0], far @ near))
     away = max(float(at[2] + at[3] - at[0] - at[1]) / 2, 1e-6)
     return End(knot, strand, xy[0], near, float(np.clip(turn / away, -0.5 / width, 0.5 / width)), width, total)
@@ -301,9 +303,9 @@ def _other_side(view: _View, end: End, there: int) -> tuple[float, float, float]
         return bend(here, arm), float(np.log(arm.width / end.width)), beside
     k, place = view.owners[there][0]
     chain = graph.chains[k]
-    along = _unit(graph.xy[chain[min(place + 1, len(chain) - 1)]] - graph.xy[chain[max(place - 1, 0)]])
-    incidence = float(np.arcsin(min(1.0, abs(float(along @ _unit(graph.xy[there] - end.xy))))))
-    width = max(1.0, 2 * float(np.median(graph.web.strands[k].radii)) - 1)
+    along = unit(graph.xy[chain[min(place + 1, len(chain) - 1)]] - graph.xy[chain[max(place - 1, 0)]])
+    incidence = float(np.arcsin(min(1.0, abs(float(along @ unit(graph.xy[there] - end.xy))))))
+    width = width_of(graph.web.strands[k].radii)
     return incidence, float(np.log(width / end.width)), _NO_PAIR
 
 
@@ -324,8 +326,3 @@ def _first_met(start: FloatArray, stop: FloatArray, starts: FloatArray, stops: F
     u = (offset[:, 0] * step[1] - offset[:, 1] * step[0]) / safe
     met = t[(area != 0) & (t > 0) & (t < 1) & (u >= 0) & (u <= 1)]
     return None if not len(met) else start + float(met.min()) * step
-
-
-def _unit(vector: FloatArray) -> FloatArray:
-    out: FloatArray = vector / max(float(np.hypot(*vector)), 1e-9)
-    return out

@@ -12,26 +12,26 @@ from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from models.topology.graph import Graph
 from models.topology.scene import Predictions
 
-Judge = Callable[[Float32Array], NDArray[np.floating]]
+Classifier = Callable[[Float32Array], NDArray[np.floating]]
 """``(n, features)`` evidence to ``(n,)`` probabilities, or ``(n, readings)`` of which every row sums to 1."""
 
 
 @dataclass(frozen=True)
-class Judges:
+class Classifiers:
     """``crossing``: of :func:`sites.evidence`, the columns are :class:`sites.Reading`; ``bridge``: of
     :func:`bridges.proposals`; ``stub``: of :func:`stubs.candidates`, the probability that the strand is part of a
     DLO."""
 
-    crossing: Judge
-    bridge: Judge
-    stub: Judge
+    crossing: Classifier
+    bridge: Classifier
+    stub: Classifier
 
 
-def judged(judge: Judge, rows: Sequence[Sequence[float] | FloatArray]) -> FloatArray:
-    """The judge's probabilities for rows of evidence; ``(0,)`` for no rows."""
+def probabilities_of(classifier: Classifier, rows: Sequence[Sequence[float] | FloatArray]) -> FloatArray:
+    """The classifier's probabilities for rows of evidence; ``(0,)`` for no rows."""
     if not rows:
         return np.zeros(0)
-    return np.asarray(judge(np.array(rows, np.float32)), np.float64)
+    return np.asarray(classifier(np.array(rows, np.float32)), np.float64)
 
 
 Links = dict[tuple[int, int], float]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from models.topology.bridges import BridgeEvidence
-from models.topology.classifiers import Judges
+from models.topology.classifiers import Classifiers
 from models.topology.sites import SiteEvidence
 from models.topology.stubs import StubEvidence
 from models.weights.inference import Network
@@ -15,9 +15,9 @@ FEATURES: Mapping[str, tuple[str, ...]] = {
     "bridges": BridgeEvidence._fields,
     "stubs": StubEvidence._fields,
 }
-"""In the order of :class:`Judges`."""
+"""In the order of :class:`Classifiers`."""
 
 
-def judges_of(network_of: Callable[[str], Network]) -> Judges:
+def classifiers_of(network_of: Callable[[str], Network]) -> Classifiers:
     """The classifiers, their networks taken by task. Raises FeaturesDifferError where one weighs other columns."""
-    return Judges(*(network_of(task).weighing(features) for task, features in FEATURES.items()))
+    return Classifiers(*(network_of(task).weighing(features) for task, features in FEATURES.items()))

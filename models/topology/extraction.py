@@ -13,7 +13,7 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import arc_lengths
 from models.strands.resolution import Reduced, reduced
 from models.strands.stopwatch import Stopwatch
-from models.topology.classifiers import Judges
+from models.topology.classifiers import Classifiers
 from models.topology.encodings import encode
 from models.topology.graph import Graph, TooComplexError, initialize
 from models.topology.order import Surface, ordered, picture
@@ -36,7 +36,7 @@ class TopologyNetwork(Protocol):
 def extract(
     mask: BoolArray,
     network: TopologyNetwork,
-    judges: Judges,
+    classifiers: Classifiers,
     image: ByteArray | None = None,
     surfaces: Sequence[Surface] = (),
 ) -> Topology:
@@ -51,13 +51,13 @@ def extract(
     binary = np.ascontiguousarray(mask, dtype=bool)
     small = reduced(binary, image, MAX_PIXELS)
     if small is None:
-        return _extract(binary, network, judges, image, surfaces)
+        return _extract(binary, network, classifiers, image, surfaces)
     seen = [replace(s, read=_scaled(s.read, small)) for s in surfaces]
-    return _enlarged(_extract(small.mask, network, judges, small.image, seen), mask.shape, small)
+    return _enlarged(_extract(small.mask, network, classifiers, small.image, seen), mask.shape, small)
 
 
 def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
-    """What the network says of a graph."""
+    """Probabilities of the links, orientations and classes of a graph's nodes."""
     if not len(graph.xy):
         return Predictions(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     encoded = encode(graph)
@@ -67,7 +67,11 @@ def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
 
 
 def _extract(
-    mask: BoolArray, network: TopologyNetwork, judges: Judges, image: ByteArray | None, surfaces: Sequence[Surface]
+    mask: BoolArray,
+    network: TopologyNetwork,
+    classifiers: Classifiers,
+    image: ByteArray | None,
+    surfaces: Sequence[Surface],
 ) -> Topology:
     watch = Stopwatch()
     try:
@@ -81,7 +85,7 @@ def _extract(
     with watch.step("networks"):
         predictions = predict(graph, network)
     with watch.step("solver"):
-        solution = solve(graph, predictions, judges, None if image is None else _tint(image))
+        solution = solve(graph, predictions, classifiers, None if image is None else _tint(image))
         walks = walk_all(solution)
         sections = sections_of(walks, solution, graph)
     with watch.step("output"):

@@ -24,7 +24,7 @@ _CONNECTOR = 0.3
 _BULKY = 1.45
 """An end so much wider than its section carries a connector."""
 _AMBIGUOUS = 0.05
-"""Two matches whose costs differ by less than this a branch cannot be told apart."""
+"""Two matches whose costs differ by less than this a branch count as equal."""
 _DROPPED = 0.15
 """Cost of a short free section that is taken off."""
 _MOST_DROPPED = 4

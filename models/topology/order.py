@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray
+from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
 from models.topology.scene import Crossing, Place, Section
@@ -100,7 +101,7 @@ def _sine(one: Place, other: Place, sections: Sequence[Section]) -> float:
         lengths = arc_lengths(section.xy)
         near = place.u * lengths[-1] + np.array([-1, 1]) * max(4.0, section.width)
         before, after = point_at(section.xy, lengths, np.clip(near, 0, lengths[-1]))
-        headings.append((after - before) / max(float(np.hypot(*(after - before))), 1e-9))
+        headings.append(unit(after - before))
     (a, b), (c, d) = headings
     return max(_LEAST_SINE, abs(float(a * d - b * c)))
 
@@ -129,8 +130,7 @@ def _profile(section: Section, lengths: FloatArray, at: FloatArray, surface: Sur
     places = point_at(section.xy, lengths, along)
     ahead = point_at(section.xy, lengths, np.clip(along + 3, 0, lengths[-1]))
     behind = point_at(section.xy, lengths, np.clip(along - 3, 0, lengths[-1]))
-    step = ahead - behind
-    normal = step[:, ::-1] * [-1, 1] / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    normal = quarter_turned(unit(ahead - behind))
     lanes = places + np.linspace(-0.25, 0.25, 3)[:, None, None] * section.width * normal
     values = surface.read(lanes)
     known = np.isfinite(values).sum(axis=0)

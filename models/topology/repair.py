@@ -1,4 +1,4 @@
-"""The web after the networks have spoken: stubs are taken off and gaps are bridged (thesis 6.6.1, extended)."""
+"""The web by what the networks give: stubs are taken off and gaps are bridged (thesis 6.6.1, extended)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from models.geometry.arrays import FloatArray
 from models.geometry.polylines import intersections, segments
 from models.strands.graph import Strand, Web, compact, contract, dissolve
 from models.topology.bridges import proposals
-from models.topology.classifiers import Judges, judged
+from models.topology.classifiers import Classifiers, probabilities_of
 from models.topology.graph import Graph, without
 from models.topology.scene import Predictions
 from models.topology.stubs import candidates
@@ -20,26 +20,28 @@ _LEAST = 0.5
 """Bridges that are less probable are not built; shorter strands that are less probable are taken off."""
 
 
-def repaired(graph: Graph, predictions: Predictions, judges: Judges) -> Web:
+def repaired(graph: Graph, predictions: Predictions, classifiers: Classifiers) -> Web:
     """The strands that are part of a DLO, with gaps of the mask bridged; knots of two strands are dissolved."""
-    real = pruned(graph, predictions, judges)
-    bridges = _bridges(real, predictions, judges)
+    real = pruned(graph, predictions, classifiers)
+    bridges = _bridges(real, predictions, classifiers)
     web = _bridged(real, bridges) if bridges else real.web
     return compact(contract(dissolve(web)))
 
 
-def pruned(graph: Graph, predictions: Predictions, judges: Judges) -> Graph:
+def pruned(graph: Graph, predictions: Predictions, classifiers: Classifiers) -> Graph:
     """The graph without short strands that are no part of a DLO: what they cover of an end comes free."""
     found = candidates(graph, predictions)
-    scores = judged(judges.stub, [c.evidence for c in found])
+    scores = probabilities_of(classifiers.stub, [c.evidence for c in found])
     dropped = {c.strand for c, p in zip(found, scores.tolist(), strict=True) if p < _LEAST}
     return without(graph, dropped) if dropped else graph
 
 
-def _bridges(graph: Graph, predictions: Predictions, judges: Judges) -> list[tuple[int, int]]:
+def _bridges(graph: Graph, predictions: Predictions, classifiers: Classifiers) -> list[tuple[int, int]]:
     """Pairs of nodes to join, the most probable first, every free end once."""
     proposed = proposals(graph, predictions)
-    scores = _both_ways([b.nodes for b in proposed], judged(judges.bridge, [b.evidence for b in proposed]))
+    scores = _both_ways(
+        [b.nodes for b in proposed], probabilities_of(classifiers.bridge, [b.evidence for b in proposed])
+    )
     ends = {b.nodes[0] for b in proposed}
     taken: set[int] = set()
     chosen: list[tuple[int, int]] = []
@@ -52,7 +54,7 @@ def _bridges(graph: Graph, predictions: Predictions, judges: Judges) -> list[tup
 
 
 def _both_ways(nodes: list[tuple[int, ...]], scores: FloatArray) -> FloatArray:
-    """Two free ends see each other: the mean of what either says."""
+    """Two free ends propose the same bridge: the mean of both probabilities."""
     of = dict(zip(nodes, scores.tolist(), strict=True))
     return np.array([(p + of.get(n[::-1], p)) / 2 for n, p in of.items()])
 

@@ -13,7 +13,7 @@ Status = Literal["branched", "plain", "closed", "empty", "unsure", "too_complex"
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """What lies between two branch-points or free ends. ``xy``: ``(n, 2)``; ``width`` px; ``ends``: kinds at the first
+    """The strand between two branch-points or free ends. ``xy``: ``(n, 2)``; ``width`` px; ``ends``: kinds at the first
     and the last point; ``branches``: indices of the branch-points there or -1; ``closed``: a ring; ``score``: share
     of it on foreground; ``end_widths``: the largest near either end, px: a connector shows there."""
 
@@ -46,8 +46,8 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """Two places lie over one another. ``score``: probability that it is a crossing; ``order_score``: of ``over`` being
-    above, 0.5 when unknown."""
+    """Two strands pass over one another. ``score``: probability that it is a crossing; ``order_score``: of
+    ``over`` being above, 0.5 when unknown."""
 
     xy: tuple[float, float]
     over: Place
@@ -76,7 +76,7 @@ class Topology:
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """What the networks say: ``links`` ``(E,)`` probabilities, ``angles`` ``(N,)`` radians, ``classes`` ``(N, 2)``."""
+    """What the networks give: ``links`` ``(E,)`` probabilities, ``angles`` ``(N,)`` radians, ``classes`` ``(N, 2)``."""
 
     links: FloatArray
     angles: FloatArray

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, resample
 from models.geometry.sampling import read_nearest
+from models.strands.ends import beyond, width_of, within
 from models.strands.pixel_graph import smoothed
 from models.topology.graph import Graph
 from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Predictions, Section
@@ -19,6 +20,8 @@ from models.topology.solver import End, Solution
 
 _POINT_SPACING_PX = 4.0
 _SMOOTHING_PX = 3
+_TIP_POINTS = 8
+"""Over so many points a strand's direction at its end is taken."""
 _SEPARATE_VISITS = 12
 """A walk that comes near a node again so many points later passes it a second time."""
 
@@ -99,7 +102,7 @@ def sections_of(walks: list[Walk], solution: Solution, graph: Graph) -> list[Sec
     for walk in walks:
         branches = (index.get(walk.knots[0], -1), index.get(walk.knots[1], -1))
         branches = (-1, -1) if walk.closed else branches
-        width = max(1.0, 2 * float(np.median(walk.radii)) - 1)
+        width = width_of(walk.radii)
         whole = np.array([0, len(walk.xy)])
         line = smoothed(smoothed(walk.xy, whole, _SMOOTHING_PX), whole, _SMOOTHING_PX)
         line = _with_tips(line, branches, walk, graph)
@@ -120,31 +123,17 @@ def _end_widths(walk: Walk, width: float) -> tuple[float, float]:
 def _with_tips(line: FloatArray, branches: tuple[int, int], walk: Walk, graph: Graph) -> FloatArray:
     if walk.closed:
         return line
-    start = _tip(line, float(walk.radii[0]), graph) if branches[0] < 0 else line[:0]
-    end = _tip(line[::-1], float(walk.radii[-1]), graph) if branches[1] < 0 else line[:0]
-    return np.concatenate((start, line, end))
-
-
-def _tip(line: FloatArray, radius: float, graph: Graph) -> FloatArray:
-    """``(1, 2)`` or ``(0, 2)``: a skeleton ends up to half a width before the strand does."""
-    step = line[0] - line[min(len(line) - 1, 8)]
-    size = float(np.hypot(*step))
-    if size < 1e-6:
-        return line[:0]
-    ahead = line[0] + np.arange(1, int(radius) + 2)[:, None] * step / size
-    limit = np.array(graph.distances.shape[::-1]) - 1
-    inside = np.all((ahead >= 0) & (ahead <= limit), axis=1) & (read_nearest(graph.distances, ahead) > 0)
-    reached = int(np.argmin(np.append(inside, False)))
-    return ahead[max(reached - 1, 0) : reached]
+    tips = [
+        beyond(way, graph.distances, float(radius), _TIP_POINTS) if branch < 0 else line[:0]
+        for way, radius, branch in zip((line, line[::-1]), walk.radii[[0, -1]], branches, strict=True)
+    ]
+    return np.concatenate((tips[0], line, tips[1]))
 
 
 def _kind(xy: FloatArray, branch: int, width: float, graph: Graph) -> EndKind:
     if branch >= 0:
         return "branch"
-    height, across = graph.distances.shape
-    margin = width / 2 + 3
-    inside = margin < xy[0] < across - 1 - margin and margin < xy[1] < height - 1 - margin
-    return "free" if inside else "border"
+    return "free" if within(xy, graph.distances.shape, width / 2 + 3) else "border"
 
 
 def branch_points_of(solution: Solution, sections: list[Section]) -> list[BranchPoint]:

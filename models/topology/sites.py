@@ -1,7 +1,7 @@
 """Places where strands meet, and the evidence there: is it a branch-point or a crossing (thesis 6.6.2, extended)?
 
 The thesis decides by the number of arms. Here every joint of four arms, and every two joints of three arms that a short
-strand joins, is a *site*; widths, angles, how far apart the joints are and what the classifier says of the nodes there
+strand joins, is a *site*; widths, angles, how far apart the joints are and what the network gives for the nodes there
 are its evidence. A small network turns it into probabilities of the readings: branch-points; a crossing; or a *lens*,
 two strands that cross at either joint and lie upon one another in between.
 """
@@ -16,7 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.geometry.directions import angle_between, unit
 from models.geometry.polylines import arc_lengths, point_at
+from models.strands.ends import width_of
 from models.strands.graph import Strand, Web
 from models.topology.scene import Predictions
 
@@ -27,7 +29,7 @@ _ARM_WIDTHS = 2.5
 
 
 class Reading(IntEnum):
-    """What a site may be; the columns of the judge's answer."""
+    """What a site may be; the columns of the classifier's answer."""
 
     BRANCH_POINTS = 0
     CROSSING = 1
@@ -80,15 +82,14 @@ def measure_arm(web: Web, strand: int, end: int) -> Arm:
     start = min(float(seen.radii[0]), 0.4 * total)
     stop = min(start + _ARM_WIDTHS * width + 4, total)
     near, far = point_at(seen.xy, lengths, np.array([start, stop]))
-    heading = (far - near) / max(float(np.hypot(*(far - near))), 1e-9)
-    return Arm(strand, end, seen.a, near, heading, width)
+    return Arm(strand, end, seen.a, near, unit(far - near), width)
 
 
 def _width_beyond(seen: Strand, lengths: FloatArray) -> float:
     """Typical width outside the joint's disc, near it."""
     radius = float(seen.radii[0])
     outside = (lengths >= min(1.2 * radius, 0.5 * lengths[-1])) & (lengths <= 1.2 * radius + 60)
-    return max(1.0, 2 * float(np.median(seen.radii[outside] if outside.any() else seen.radii)) - 1)
+    return width_of(seen.radii[outside] if outside.any() else seen.radii)
 
 
 def crossing_sites(web: Web) -> list[Site]:
@@ -100,7 +101,7 @@ def crossing_sites(web: Web) -> list[Site]:
             sites.append(_single(web, knot, ends))
     for k, strand in enumerate(web.strands):
         three = strand.a != strand.b and len(at[strand.a]) == 3 and len(at[strand.b]) == 3
-        width = max(1.0, 2 * float(np.median(strand.radii)) - 1)
+        width = width_of(strand.radii)
         if three and strand.length <= _LONGEST_MIDDLE * width + 8:
             sites.append(_double(web, k, at))
     return sites
@@ -138,17 +139,9 @@ def bend(one: Arm, other: Arm) -> float:
     chord = other.xy - one.xy
     size = float(np.hypot(*chord))
     if size < 1e-6:
-        return _angle(-one.heading, other.heading)
+        return float(angle_between(-one.heading, other.heading))
     chord = chord / size
-    return _angle(-one.heading, chord) + _angle(chord, other.heading)
-
-
-def _angle(a: FloatArray, b: FloatArray) -> float:
-    return float(np.arccos(np.clip(a @ b, -1, 1)))
-
-
-def _unit(vector: FloatArray) -> FloatArray:
-    return vector / max(float(np.hypot(*vector)), 1e-9)
+    return float(angle_between(-one.heading, chord) + angle_between(chord, other.heading))
 
 
 class SiteEvidence(NamedTuple):
@@ -188,8 +181,8 @@ def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Prediction
     rival = [bend(arms[i], arms[j]) for i, j in site.rivals]
     change = [abs(np.log(arms[i].width / arms[j].width)) for i, j in site.pairs]
     rival_change = [abs(np.log(arms[i].width / arms[j].width)) for i, j in site.rivals]
-    openings = [_angle(arms[i].heading, arms[j].heading) for i, j in ((0, 1), (2, 3))]
-    first, second = (_unit(arms[i].heading - arms[j].heading) for i, j in site.pairs)
+    openings = [float(angle_between(arms[i].heading, arms[j].heading)) for i, j in ((0, 1), (2, 3))]
+    first, second = (unit(arms[i].heading - arms[j].heading) for i, j in site.pairs)
     crossing = float(np.arccos(min(1.0, abs(float(first @ second)))))
     reach = float(widths.max())
     branch, cross = _classes_near(site.xy, nodes_xy, predictions, reach)

@@ -1,4 +1,4 @@
-"""From the graph and what the networks say of it to the topology (thesis Algorithm 6, section 6.6).
+"""From the graph and the probabilities that networks give to the topology (thesis Algorithm 6, section 6.6).
 
 Strategy: repair the strands; weigh every site that may be a crossing or a lens and accept the probable ones, the most
 probable first, no joint twice; every other joint is a branch-point. Then walk the strands: a walk goes straight on
@@ -14,7 +14,7 @@ import numpy as np
 
 from models.geometry.arrays import FloatArray
 from models.strands.graph import Web
-from models.topology.classifiers import Judges, judged
+from models.topology.classifiers import Classifiers, probabilities_of
 from models.topology.graph import Graph
 from models.topology.repair import repaired
 from models.topology.scene import Predictions
@@ -49,15 +49,15 @@ class Solution:
 
 
 def solve(
-    graph: Graph, predictions: Predictions, judges: Judges, tint: Callable[[Site], float] | None = None
+    graph: Graph, predictions: Predictions, classifiers: Classifiers, tint: Callable[[Site], float] | None = None
 ) -> Solution:
     """Which joints of the graph are crossings and which are branch-points.
 
-    ``tint``: what the picture's colors say of how a site's arms are paired, as log odds in favor of a crossing.
+    ``tint``: log odds in favor of a crossing by the colors along a site's arms.
     """
-    web = repaired(graph, predictions, judges)
+    web = repaired(graph, predictions, classifiers)
     sites = crossing_sites(web)
-    scores = _scores(sites, web, graph, predictions, judges, tint)
+    scores = _scores(sites, web, graph, predictions, classifiers, tint)
     passages: list[Passage] = []
     taken: set[int] = set()
     for k in np.argsort(scores[:, Reading.BRANCH_POINTS], kind="stable"):
@@ -78,11 +78,13 @@ def solve(
 
 
 def _scores(
-    sites: list[Site], web: Web, graph: Graph, predictions: Predictions, judges: Judges,
+    sites: list[Site], web: Web, graph: Graph, predictions: Predictions, classifiers: Classifiers,
     tint: Callable[[Site], float] | None,
 ) -> FloatArray:  # fmt: skip
     """``(n, 3)`` probabilities of the readings of every site."""
-    scores = judged(judges.crossing, [evidence(s, web, graph.xy, predictions) for s in sites]).reshape(-1, len(Reading))
+    scores = probabilities_of(classifiers.crossing, [evidence(s, web, graph.xy, predictions) for s in sites]).reshape(
+        -1, len(Reading)
+    )
     scores[[s.middle is None for s in sites], Reading.LENS] = 0.0
     if tint is not None:
         scores[:, Reading.CROSSING] *= np.exp([tint(s) for s in sites])
@@ -125,7 +127,7 @@ def _branch_score(
     knot: int, sites: list[Site], scores: FloatArray, web: Web, graph: Graph, predictions: Predictions
 ) -> float:
     """Probability of a branch-point: what is left after the sites that the joint could be part of, together with
-    the classifier's word on the nodes nearby."""
+    the probability that the network gives for the nodes nearby."""
     rival = max((1 - float(p[Reading.BRANCH_POINTS]) for s, p in zip(sites, scores, strict=True) if knot in s.knots),
                 default=0.0)  # fmt: skip
     away = np.hypot(*(graph.xy - web.knots_xy[knot]).T)

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from models.geometry.arrays import FloatArray
+from models.geometry.directions import angle_between
+from models.strands.ends import width_of
 from models.strands.graph import Strand, degrees, protrusion
 from models.topology.classifiers import Links, chain_links, links_of
 from models.topology.graph import Graph
@@ -20,7 +22,7 @@ _LONGEST = 8.0
 _LONGEST_RUNG = 4.0
 """In own widths, between the discs of its joints."""
 _FAR, _FAR_BORDER = 40.0, 8.0
-"""Radii; a sibling, or the picture's border, that is farther away says nothing more."""
+"""Radii; a sibling, or the picture's border, that is farther away counts no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,7 @@ class _Arms:
         strands = [self._web.strands[a.strand] for a in others]
         free = [s.length for s in strands if self._count[s.b if s.a == joint else s.a] == 1]
         return _Side(
-            min(float(np.arccos(np.clip(own.heading @ a.heading, -1, 1))) for a in others),
+            min(float(angle_between(own.heading, a.heading)) for a in others),
             min(bend(own, a) for a in others),
             min((bend(a, b) for i, a in enumerate(others) for b in others[i + 1 :]), default=np.pi),
             len(arms), np.array([a.width for a in others]), min(free, default=np.inf),
@@ -136,7 +138,7 @@ def _evidence(
     rung = len(joints) == 2
     radius = float(strand.radii[0])
     out = _exposed(strand) if rung else protrusion(strand, joints[0])
-    own = max(1.0, 2 * float(strand.radii.min() if rung else np.median(strand.radii)) - 1)
+    own = width_of(strand.radii[strand.radii.argmin(), None] if rung else strand.radii)
     widths = np.concatenate([s.widths for s in sides])
     chain = graph.chains[k]
     believed = chain_links(chain, links)

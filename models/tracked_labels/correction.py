@@ -92,7 +92,7 @@ def correct_strokes(
 
 @dataclass(frozen=True, eq=False)
 class _Votes:
-    """Of ``n`` samples in one view: where the line was believed, its normals, and what the crops said."""
+    """Of ``n`` samples in one view: where the line was taken to be, its normals, and what the crops gave."""
 
     xy: FloatArray
     normal: FloatArray
@@ -141,7 +141,7 @@ def _read(
     evidence = weighed(probability, widths, believed, spread)
     path = best_path(evidence, params.bend) if params.agree else evidence.argmax(1)
     reading = read_lines_at(probability, widths, path)
-    # A line that the prior alone has chosen says nothing.
+    # A line that the prior alone has chosen shows nothing.
     likely = np.exp(evidence - evidence.max(1, keepdims=True))
     share = likely[np.arange(len(path)), path] / likely.sum(1)
     return LineReading(reading.offsets, reading.widths, reading.trust * np.minimum(1.0, 4 * share))
@@ -263,7 +263,7 @@ def _middle(camera: Camera) -> FloatArray:
 
 def _settled(vote: _Votes, drawn: ProjectedStroke, params: CorrectionParams) -> CorrectedStroke:
     """Points moved by their offset; where the trust is low, by what the neighbors along the DLO say. The offset that
-    is told is from where the stroke was ``drawn``."""
+    is reported is from where the stroke was ``drawn``."""
     offset = vote.offset.copy()
     known = np.isfinite(vote.normal[:, 0])
     if params.agree:

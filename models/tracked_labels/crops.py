@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray
+from models.geometry.directions import quarter_turned, unit
 
 SIZE = 96
 """Side of a crop, px (thesis 2.5.3)."""
@@ -25,9 +26,7 @@ COMFORTABLE_PX = 24.0
 
 def across_xy(tangents_xy: FloatArray) -> FloatArray:
     """(n, 2) unit vectors of the crops' rows for (n, 2) tangents: the tangent turned by a quarter."""
-    length = np.maximum(np.hypot(tangents_xy[:, 0], tangents_xy[:, 1]), 1e-9)[:, None]
-    unit = tangents_xy / length
-    return np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+    return quarter_turned(unit(tangents_xy))
 
 
 def pixels_per_crop_pixel(width_px: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import ByteArray, FloatArray
+from models.geometry.directions import quarter_turned, unit
 from models.tracked_labels.correction import CorrectedStroke
 
 _STEP = 0.125
@@ -87,9 +88,7 @@ def _looks(
     """(n · shifts, 3) color of the middle less that of both its sides, at places of the line moved by ``shifts``
     widths across it."""
     at = _along(stroke.xy, places)
-    tangent = _along(stroke.xy, places + 0.25) - _along(stroke.xy, places - 0.25)
-    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
+    normal = quarter_turned(unit(_along(stroke.xy, places + 0.25) - _along(stroke.xy, places - 0.25)))
     rows = []
     for shift in shifts:
         middle, left, right = (

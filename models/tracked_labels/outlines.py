@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import ByteArray, FloatArray
+from models.geometry.directions import quarter_turned, tangents, unit
 from models.geometry.polylines import arc_lengths, crossing_segments
 from models.tracked_labels.correction import CorrectedStroke
 from models.tracked_labels.strokes import stretches
@@ -72,9 +73,7 @@ def _to_border(xy: FloatArray, run: slice, samples: int, size: tuple[int, int]) 
 
 def outline(strand: Strand) -> FloatArray:
     """(2n, 2) polygon that follows the contour of the DLO."""
-    tangent = np.gradient(strand.xy, axis=0)
-    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    side = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) * (strand.width_px / 2)[:, None]
+    side = quarter_turned(tangents(strand.xy)) * (strand.width_px / 2)[:, None]
     return np.concatenate([strand.xy + side, (strand.xy - side)[::-1]])
 
 
@@ -130,7 +129,7 @@ def _shrunk(quad: np.ndarray) -> np.ndarray:
     quad = quad.copy()
     for a, b in ((0, 3), (1, 2)):
         across = (quad[b] - quad[a]).astype(np.float64)
-        inward = across / max(float(np.hypot(*across)), 1e-9) * 0.5 * (1 << _SHIFT)
+        inward = unit(across) * 0.5 * (1 << _SHIFT)
         quad[a] += np.rint(inward).astype(np.int32)
         quad[b] -= np.rint(inward).astype(np.int32)
     return quad

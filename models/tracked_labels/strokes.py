@@ -17,7 +17,7 @@ _NEAR_PX = 100.0
 
 
 class StrokeError(ValueError):
-    """A stroke that describes no line; the message says what is wrong with it."""
+    """A stroke that describes no line; the message names what is wrong with it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from models.training.disentangling import moves
 from models.training.dynamics import train as dynamics
 from models.training.fit import AnyFamily
 from models.training.instances import ariadne_plus_networks, fastdlo_similarity, rt_dlo_orientation
-from models.training.topology import judges
+from models.training.topology import classifiers
 from models.training.topology import train as topology
 
 FAMILIES: dict[str, AnyFamily] = {
@@ -25,7 +25,7 @@ FAMILIES: dict[str, AnyFamily] = {
         corrector.FAMILY,
         dynamics.FAMILY,
         topology.FAMILY,
-        *judges.FAMILIES,
+        *classifiers.FAMILIES,
         moves.FAMILY,
     )
 }

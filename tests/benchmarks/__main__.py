@@ -43,7 +43,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "tangles": ["tests.benchmarks.bench_tangles"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
         "topology": ["tests.benchmarks.bench_topology", str(shared), "--sheet", "build/sheets/topology.png"],
-        "disentangling": ["tests.benchmarks.bench_disentangling", "--single", "200", "--triple", "60"],
+        "disentangling": ["tests.benchmarks.bench_disentangling", "--single", "200", "--triple", "240"],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
         "labelling": ["tests.benchmarks.bench_labelling"],
         "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],

@@ -47,7 +47,7 @@ def look(as_seen: bool, harness: Harness, rng: np.random.Generator) -> list[Acti
     if not as_seen:
         return plan(truth(harness), kit().moves)
     mask = draw_mask(harness, rng, SEEN)
-    return plan(extract(mask, kit().network, kit().judges, surfaces=[seen_points(harness)]), kit().moves)
+    return plan(extract(mask, kit().network, kit().classifiers, surfaces=[seen_points(harness)]), kit().moves)
 
 
 def single(as_seen: bool, k: int) -> tuple[str, float]:

@@ -30,8 +30,8 @@ from models.strands.foreground import distance_map
 from models.strands.graph import Web
 from models.synthesis.harness import FREE, Harness, HarnessParams, make_harness
 from models.synthesis.harness_masks import MaskParams, draw_mask
-from models.topology.classifiers import Judges
-from models.topology.evidence import judges_of
+from models.topology.classifiers import Classifiers
+from models.topology.evidence import classifiers_of
 from models.topology.extraction import extract, predict
 from models.topology.graph import Graph, initialize
 from models.topology.harness_drawing import Drawn, match_drawing
@@ -56,20 +56,20 @@ class Tools:
     """The shipped networks on one thread."""
 
     network: Network
-    judges: Judges
+    classifiers: Classifiers
     orientation: Network
     moves: Network
 
     def extract(self, mask: np.ndarray, image: np.ndarray | None = None) -> Topology:
-        return extract(mask, self.network, self.judges, image)
+        return extract(mask, self.network, self.classifiers, image)
 
 
 def tools() -> Tools:
     def network(task: str) -> Network:
         return load(default_name(task), Runtime(threads=1))
 
-    judges = judges_of(network)
-    return Tools(network("topology"), judges, network("orientation"), network("moves"))
+    classifiers = classifiers_of(network)
+    return Tools(network("topology"), classifiers, network("orientation"), network("moves"))
 
 
 def held_out(

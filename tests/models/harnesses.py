@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from models.geometry.polylines import arc_lengths, resample
-from models.topology.classifiers import Judges
-from models.topology.evidence import judges_of
+from models.topology.classifiers import Classifiers
+from models.topology.evidence import classifiers_of
 from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
 from models.weights.inference import Network, Runtime, default_name, load
 
 
-def shipped() -> tuple[Network, Judges]:
+def shipped() -> tuple[Network, Classifiers]:
     """The networks that find a topology."""
     runtime = Runtime(threads=1)
-    return load(default_name("topology"), runtime), judges_of(lambda task: load(default_name(task), runtime))
+    return load(default_name("topology"), runtime), classifiers_of(lambda task: load(default_name(task), runtime))
 
 
 def section(points: list[tuple[float, float]], branches: tuple[int, int] = (-1, -1), width: float = 8.0) -> Section:

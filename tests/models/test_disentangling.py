@@ -314,8 +314,8 @@ def test_random_scenes_are_easy_to_read():
 
 
 def test_turns_are_tried_in_the_world_to_learn_from():
-    network, judges = shipped()
-    table, again = (moves_table(31, 0, 3, network, judges) for _ in range(2))
+    network, classifiers = shipped()
+    table, again = (moves_table(31, 0, 3, network, classifiers) for _ in range(2))
     assert table.rows.shape == (len(table), len(MOVE_FEATURES))
     assert 0 < table.truths.mean() < 1
     assert np.array_equal(table.rows, again.rows)
@@ -365,7 +365,7 @@ def test_the_best_action_stays_the_same_at_another_resolution(plan, factor, grip
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, 4.0])
 def test_the_best_action_from_a_mask_stays_the_same_at_another_resolution(plan, factor):
-    network, judges = shipped()
+    network, classifiers = shipped()
     rng = np.random.default_rng([3, 7])
     harness = one_crossing(rng, 1)
     mask = draw_mask(harness, rng, MaskParams(connectors=0, clips=0, tape=0, gaps=0, specks=0, coarse=0, rough=0))
@@ -373,8 +373,8 @@ def test_the_best_action_from_a_mask_stays_the_same_at_another_resolution(plan, 
     other = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) > 127
     here = seen_points(harness)
     there = replace(here, read=lambda xy: here.read(xy / factor))
-    first = plan(extract(mask, network, judges, surfaces=[here]))[0]
-    again = plan(extract(other, network, judges, surfaces=[there]))[0]
+    first = plan(extract(mask, network, classifiers, surfaces=[here]))[0]
+    again = plan(extract(other, network, classifiers, surfaces=[there]))[0]
     assert again.after == first.after
     assert np.sign(again.turn) == np.sign(first.turn)
     assert np.hypot(*(np.array(again.hold.xy) / factor - first.hold.xy)) < 2 * 12

@@ -10,7 +10,7 @@ import torch
 from models.synthesis.harness import HarnessParams, make_harness
 from models.synthesis.harness_masks import PLAIN, MaskParams, draw_mask
 from models.topology import order
-from models.topology.classifiers import Judges
+from models.topology.classifiers import Classifiers
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH
 from models.topology.extraction import extract
 from models.topology.graph import initialize
@@ -26,7 +26,7 @@ CROSS = (np.array([[40, 40], [280, 200]]), np.array([[40, 200], [280, 40]]))
 
 
 @pytest.fixture(scope="module")
-def networks() -> tuple[Network, Judges]:
+def networks() -> tuple[Network, Classifiers]:
     return shipped()
 
 

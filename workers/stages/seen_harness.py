@@ -8,7 +8,7 @@ import numpy as np
 from dlo_client.contracts import DisentangleRequest, ModelUsed, TopologyRequest
 
 from models.strands.stopwatch import Stopwatch
-from models.topology.classifiers import Judges
+from models.topology.classifiers import Classifiers
 from models.topology.evidence import FEATURES
 from models.topology.extraction import extract
 from models.topology.order import Surface, depth_map, points
@@ -38,15 +38,15 @@ def see_harness(request: TopologyRequest | DisentangleRequest, tools: Tools, wat
     tools.progress(0.1)
     with watch.step("segment"):
         foreground = find_foreground(source, tools, request, request.threshold)
-    network, judges = topology_networks(tools)
-    models = [*foreground.models, *(model_used(n.spec) for n in (network, *judges))]
+    network, classifiers = topology_networks(tools)
+    models = [*foreground.models, *(model_used(n.spec) for n in (network, *classifiers))]
     with watch.step("topology"):
-        topology = extract(foreground.cable, network, Judges(*judges), source.image, surfaces)
+        topology = extract(foreground.cable, network, Classifiers(*classifiers), source.image, surfaces)
     return SeenHarness(topology, foreground, models, source.remarks)
 
 
 def topology_networks(tools: Tools) -> tuple[Network, list[Network]]:
-    """The graph's network, and those that judge single places, in the order of :class:`Judges`."""
+    """The graph's network, and those that classifier single places, in the order of :class:`Classifiers`."""
     return tools.network(default_name("topology")), [
         tools.network(default_name(task)).weighing(columns) for task, columns in FEATURES.items()
     ]

@@ -52,7 +52,7 @@ class CropParams:
 class Crops:
     """(n, SIZE, SIZE, 3) crops; (n,) column of the centerline on the middle row; (n,) width in pixels of the crop;
     (n,) by how much, in pixels of the crop, the DLO that is meant is nearer to the crop's middle than any other, or
-    than itself where it comes back: below 0 nothing in the crop says which one is meant."""
+    than itself where it comes back: below 0 nothing in the crop shows which one is meant."""
 
     images: ByteArray
     columns: Float32Array

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from models.tracked_labels.crops import SIZE
 
 ROWS = 64
-"""Rows of the crop that are looked at, the middle ones: what is farther along the DLO says little and costs as much."""
+"""Rows of the crop that are looked at, the middle ones: what is farther along the DLO adds little and costs as much."""
 
 
 class BasicBlock(nn.Module):

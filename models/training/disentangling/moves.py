@@ -22,15 +22,15 @@ from models.disentangling.turn_candidates import Turn, find_turns
 from models.geometry.arrays import FloatArray
 from models.synthesis.harness import Harness
 from models.synthesis.harness_masks import draw_mask
-from models.topology.classifiers import Judges
-from models.topology.evidence import judges_of
+from models.topology.classifiers import Classifiers
+from models.topology.evidence import classifiers_of
 from models.topology.extraction import TopologyNetwork, extract
 from models.topology.scene import Topology
 from models.training.disentangling.table_world import SEEN, execute, one_crossing, seen_points, truth, unclear
 from models.training.fit import Source
 from models.training.state import kept
+from models.training.topology.classifiers import ClassifierConfig, classifier
 from models.training.topology.evidence import Table
-from models.training.topology.judges import JudgeConfig, classifier
 from models.weights.inference import Runtime, default_name, load
 
 MOVES = "topology_moves"
@@ -44,7 +44,7 @@ _AS_IT_IS, _NO_DEPTH = 0.15, 0.2
 
 
 @dataclass(frozen=True)
-class MovesConfig(JudgeConfig):
+class MovesConfig(ClassifierConfig):
     seed: int = 12
     epochs: int = 20
     scenes: int = 1200
@@ -52,7 +52,7 @@ class MovesConfig(JudgeConfig):
     hidden: int = 48
 
 
-def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, judges: Judges) -> Table:
+def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, classifiers: Classifiers) -> Table:
     """Evidence of turns, and whether they worked, in scenes ``first`` to ``first + count`` of a seed."""
     rows: list[FloatArray] = []
     worked: list[bool] = []
@@ -60,7 +60,7 @@ def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, jud
         rng = np.random.default_rng([seed, k])
         harness = one_crossing(rng, int(rng.integers(1, 5)))
         for _ in range(_MOST_STEPS):
-            topology = _seen(harness, rng, network, judges)
+            topology = _seen(harness, rng, network, classifiers)
             hand_px = usual_hand_px(topology)
             turns = _tried(topology, hand_px, rng)
             outcomes = [_done(harness, topology, turn, hand_px, rng) for turn in turns]
@@ -75,11 +75,11 @@ def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, jud
     return Table(np.array(rows, np.float32), np.array(worked, np.int64))
 
 
-def _seen(harness: Harness, rng: np.random.Generator, network: TopologyNetwork, judges: Judges) -> Topology:
+def _seen(harness: Harness, rng: np.random.Generator, network: TopologyNetwork, classifiers: Classifiers) -> Topology:
     if rng.random() < _AS_IT_IS:
         return truth(harness)
     mask = draw_mask(harness, rng, SEEN)
-    return extract(mask, network, judges, surfaces=[] if rng.random() < _NO_DEPTH else [seen_points(harness)])
+    return extract(mask, network, classifiers, surfaces=[] if rng.random() < _NO_DEPTH else [seen_points(harness)])
 
 
 def _tried(topology: Topology, hand_px: float, rng: np.random.Generator) -> list[Turn]:
@@ -101,15 +101,15 @@ def _done(harness: Harness, topology: Topology, turn: Turn, hand_px: float, rng:
     return outcome.harness if enough and unclear(outcome.harness) <= unclear(harness) else None
 
 
-def samples(config: JudgeConfig, source: Source) -> tuple[Table, Table]:
+def samples(config: ClassifierConfig, source: Source) -> tuple[Table, Table]:
     """Turns in scenes for training and in held-out ones; they are tried once and kept."""
     runtime = Runtime(threads=1)
     network = load(default_name("topology"), runtime)
-    judges = judges_of(lambda task: load(default_name(task), runtime))
+    classifiers = classifiers_of(lambda task: load(default_name(task), runtime))
 
     def table(first: int, count: int) -> Table:
         file = source.folder / f"turns-{config.seed}-{first}-{count}.pickle"
-        return kept(file, lambda: moves_table(config.seed, first, count, network, judges))
+        return kept(file, lambda: moves_table(config.seed, first, count, network, classifiers))
 
     return table(_FIRST, config.scenes), table(_HELD_OUT, config.held_out)
 

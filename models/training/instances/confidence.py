@@ -75,7 +75,7 @@ def matched(found: Scene, ids: ByteArray) -> BoolArray:
 
 
 def _crossings_right(found: Scene, scene: TrainScene) -> tuple[BoolArray, FloatArray]:
-    """``(K,)`` whether a true crossing is near, and 1, 0 or -1: order right, wrong, or not to be told from the ids."""
+    """``(K,)`` whether a true crossing is near, and 1, 0 or -1: order right, wrong, or not known from the ids."""
     thin = [c[::4] for c in scene.curves if len(c) > 8]
     hits = crossing_segments(np.concatenate([c[:-1] for c in thin]), np.concatenate([c[1:] for c in thin])).xy
     owner = [_owner(scene.ids[found.labels == k + 1]) for k in range(len(found.instances))]
@@ -86,8 +86,8 @@ def _crossings_right(found: Scene, scene: TrainScene) -> tuple[BoolArray, FloatA
         over, under = owner[crossing.over.instance - 1], owner[crossing.under.instance - 1]
         x, y = (round(v) for v in crossing.xy)
         seen = int(scene.ids[np.clip(y, 0, scene.ids.shape[0] - 1), np.clip(x, 0, scene.ids.shape[1] - 1)])
-        told = real[-1] and over != under and seen in (over, under)
-        upper.append(float(seen == over) if told else -1.0)
+        known = real[-1] and over != under and seen in (over, under)
+        upper.append(float(seen == over) if known else -1.0)
     return np.array(real, dtype=bool), np.array(upper)
 
 

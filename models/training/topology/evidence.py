@@ -1,4 +1,4 @@
-"""The evidence that the judges learn from, and the truth that synthetic scenes know about it."""
+"""The evidence that the classifiers learn from, and the truth that synthetic scenes know about it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from models.synthesis.harness import FREE, Harness, HarnessParams, TrueSection
 from models.synthesis.harness_curves import STEP_PX
 from models.synthesis.harness_masks import MaskParams
 from models.topology.bridges import Bridge, End, free_ends, proposals
-from models.topology.classifiers import Judges
+from models.topology.classifiers import Classifiers
 from models.topology.extraction import TopologyNetwork, predict
 from models.topology.graph import Graph
 from models.topology.repair import pruned, repaired
@@ -41,7 +41,7 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene and what the network says of it; its distances are kept as a packed mask, to hold thousands."""
+    """A scene and what the network gives for it; its distances are kept as a packed mask, to hold thousands."""
 
     harness: Harness
     predictions: Predictions
@@ -76,23 +76,23 @@ def stub_table(seen: list[Scene]) -> Table:
     return _table(stubs)
 
 
-def bridge_table(seen: list[Scene], judges: Judges) -> Table:
-    """Evidence of bridges, after short strands were judged."""
+def bridge_table(seen: list[Scene], classifiers: Classifiers) -> Table:
+    """Evidence of bridges, after short strands were probabilities_of."""
     bridges: list[tuple[Sequence[float], bool]] = []
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
-        real = pruned(graph, predictions, judges)
+        real = pruned(graph, predictions, classifiers)
         ends = {e.knot: e for e in free_ends(real)}
         bridges += [(b.evidence, goes_on(harness, real, ends, b)) for b in proposals(real, predictions)]
     return _table(bridges)
 
 
-def crossing_table(seen: list[Scene], judges: Judges) -> Table:
+def crossing_table(seen: list[Scene], classifiers: Classifiers) -> Table:
     """Evidence of crossings and lenses, after the strands were repaired."""
     sites: list[tuple[Sequence[float], int]] = []
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
-        web = repaired(graph, predictions, judges)
+        web = repaired(graph, predictions, classifiers)
         sites += [(evidence(s, web, graph.xy, predictions), true_reading(s, web, harness)) for s in crossing_sites(web)]
     return _table(sites)
 

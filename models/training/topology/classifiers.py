@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from models.geometry.arrays import Float32Array, IntArray
-from models.topology.classifiers import Judge, Judges
+from models.topology.classifiers import Classifier, Classifiers
 from models.topology.evidence import FEATURES
 from models.topology.sites import Reading
 from models.training.export import Exported
@@ -34,7 +34,7 @@ _FIRST, _HELD_OUT = 5 * 10**5, 10**6
 
 
 @dataclass(frozen=True)
-class JudgeConfig(Config):
+class ClassifierConfig(Config):
     """``jitter``: noise on the evidence, in its standard deviations: there are few places to learn from."""
 
     seed: int = 11
@@ -61,7 +61,9 @@ class Probabilities(nn.Module):
         return found[:, 1] if found.shape[1] == 2 else found
 
 
-def loss_of(network: nn.Module, table: Table, rows: IntArray, rng: np.random.Generator, config: JudgeConfig) -> Tensor:
+def loss_of(
+    network: nn.Module, table: Table, rows: IntArray, rng: np.random.Generator, config: ClassifierConfig
+) -> Tensor:
     assert isinstance(network, JunctionNetwork)
     inputs = torch.from_numpy(table.rows[rows])
     noise = torch.from_numpy(rng.standard_normal(inputs.shape, np.float32))
@@ -75,19 +77,19 @@ def classifier(
     what: str,
     readings: Sequence[str],
     features: Sequence[str],
-    config: type[JudgeConfig],
-    samples: Callable[[JudgeConfig, Source], tuple[Table, Table]],
-) -> Family[JudgeConfig, Table]:
+    config: type[ClassifierConfig],
+    samples: Callable[[ClassifierConfig, Source], tuple[Table, Table]],
+) -> Family[ClassifierConfig, Table]:
     """A row of the table of networks for one kind of evidence: ``what`` its rows are, the ``readings`` that the network
     tells apart, the names of its ``features``."""
 
-    def build(config: JudgeConfig, table: Table) -> nn.Module:
+    def build(config: ClassifierConfig, table: Table) -> nn.Module:
         network = JunctionNetwork(table.rows.shape[1], len(readings), config.hidden)
         network.mean = torch.from_numpy(table.rows.mean(axis=0))
         network.scale = torch.from_numpy(table.rows.std(axis=0) + 1e-3)
         return network
 
-    def measure(network: nn.Module, table: Table, config: JudgeConfig) -> dict[str, float]:
+    def measure(network: nn.Module, table: Table, config: ClassifierConfig) -> dict[str, float]:
         """Share of places that are read right, in all and of each reading; ``gain``: by how much more than by always
         giving the most frequent one."""
         with torch.inference_mode():
@@ -97,14 +99,14 @@ def classifier(
         most = np.bincount(table.truths).max() / len(table)
         return {**figures, "gain": round(figures["accuracy"] - float(most), 4)}
 
-    def exports(network: nn.Module, table: Table, config: JudgeConfig) -> list[Exported]:
+    def exports(network: nn.Module, table: Table, config: ClassifierConfig) -> list[Exported]:
         count = table.rows.shape[1]
         rng = torch.Generator().manual_seed(config.seed)
         places = np.bincount(table.truths, minlength=len(readings)).tolist()
         return [
             Exported(
                 name, Probabilities(network), task, f"(n, {count}) float32: {what}",
-                "trained from scratch on masks of random harnesses that training draws itself", {"evidence": count},
+                "trained from scratch on masks of random harnesses that training draws itself", {},
                 [(torch.rand(n, count, generator=rng),) for n in (2, 0, 1, 40)], [{0: torch.export.Dim("n")}], 1e-4,
                 ("evidence",), ("probability",), features=features,
                 facts={"places": dict(zip(readings, places, strict=True))},
@@ -114,10 +116,10 @@ def classifier(
     return Family(name, config, samples, build, loss_of, measure, exports, least={"gain": 0.0})
 
 
-def _both(make: Callable[[list[Scene]], Table]) -> Callable[[JudgeConfig, Source], tuple[Table, Table]]:
+def _both(make: Callable[[list[Scene]], Table]) -> Callable[[ClassifierConfig, Source], tuple[Table, Table]]:
     """The tables of training and held-out scenes; the scenes are drawn once and kept."""
 
-    def samples(config: JudgeConfig, source: Source) -> tuple[Table, Table]:
+    def samples(config: ClassifierConfig, source: Source) -> tuple[Table, Table]:
         seen = _scenes(source.folder, config.seed, _FIRST, config.scenes)
         return make(seen), make(_scenes(source.folder, config.seed, _HELD_OUT, config.held_out))
 
@@ -129,7 +131,7 @@ def _scenes(folder: Path, seed: int, first: int, count: int) -> list[Scene]:
     return kept(file, lambda: scenes(seed, first, count, load("topology", Runtime(threads=1))))
 
 
-def _before(name: str) -> Judge:
+def _before(name: str) -> Classifier:
     """A classifier that was trained before."""
     return load(name, Runtime(threads=1))
 
@@ -140,18 +142,18 @@ def _unused(rows: Float32Array) -> Float32Array:
 
 FAMILIES = (
     classifier(
-        STUBS, "stubs", "evidence of short strands", ("stub", "branch"), FEATURES["stubs"], JudgeConfig,
+        STUBS, "stubs", "evidence of short strands", ("stub", "branch"), FEATURES["stubs"], ClassifierConfig,
         _both(stub_table),
     ),
     classifier(
         BRIDGES, "bridges", "evidence of places where a strand may go on over a gap", ("end", "gap"),
-        FEATURES["bridges"], JudgeConfig,
-        _both(lambda seen: bridge_table(seen, Judges(_unused, _unused, _before(STUBS)))),
+        FEATURES["bridges"], ClassifierConfig,
+        _both(lambda seen: bridge_table(seen, Classifiers(_unused, _unused, _before(STUBS)))),
     ),
     classifier(
         CROSSINGS, "junctions", "evidence at places where strands meet", tuple(r.name.lower() for r in Reading),
         FEATURES["junctions"],
-        JudgeConfig,
-        _both(lambda seen: crossing_table(seen, Judges(_unused, _before(BRIDGES), _before(STUBS)))),
+        ClassifierConfig,
+        _both(lambda seen: crossing_table(seen, Classifiers(_unused, _before(BRIDGES), _before(STUBS)))),
     ),
 )  # fmt: skip
