@@ -42,6 +42,7 @@ SURE = 0.8
 _FADING_LEVELS = 20.0
 _FAINT_LEVELS = 12.0
 _SHARP = 0.4
+"""Contrast at which its lack counts 1/e, below which it is a reason; sharpness below which blur is one."""
 
 
 @dataclass(frozen=True, eq=False)

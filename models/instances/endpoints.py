@@ -8,6 +8,7 @@ import numpy as np
 
 from models.geometry.arrays import FloatArray
 from models.instances.scene import Endpoint, EndpointKind, Instance
+from models.strands.ends import within
 
 _MARGIN_PX = 3.0
 """Gap that a mask may show between a strand and the one it disappears under."""
@@ -27,13 +28,12 @@ def endpoints_of(instances: Sequence[Instance], shape: tuple[int, ...]) -> list[
 
 
 def _endpoint(xy: FloatArray, width: float, others: Sequence[Instance], shape: tuple[int, ...]) -> Endpoint:
-    x, y = (float(value) for value in xy)
     kind: EndpointKind = "free"
-    if min(x, y, shape[1] - 1 - x, shape[0] - 1 - y) <= max(width, 2.0):
+    if not within(xy, shape, max(width, 2.0)):
         kind = "border"
     elif any(_reaches(xy, width, other) for other in others):
         kind = "hidden"
-    return Endpoint((x, y), kind)
+    return Endpoint((float(xy[0]), float(xy[1])), kind)
 
 
 def _reaches(xy: FloatArray, width: float, other: Instance) -> bool:

@@ -14,6 +14,7 @@ from models.instances.scene import Crossing, Endpoint, Instance, Scene
 from models.strands.resolution import Reduced, reduced
 
 MAX_PIXELS = 4_000_000
+"""Larger masks are reduced: time and memory stay bounded, and a DLO is still several pixels wide."""
 
 Method = Callable[[BoolArray, ByteArray | None], Scene]
 

@@ -18,6 +18,7 @@ _MOST_SHARED = 12
 _SHARED_MARGIN = -1.5
 """Log odds by which sharing may be worse: not to share leaves strands that end in the middle of nowhere."""
 _FORBIDDEN = 1e6
+"""Cost of a pair that is no link: larger than any sum of costs."""
 
 
 def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray | None = None) -> IntArray:
@@ -39,6 +40,19 @@ def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via:
     starts = np.flatnonzero(np.diff(group[pairs[order, 0]], prepend=-1))
     for rows in np.split(order, starts[1:]):
         _match_group(pairs[rows], costs[rows], stop, along[rows], partner)
+    return partner
+
+
+def greedy(count: int, pairs: IntArray, scores: FloatArray, least: float = -np.inf) -> IntArray:
+    """``(n,)`` the partner of every end, itself where it has none: best of ``(m, 2)`` pairs first, each end once.
+
+    ``scores``: ``(m,)``; pairs that are not above ``least`` are left out.
+    """
+    partner = np.arange(count)
+    for k in np.argsort(-scores, kind="stable").tolist():
+        a, b = pairs[k].tolist()
+        if scores[k] > least and partner[a] == a and partner[b] == b:
+            partner[a], partner[b] = b, a
     return partner
 
 

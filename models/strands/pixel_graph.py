@@ -17,6 +17,7 @@ from models.strands.foreground import Foreground
 
 _WIDE_PX = 8.0
 FREE = -1
+"""From this width on a skeleton is traced at half the size; what stands for no junction at a chain's end."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from models.strands.sections import Sections
 
 _SPACING_PX = 3.0
 _TIP_RADII = 1.5
+"""Between points that are put into a gap; at a free end so much of a skeleton may turn to a corner of the tip."""
 
 
 @dataclass(frozen=True)

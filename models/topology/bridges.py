@@ -17,7 +17,7 @@ from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.directions import unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
-from models.strands.ends import width_of
+from models.strands.ends import width_of, within
 from models.strands.graph import degrees
 from models.topology.classifiers import chain_links, links_of
 from models.topology.graph import Graph
@@ -28,6 +28,7 @@ _LONG = 12.0
 """Widths; a strand that is longer counts no more."""
 _REACH_WIDTHS = 3.2
 _REACH_PX = 14.0
+"""How far an end looks ahead: so many widths, and pixels for what a thin strand loses at a gap."""
 _CONE = np.cos(np.deg2rad(65))
 _BORDER_PX = 4.0
 _OWN_NODES = 6
@@ -62,16 +63,13 @@ class Bridge:
 def free_ends(graph: Graph) -> list[End]:
     """Ends in view, not at the picture's border."""
     count = degrees(graph.web)
-    height, across = graph.distances.shape
     ends = []
     for k, strand in enumerate(graph.web.strands):
         for knot in {strand.a, strand.b}:
             if count[knot] != 1:
                 continue
             seen = strand.seen_from(knot)
-            x, y = seen.xy[0]
-            margin = float(seen.radii[0]) + _BORDER_PX
-            if margin < x < across - 1 - margin and margin < y < height - 1 - margin:
+            if within(seen.xy[0], graph.distances.shape, float(seen.radii[0]) + _BORDER_PX):
                 ends.append(_end(knot, k, seen.xy, seen.radii))
     return ends
 

@@ -111,6 +111,7 @@ def _nothing(shape: tuple[int, ...], status: Status, timings: dict[str, float]) 
 _COLOR_UNIT = 25.0
 """Gray levels by which the colors of two strands must differ to be two colors."""
 _COLOR_WEIGHT = 1.5
+"""Log odds that colors can add at most."""
 
 
 def _tint(image: ByteArray) -> Callable[[Site], float]:

@@ -22,6 +22,7 @@ NEIGHBORS = 8
 """K_nn of thesis 6.4.3."""
 _SPACING_WIDTHS = 1.1
 _LEAST_SPACING_PX = 8.0
+"""Between nodes: about a typical width, so that windows around neighbors overlap; not less, for thin strands."""
 _MAX_NODES = 2_000
 _MAX_STRANDS = 800
 _HOLE_WIDTHS, _SLIT_WIDTHS = 0.2, 0.25

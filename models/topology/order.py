@@ -21,6 +21,7 @@ from models.topology.scene import Crossing, Place, Section
 _IMAGE_NOISE = 4.0
 """Gray levels that mean nothing."""
 _DEPTH_NOISE_M = 0.001
+"""Meters that mean nothing: the noise of a good depth camera near the table."""
 _MOST_DEPTH_ODDS = 3.0
 _LEAST_SINE = 0.35
 _SHARPNESS = 1.5

@@ -20,7 +20,7 @@ from models.strands import foreground
 from models.synthesis.textures import load_pool
 from models.training.instances.section_matching_scenes import TrainScene, make_scene
 
-LENGTHS = (1.0, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 14.0)
+LENGTHS = (2.0, 3.0, 4.0, 4.5, 5.0, 6.0, 8.0)
 SIZE = (200, 300)
 NEAR_PX = 40
 

@@ -28,6 +28,7 @@ FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "
 """``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where it does."""
 _NOISE_LEVELS = 8.0
 _BOWS_RADII = (-3.0, -1.5, 0.0, 1.5, 3.0)
+"""Gray levels that a color varies by along one DLO; ways to bow in a gap that are looked at, in radii."""
 
 WEIGHTS_FILE = Path(__file__).with_name("link_weights.toml")
 

@@ -34,6 +34,7 @@ from models.strands.stopwatch import Stopwatch
 
 _MAX_PIXELS = 700_000
 _SPACING_PX = 4.0
+"""Larger masks are reduced, as SLIC takes long; points of a path are so far apart before they are centered."""
 
 Network = EmbeddingNetwork | AboveNetwork
 
@@ -68,7 +69,7 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams
     watch = Stopwatch()
     with watch.step("superpixels"):
         distances = distance_map(mask)
-        width = 4 * float(distances.sum()) / max(np.count_nonzero(mask), 1)
+        width = 4 * float(distances.sum()) / max(int(np.count_nonzero(mask)), 1)
         regions = region_graph(mask, image, params.superpixels, width)
     with watch.step("scores"):
         appearance = _appearance(regions, distances, image, networks[0]) if networks and image is not None else None

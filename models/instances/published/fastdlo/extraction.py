@@ -13,6 +13,7 @@ from models.instances.published.fastdlo.similarity import SimilarityNetwork, fea
 from models.instances.scene import Scene
 from models.instances.working_size import at_working_size
 from models.strands.foreground import Foreground
+from models.strands.pairing import greedy
 from models.strands.pixel_graph import trace
 from models.strands.sections import Sections, pairs_at_junctions, sections_of
 from models.strands.stopwatch import Stopwatch
@@ -91,9 +92,4 @@ def process_intersections(sections: Sections, similarity: SimilarityNetwork | No
 
 def merge_informed(ends: int, pairs: IntArray, probability: FloatArray, least: float) -> IntArray:
     """Algorithm 3: ``(ends,)`` partner of every endpoint, itself if it has none; best pairs first, each end once."""
-    partner = np.arange(ends)
-    for k in np.argsort(-probability, kind="stable"):
-        a, b = pairs[k].tolist()
-        if probability[k] > least and partner[a] == a and partner[b] == b:
-            partner[a], partner[b] = b, a
-    return partner
+    return greedy(ends, pairs, probability, least)

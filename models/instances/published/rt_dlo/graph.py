@@ -22,6 +22,7 @@ from models.instances.published.rt_dlo.orientation import (
 
 _MAX_MAXIMA = 12_000
 _MAX_VERTICES = 2_000
+"""Bounds of the work: farthest-point sampling takes their product in time."""
 
 
 @dataclass(frozen=True, eq=False)

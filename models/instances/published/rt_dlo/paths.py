@@ -14,6 +14,7 @@ from models.geometry.sampling import read_nearest
 from models.instances.published.rt_dlo.arms import Arm, arm_of, color_likeness, continuation
 from models.instances.published.rt_dlo.graph import Vertices
 from models.instances.published.rt_dlo.intersections import Graph, chain_from
+from models.strands.pairing import greedy
 from models.strands.walks import follow
 
 _MAX_PATHS = 400
@@ -25,6 +26,7 @@ _LEAST_COSINE, _LEAST_COSINE_NEAR = 0.6, 0.2
 """How straight a joint must leave both ends; the second holds for joints of at most four radii."""
 _NEAR_RADII = 4.0
 _TURN_RADII = 2.5
+"""A turn is measured over so many radii to either side."""
 _SHARP_COSINE = 0.5
 _LEAST_SCORE = 0.05
 _LEAST_LIKE = 0.5
@@ -98,10 +100,7 @@ def join_paths(cut: list[list[Path]], vertices: Vertices, mask: BoolArray) -> li
     """
     open_paths = [path for pieces in cut for path in pieces if not path.closed]
     arms = [arm_of(chain, vertices) for p in open_paths for chain in (p.vertices, p.vertices[::-1])]
-    partner = np.arange(len(arms))
-    for _, a, b in sorted(_scored_joints(arms, mask)):
-        if partner[a] == a and partner[b] == b:
-            partner[a], partner[b] = b, a
+    partner = greedy(len(arms), *_scored_joints(arms, mask), _LEAST_SCORE)
     for a in _cut_ends(cut):
         if partner[a] == a and partner[a + 1] == a + 1 and _of_one_color(arms[a], arms[a + 1]):
             partner[a], partner[a + 1] = a + 1, a
@@ -118,10 +117,10 @@ def _of_one_color(a: Arm, b: Arm) -> bool:
     return color_likeness(a.color, b.color) > _LEAST_LIKE
 
 
-def _scored_joints(arms: list[Arm], mask: BoolArray) -> list[tuple[float, int, int]]:
-    """(minus score, end, end) of the joints that are possible."""
+def _scored_joints(arms: list[Arm], mask: BoolArray) -> tuple[IntArray, FloatArray]:
+    """``(m, 2)`` ends of the joints that are possible, and their scores ``(m,)``."""
     if len(arms) < 2:
-        return []
+        return np.zeros((0, 2), np.int64), np.zeros(0)
     xy, outward = np.array([arm.xy for arm in arms]), np.array([arm.outward for arm in arms])
     radii = np.array([arm.radius for arm in arms])
     a, b = np.triu_indices(len(arms), 1)
@@ -136,12 +135,10 @@ def _scored_joints(arms: list[Arm], mask: BoolArray) -> list[tuple[float, int, i
     shares = np.linspace(0, 1, 24)[None, :, None]
     on_mask = read_nearest(mask, xy[a][:, None] * (1 - shares) + xy[b][:, None] * shares).mean(axis=1)
     gap = length * (1 - on_mask)
-    scored = []
-    for k in np.flatnonzero(gap < _GAP_RADII):
-        score = continuation(arms[a[k]], arms[b[k]]) / (1 + gap[k] / _GAP_RADII + length[k] / _JOINT_RADII)
-        if score > _LEAST_SCORE:
-            scored.append((-float(score), int(a[k]), int(b[k])))
-    return scored
+    able = np.flatnonzero(gap < _GAP_RADII)
+    a, b, gap, length = a[able], b[able], gap[able], length[able]
+    fit = np.array([continuation(arms[i], arms[j]) for i, j in zip(a, b, strict=True)])
+    return np.stack((a, b), axis=1), fit / (1 + gap / _GAP_RADII + length / _JOINT_RADII)
 
 
 def _joined(paths: list[Path], partner: IntArray) -> list[Path]:
