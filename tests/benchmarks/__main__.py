@@ -48,6 +48,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "labelling": ["tests.benchmarks.bench_labelling"],
         "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
         "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
+        "border": ["tests.benchmarks.bench_border"],
+        "files": ["tests.benchmarks.bench_files"],
     }
 
 
