@@ -12,6 +12,8 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from prometheus_client import CollectorRegistry
 
 from services.keys import Key, KeyRing, Scope
+from services.label_export import LabelExports
+from services.label_folders import LabelFolders
 from services.preview import Previews
 from services.problems import ProblemError
 from services.settings import ServiceSettings
@@ -38,6 +40,8 @@ class Backend:
     previews: Previews
     registry: CollectorRegistry
     keys: KeyRing
+    labels: LabelFolders
+    exports: LabelExports
     under_way: Counter[str] = field(default_factory=Counter)
     """Requests that this replica answers now, by owner."""
 

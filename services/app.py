@@ -18,10 +18,13 @@ from fastapi import FastAPI
 
 from services import documents, problems, telemetry, validation
 from services.access import Backend
+from services.disk_metrics import DiskCollector
 from services.exposure import exposed
 from services.gate import Gate
 from services.http_protocol import limit_connections
 from services.keys import KeyRing
+from services.label_export import LabelExports
+from services.label_folders import LabelFolders
 from services.metrics import RequestDurations, registry
 from services.middleware import Requests
 from services.preview import Previews
@@ -31,6 +34,7 @@ from services.routes import (
     health,
     images,
     jobs,
+    label_folders,
     labels,
     metrics,
     models,
@@ -79,7 +83,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     app.add_middleware(Gate, settings=settings)
     app.add_middleware(Requests, durations=RequestDurations(backend.registry))
     problems.install(app)
-    for module in (images, jobs, recipes, cameras, health, labels, models, unsure, metrics, webhooks):
+    for module in (images, jobs, recipes, cameras, health, labels, label_folders, models, unsure, metrics, webhooks):
         app.include_router(module.router)
     viewer.mount(app)
     docs.mount(app)
@@ -90,6 +94,8 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
 def _assemble(settings: ServiceSettings) -> Backend:
     blobs = open_blobs(settings)
     queue = JobQueue(settings)
+    observed = registry(queue)
+    observed.register(DiskCollector(settings.blobs_dir, settings.disk_reserve_bytes))
     uploads = Uploads(settings, blobs)
     networks = NetworkStore.of(settings)
     return Backend(
@@ -104,7 +110,9 @@ def _assemble(settings: ServiceSettings) -> Backend:
             settings, uploads, validation.limiter(), ForegroundNames(queue.foreground_networks, networks)
         ),
         previews=Previews(),
-        registry=registry(queue),
+        registry=observed,
+        labels=LabelFolders(settings.labels_dir),
+        exports=LabelExports(),
         keys=KeyRing(settings.api_key_hashes, settings.api_keys_file),
     )
 

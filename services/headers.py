@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from starlette.datastructures import MutableHeaders
 
-_OWN = "default-src 'none'; connect-src 'self' blob:; img-src 'self' blob: data:; font-src 'self'; form-action 'self'"
+_OWN = (
+    "default-src 'none'; connect-src 'self' blob:; img-src 'self' blob: data:; media-src blob:; font-src 'self'; "
+    "form-action 'self'"
+)
 _ALWAYS = "base-uri 'self'; frame-ancestors 'none'"
 _VIEWER = f"{_OWN}; script-src 'self'; style-src 'self'; {_ALWAYS}"
 _DOCUMENTATION = (

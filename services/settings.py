@@ -29,6 +29,9 @@ class ServiceSettings(Settings):
         description="names under which the service may be reached, separated by commas; always: this machine's own",
     )
     max_connections: PositiveInt = Field(default=2000, description="of one replica; above it 503")
+    labels_dir: Path | None = Field(
+        default=None, description="holds folders that `dlo label` filled; the label bench opens them"
+    )
     max_request_bytes: int = Field(default=4 * MEBIBYTE, gt=0, description="the JSON of one request")
 
     @property

@@ -14,7 +14,7 @@ from workers.embedded import EmbeddedQueue
 from workers.queue import JobQueue
 from workers.settings import Settings
 
-pytest_plugins = ["tests.needed"]
+pytest_plugins = ["tests.needed", "tests.browser"]
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,9 @@
 // The service over HTTP. Every refusal becomes a ProblemError with the body of the problem+json.
 
-const FIRST_WAIT_S = 1; // then the job's id is known, and it can be cancelled
+import { events } from "./events.js";
+
+const KEY = "dlo-api-key";
+const FIRST_WAIT_S = 1; // most jobs have ended by then; of the others the id is known, and they can be cancelled
 const NEXT_WAIT_S = 20;
 const FINAL = new Set(["succeeded", "failed", "cancelled"]);
 
@@ -12,24 +15,45 @@ export class ProblemError extends Error {
 }
 
 export class Api {
-  key = "";
+  key = sessionStorage.getItem(KEY) ?? localStorage.getItem(KEY) ?? "";
+
+  keepsKey = () => localStorage.getItem(KEY) !== null;
+
+  setKey(key, keep) {
+    this.key = key;
+    sessionStorage.setItem(KEY, key);
+    if (keep) localStorage.setItem(KEY, key);
+    else localStorage.removeItem(KEY);
+  }
 
   /** Submits one picture or several, or a mask where `part` is "mask", and follows the job to its end; `onChange(job)`
-      sees every state on the way. */
+      sees every state on the way. An aborted `signal` ends the waiting, not the job. */
   async run(request, files, onChange, signal, part = "image") {
     const body = new FormData();
     body.append("request", JSON.stringify(request));
     for (const file of [files].flat()) body.append(part, file);
-    let job = await this.json(`v1/jobs?wait=${FIRST_WAIT_S}`, { method: "POST", body, signal });
-    while (!FINAL.has(job.state)) {
-      onChange(job);
-      job = await this.json(`v1/jobs/${job.id}?wait=${NEXT_WAIT_S}`, { signal });
+    const job = await this.json(`v1/jobs?wait=${FIRST_WAIT_S}`, { method: "POST", body, signal });
+    return this.ended(job, onChange, signal);
+  }
+
+  /** The job once it has ended: live by its events, or by asking where a proxy holds those back. */
+  async ended(job, onChange, signal) {
+    try {
+      if (!FINAL.has(job.state)) {
+        onChange(job);
+        for await (const { state, progress } of events(await this.fetch(`v1/jobs/${job.id}/events`, { signal }))) {
+          onChange({ ...job, state, progress });
+        }
+      }
+    } catch (error) {
+      if (signal?.aborted) throw error;
     }
+    while (!FINAL.has(job.state)) job = await this.json(`v1/jobs/${job.id}?wait=${NEXT_WAIT_S}`, { signal });
     if (job.problem) throw new ProblemError(job.problem);
     return job;
   }
 
-  /** A picture, upright: from the browser, or for what only the service can decode (a TIFF) from there; null if
+  /** A picture, upright: from the browser, or for what only the service can decode (TIFF, 16 bits) from there; null if
    *  nobody can. */
   async bitmap(file) {
     try {
@@ -41,8 +65,11 @@ export class Api {
 
   async preview(file) {
     const { id } = await this.json("v1/images", { method: "POST", body: file });
-    return createImageBitmap(await (await this.fetch(`v1/images/${id}/preview`)).blob());
+    return this.stored(id);
   }
+
+  /** A picture that the service has, as it shows it. */
+  stored = async (id) => createImageBitmap(await (await this.fetch(`v1/images/${id}/preview`)).blob());
 
   /** SHA-256 of a file's bytes, in hex. A page over plain HTTP may not hash: there the service does. */
   async digest(file) {
@@ -57,18 +84,21 @@ export class Api {
   json = async (path, options) => (await this.fetch(path, options)).json();
 
   async fetch(path, options = {}) {
-    const headers = this.key ? { Authorization: `Bearer ${this.key}` } : {};
+    const headers = { ...options.headers, ...(this.key ? { Authorization: `Bearer ${this.key}` } : {}) };
     const response = await fetch(path, { ...options, headers });
     if (!response.ok) throw new ProblemError(await problemOf(response));
     return response;
   }
 }
 
+/** The one of this page. */
+export const api = new Api();
+
 async function problemOf(response) {
   const title = `${response.status} ${response.statusText}`;
   try {
-    return { title, errors: [], ...(await response.json()) };
+    return { title, errors: [], status: response.status, ...(await response.json()) };
   } catch {
-    return { title, detail: "The answer was not from this service.", errors: [] };
+    return { title, status: response.status, detail: "The answer was not from this service.", errors: [] };
   }
 }

@@ -1,115 +1,149 @@
-// The page: picks a picture, sends it, shows what came back. State is in `page`; drawing is in overlay.js.
+// The page of the pictures: takes several, sends them, shows what came back. Drawing is in overlay.js.
 
-import { Api, ProblemError } from "./api.js";
+import { api } from "./api.js";
+import { byId, copy, download, isTyping, onDrop, problemOf, showProblem } from "./dom.js";
+import { Film } from "./film.js";
+import { t } from "./i18n.js";
 import { instanceAt, labelMap } from "./masks.js";
-import { draw, erase } from "./overlay.js";
-import { byId, clearResult, showFiles, showFocus, showProblem, showResult, showTimings } from "./panels.js";
-import { curlOf, pythonOf } from "./snippets.js";
+import { culpritsOf, draw } from "./overlay.js";
+import { clearResult, showFiles, showFocus, showResult, showTimings } from "./panels.js";
+import { follow, remember } from "./permalink.js";
+import { Queue } from "./queue.js";
+import { offer } from "./samples.js";
+import { shell } from "./shell.js";
+import { curlOf, pythonOf, recipeOf } from "./snippets.js";
+import { Stage } from "./stage.js";
 
 const REACH = 6; // screen pixels between the pointer and a cable that still count as on it
-const LARGEST_SIDE = 8192; // device pixels a canvas may have in one direction
 const FILES = ["instances", "overlay", "mask"];
-const TALLEST = 0.72; // of the window, for a picture that is fitted
 
-const api = new Api();
 const canvas = byId("canvas");
-const context = canvas.getContext("2d");
-const page = {
-  file: null,
-  request: null, // the one whose answer is shown
-  scene: { bitmap: null, result: null, map: null },
-  job: null,
-  running: null, // the AbortController of the request on its way
-  hovered: null,
-  pinned: null,
-};
+const page = { shown: null, hovered: null, pinned: null };
+const stage = new Stage(canvas, (context, view) => paint(context, view, page.shown?.scene));
+const beside = new Stage(byId("other"), (context, view) => paint(context, view, page.shown?.other));
+const queue = new Queue(analyze, changed, api.cancel);
+const film = new Film(byId("film"), show);
 
-async function choose(file) {
-  if (!file) return;
-  page.running?.abort();
-  page.file = file;
-  page.scene = { bitmap: null, result: null, map: null };
-  forgetResult();
-  showRequest();
-  byId("run").disabled = false;
-  canvas.setAttribute("aria-label", file.name);
-  const bitmap = await api.bitmap(file);
-  if (page.file !== file) return; // another one was chosen meanwhile
-  page.scene.bitmap = bitmap;
-  redraw();
-  await run();
+// Pictures and their jobs ------------------------------------------------------------------------------------------
+
+const empty = () => ({ result: null, map: null });
+const pictureOf = (file) => ({ file, name: file.name, bitmap: null, scene: empty(), other: empty(), state: "waiting" });
+
+function choose(files) {
+  if (!files.length) return;
+  const pictures = files.map(pictureOf);
+  film.add(pictures);
+  for (const picture of pictures) picture.looking = look(picture);
+  show(pictures[0]);
+  queue.add(pictures);
 }
 
-async function run() {
-  const controller = new AbortController();
-  page.running?.abort();
-  page.running = controller;
-  page.job = null;
-  showProblem(null);
-  showBusy(true);
-  try {
-    page.request = requestOf();
-    finish(await api.run({ ...page.request, files: [] }, page.file, follow, controller.signal));
-  } catch (error) {
-    if (controller.signal.aborted) return;
-    report(error);
-  } finally {
-    if (page.running === controller) showBusy(false);
+async function look(picture) {
+  picture.bitmap = await api.bitmap(picture.file);
+  film.picture(picture);
+  if (picture === page.shown) place();
+}
+
+async function analyze(picture, signal, onJob) {
+  Object.assign(picture, { scene: empty(), other: empty(), request: requestOf() });
+  const wanted = [[picture.request, "scene"]];
+  if (byId("compare").value) wanted.push([{ ...picture.request, method: byId("compare").value }, "other"]);
+  for (const [request, into] of wanted) {
+    const job = await api.run({ ...request, files: [] }, picture.file, onJob, signal);
+    if (!job.result) throw new Error(t("The job was {state}", { state: t(job.state) }));
+    picture[into] = { result: job.result, map: labelMap(job.result), job };
   }
+  await picture.looking; // no lines without their picture
 }
 
-function follow(job) {
-  page.job = job;
-  byId("progress").value = job.progress;
-  byId("cancel").hidden = false;
+function changed(picture) {
+  film.update(picture);
+  if (picture !== page.shown) return;
+  const job = picture.scene.job ?? picture.job;
+  if (job) remember(picture, job.id);
+  showState();
 }
 
-function finish(job) {
-  page.job = job;
-  forgetResult();
-  if (!job.result) return report(new ProblemError({ title: `The job was ${job.state}`, detail: "", errors: [] }));
-  page.scene.result = job.result;
-  page.scene.map = labelMap(job.result);
-  showResult(job.result, hover, pin);
-  showTimings(job.timings_ms);
-  showFiles([...FILES.map((name) => `${name}.png`), "result.json"], save);
-  const found = `${job.result.instances.length} instances, ${job.result.crossings.length} crossings`;
-  canvas.setAttribute("aria-label", `${page.file.name}: ${found}`);
-  redraw();
+function show(picture) {
+  Object.assign(page, { shown: picture, hovered: null, pinned: null });
+  film.select(picture);
+  byId("run").disabled = !canRun();
+  showRequest();
+  showState();
 }
 
-function report(error) {
-  forgetResult();
-  showProblem(error.problem ?? { title: "The service cannot be reached", detail: error.message, errors: [] });
-}
-
-function forgetResult() {
-  Object.assign(page.scene, { result: null, map: null });
-  Object.assign(page, { hovered: null, pinned: null });
-  showProblem(null);
-  clearResult();
-  redraw();
-}
-
-function showBusy(busy) {
-  byId("progress").hidden = !busy;
-  byId("progress").removeAttribute("value");
-  if (!busy) byId("cancel").hidden = true;
+function showState() {
+  const { shown } = page;
+  const busy = shown.state === "waiting" || shown.state === "running";
+  byId("progress").hidden = byId("cancel").hidden = !busy;
+  if (shown.progress === null || shown.progress === undefined) byId("progress").removeAttribute("value");
+  else byId("progress").value = shown.progress;
   byId("drop").setAttribute("aria-busy", busy);
+  showProblem(shown.problem ? problemOf(shown.problem, "The service cannot be reached") : null);
+  if (shown.state === "cancelled") showProblem({ title: t("The job was cancelled"), detail: "", errors: [] });
+  showAnswer();
+  place();
 }
+
+function showAnswer() {
+  const { name, scene, other } = page.shown;
+  clearResult();
+  byId("worst").hidden = true;
+  byId("beside").textContent = other.result ? t("Beside it: {text}", { text: summary(other) }) : "";
+  canvas.setAttribute("aria-label", name);
+  if (!scene.result) return;
+  showResult(scene.result, hover, pin);
+  byId("worst").hidden = !culpritsOf(scene.result).length;
+  showTimings(scene.job.timings_ms);
+  showFiles([...(canRun() ? FILES.map((file) => `${file}.png`) : []), "result.json"], save);
+  canvas.setAttribute("aria-label", `${name}: ${summary(scene)}`);
+}
+
+/** A picture that came by its address is the service's, not this page's to send. */
+const canRun = () => page.shown.file instanceof Blob;
+
+const summary = ({ result }) =>
+  `${result.method}: ${t("{n} instances, {m} crossings", { n: result.instances.length, m: result.crossings.length })}`;
+
+// Request and code -------------------------------------------------------------------------------------------------
 
 function requestOf() {
   const request = { kind: "instances", method: byId("method").value };
-  if (byId("model").value) request.model = byId("model").value;
+  for (const name of ["model", "effort"]) if (byId(name).value) request[name] = byId(name).value;
   if (byId("threshold").value !== "") request.threshold = byId("threshold").valueAsNumber;
   return request;
 }
 
 function showRequest() {
   const base = new URL(".", document.baseURI).href.replace(/\/$/, "");
-  const name = page.file?.name ?? "picture.jpg";
+  const name = page.shown?.name ?? "picture.jpg";
+  const recipe = recipeOf(requestOf(), t("Cables"));
   byId("curl").textContent = curlOf(requestOf(), name, base, Boolean(api.key));
   byId("python").textContent = pythonOf(requestOf(), name, base);
+  byId("recipe").textContent = JSON.stringify(recipe, null, 2);
+  byId("save-recipe").href = `viewer/recipes.html?body=${encodeURIComponent(JSON.stringify(recipe))}`;
+}
+
+// What is seen -----------------------------------------------------------------------------------------------------
+
+const layers = () => [...byId("layers").querySelectorAll("input:checked")].map(({ name }) => name);
+
+function paint(context, view, scene) {
+  if (!scene) return;
+  const shown = { ...view, shown: new Set(layers()), focus: page.hovered ?? page.pinned };
+  draw(context, scene, { ...shown, opacity: byId("opacity").valueAsNumber, culprits: scene.result ? culpritsOf(scene.result) : [] });
+}
+
+function place() {
+  const { scene, other, bitmap } = page.shown;
+  stage.show(scene.result ?? bitmap, bitmap);
+  byId("other").hidden = !other.result;
+  if (other.result) beside.show(other.result, bitmap);
+}
+
+function redraw() {
+  stage.redraw();
+  if (page.shown?.other.result) beside.redraw();
 }
 
 function hover(focus) {
@@ -128,123 +162,101 @@ function refocus() {
   redraw();
 }
 
-const layers = () => [...byId("layers").querySelectorAll("input:checked")].map(({ name }) => name);
-
-function pictureSize() {
-  const { bitmap, result } = page.scene;
-  return result ?? bitmap ?? { width: 0, height: 0 };
-}
-
-function scaleOf({ width, height }) {
-  const fitted = Math.min(byId("drop").clientWidth / width, (TALLEST * innerHeight) / height);
-  const wanted = layers().includes("actual") ? 1 : fitted;
-  return Math.min(wanted, LARGEST_SIDE / devicePixelRatio / Math.max(width, height));
-}
-
-function redraw() {
-  const size = pictureSize();
-  byId("drop").classList.toggle("empty", !size.width);
-  if (!size.width) return erase(canvas);
-  const scale = scaleOf(size);
-  canvas.style.width = `${size.width * scale}px`;
-  canvas.style.height = `${size.height * scale}px`;
-  canvas.width = Math.max(1, Math.round(size.width * scale * devicePixelRatio));
-  canvas.height = Math.max(1, Math.round(size.height * scale * devicePixelRatio));
-  const focus = page.hovered ?? page.pinned;
-  draw(context, page.scene, { scale, density: devicePixelRatio, shown: new Set(layers()), focus });
-}
-
 function underPointer(event) {
-  if (!page.scene.map) return null;
-  const scale = scaleOf(pictureSize());
-  const [x, y] = [event.offsetX / scale - 0.5, event.offsetY / scale - 0.5];
-  const instance = instanceAt(page.scene.map, x, y, REACH / scale);
+  const { map } = page.shown?.scene ?? {};
+  const instance = map && instanceAt(map, ...stage.toPicture(event), REACH / stage.view.scale);
   return instance ? { instance } : null;
 }
 
+/** Turns to the least certain cable or crossing, and with every further press to the next. */
+function showWorst() {
+  const { result } = page.shown.scene;
+  const culprits = culpritsOf(result);
+  const at = culprits.findIndex(({ score, ...focus }) => JSON.stringify(focus) === JSON.stringify(page.pinned));
+  const { score, ...focus } = culprits[(at + 1) % culprits.length];
+  page.pinned = focus;
+  const crossing = result.crossings.find(({ id }) => id === focus.crossing);
+  const points = crossing ? [crossing.xy] : result.instances.find(({ id }) => id === focus.instance).centerline_xy;
+  const [xs, ys] = [0, 1].map((axis) => points.map((point) => point[axis]));
+  const room = 40;
+  stage.lookAt([Math.min(...xs) - room, Math.min(...ys) - room], [Math.max(...xs) + room, Math.max(...ys) + room]);
+  refocus();
+}
+
+// Files ------------------------------------------------------------------------------------------------------------
+
 async function save(name) {
-  const json = new Blob([JSON.stringify(page.job.result, null, 2)], { type: "application/json" });
+  const { name: picture, scene } = page.shown;
+  const json = new Blob([JSON.stringify(scene.result, null, 2)], { type: "application/json" });
   try {
-    download(name === "result.json" ? json : await made(name), name);
+    const blob = name === "result.json" ? json : await made(name);
+    download(blob, `${picture.replace(/\.[^.]*$/, "")}.${name}`);
   } catch (error) {
-    showProblem(error.problem ?? { title: name, detail: error.message, errors: [] });
+    showProblem(problemOf(error, name));
   }
 }
 
 /** Files are made when somebody wants them: the job whose answer is shown was asked for none. */
 async function made(name) {
-  const request = { ...page.request, files: [name.replace(".png", "")] };
-  const job = await api.run(request, page.file, () => {});
+  const request = { ...page.shown.request, files: [name.replace(".png", "")] };
+  const job = await api.run(request, page.shown.file, () => {});
   return api.file(job.id, name);
 }
 
-function download(blob, name) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = `${page.file.name.replace(/\.[^.]*$/, "")}.${name}`;
-  link.click();
-  URL.revokeObjectURL(link.href);
+// Wiring -----------------------------------------------------------------------------------------------------------
+
+/** A finished job by its address; its picture is the service's, which shows it at most 2048 px wide. */
+function opened(job, picture) {
+  const shown = { ...pictureOf({ name: job.label ?? job.id }), bitmap: picture, state: "done", progress: 1, restored: true };
+  shown.request = { kind: "instances", method: job.result.method };
+  shown.scene = { result: job.result, map: labelMap(job.result), job };
+  film.add([shown]);
+  film.picture(shown);
+  show(shown);
 }
 
-/** Over plain HTTP from another machine a page has no clipboard: then the text is selected instead. */
-async function copy(button) {
-  const source = byId(button.dataset.copy);
-  try {
-    await navigator.clipboard.writeText(source.textContent);
-    button.textContent = "Copied";
-  } catch {
-    getSelection().selectAllChildren(source);
-    button.textContent = "Selected";
-  }
-  setTimeout(() => (button.textContent = "Copy"), 1500);
-}
-
-async function greet() {
-  const pill = byId("service");
-  try {
-    const networks = await api.networks();
-    const choices = networks.filter(({ task }) => task === "foreground");
-    const options = choices.map(({ name, version }) => new Option(`${name} ${version}`, name));
-    const chosen = byId("model").value; // a look with another key must not forget it
-    byId("model").replaceChildren(new Option("default", ""), ...options);
-    if (choices.some(({ name }) => name === chosen)) byId("model").value = chosen;
-    pill.textContent = networks.length ? "ready" : "no worker yet";
-    pill.className = networks.length ? "pill good" : "pill";
-  } catch (error) {
-    pill.textContent = error.problem?.status === 401 ? "needs an API key" : "not reachable";
-    pill.className = "pill bad";
-  }
+function offerNetworks(networks) {
+  const chosen = byId("model").value; // a look with another key must not forget it
+  const choices = networks.filter(({ task }) => task === "foreground");
+  const options = choices.map(({ name, version }) => new Option(`${name} ${version}`, name));
+  byId("model").replaceChildren(new Option(t("default"), ""), ...options);
+  if (choices.some(({ name }) => name === chosen)) byId("model").value = chosen;
 }
 
 function listen() {
-  byId("file").addEventListener("change", (event) => choose(event.target.files[0]));
+  byId("file").addEventListener("change", (event) => choose([...event.target.files]));
   byId("form").addEventListener("submit", (event) => {
     event.preventDefault();
-    run();
+    if (page.shown) queue.add([page.shown]);
   });
   byId("form").addEventListener("input", showRequest);
-  byId("key").addEventListener("change", (event) => {
-    api.key = event.target.value.trim();
-    showRequest();
-    greet();
-  });
-  byId("cancel").addEventListener("click", () => api.cancel(page.job.id).catch(report));
-  byId("layers").addEventListener("change", redraw);
-  canvas.addEventListener("pointermove", (event) => hover(underPointer(event)));
+  byId("cancel").addEventListener("click", () => queue.cancel(page.shown));
+  byId("worst").addEventListener("click", showWorst);
+  for (const event of ["input", "change"]) byId("layers").addEventListener(event, redraw);
+  canvas.addEventListener("pointermove", (event) => stage.busy || hover(underPointer(event)));
   canvas.addEventListener("pointerleave", () => hover(null));
-  canvas.addEventListener("click", (event) => pin(underPointer(event)));
-  for (const button of document.querySelectorAll("[data-copy]")) {
-    button.addEventListener("click", () => copy(button));
-  }
-  addEventListener("resize", redraw);
-  addEventListener("dragover", (event) => event.preventDefault());
-  addEventListener("drop", (event) => {
-    event.preventDefault();
-    byId("file").files = event.dataTransfer.files;
-    choose(event.dataTransfer.files[0]);
+  let pressed = null;
+  canvas.addEventListener("pointerdown", ({ clientX, clientY }) => (pressed = [clientX, clientY]));
+  canvas.addEventListener("click", (event) => {
+    const moved = Math.hypot(event.clientX - (pressed?.[0] ?? 0), event.clientY - (pressed?.[1] ?? 0));
+    if (moved < 4) pin(underPointer(event));
   });
+  for (const from of document.querySelectorAll("[data-copy]")) {
+    from.addEventListener("click", () => copy(from, byId(from.dataset.copy)));
+  }
+  addEventListener("keydown", (event) => {
+    if (isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === "f" || event.key === "d") film.step(event.key === "f" ? 1 : -1);
+    else if (event.key === "u" && !byId("worst").hidden) showWorst();
+  });
+  document.addEventListener("networks", (event) => offerNetworks(event.detail));
+  onDrop((files) => choose(files));
 }
 
+shell(showRequest);
+stage.addButtons();
+stage.follow(beside);
+offer(byId("samples"), "cables", choose);
 listen();
 showRequest();
-greet();
+follow("instances", opened, (error) => showProblem(problemOf(error)), (picture) => show(picture));

@@ -1,16 +1,21 @@
 // The harness page: a picture to its topology and the actions that disentangle it. Drawing is in harness_drawing.js.
 
-import { Api } from "./api.js";
+import { api } from "./api.js";
+import { byId, element as part, onDrop, problemOf, showProblem } from "./dom.js";
 import { drawHarness } from "./harness_drawing.js";
-import { color, erase } from "./overlay.js";
-import { byId, showProblem } from "./panels.js";
+import { t } from "./i18n.js";
+import { follow, remember } from "./permalink.js";
+import { offer } from "./samples.js";
+import { shell } from "./shell.js";
+import { Stage } from "./stage.js";
+import { swatch } from "./swatches.js";
 
-const TALLEST = 0.72; // of the window
 const LISTS = ["sections", "branches", "crossings", "actions"];
+const PLAY_MS = 2600;
 
-const api = new Api();
 const canvas = byId("canvas");
-const page = { file: null, bitmap: null, topology: null, actions: [], focus: null, chosen: 0, running: null };
+const stage = new Stage(canvas, paint);
+const page = { file: null, bitmap: null, topology: null, actions: [], focus: null, chosen: 0, running: null, job: null };
 
 async function choose(file) {
   if (!file) return;
@@ -22,7 +27,7 @@ async function choose(file) {
   const bitmap = await api.bitmap(file);
   if (page.file !== file) return; // another one was chosen meanwhile
   page.bitmap = bitmap;
-  redraw();
+  place();
   await run();
 }
 
@@ -31,16 +36,31 @@ async function run() {
   const controller = (page.running = new AbortController());
   forget();
   byId("progress").hidden = false;
+  page.job = null;
   try {
     const request = await requestOf();
     const part = byId("as").value === "mask" ? "mask" : "image";
-    const follow = (job) => (byId("progress").value = job.progress);
-    show(await api.run(request, page.file, follow, controller.signal, part));
+    const job = await api.run(request, page.file, onJob, controller.signal, part);
+    show(job);
+    remember({ ...page }, job.id);
   } catch (error) {
     if (!controller.signal.aborted) report(error);
   } finally {
-    if (page.running === controller) byId("progress").hidden = true;
+    if (page.running === controller) byId("progress").hidden = byId("cancel").hidden = true;
   }
+}
+
+function onJob(job) {
+  page.job = job;
+  byId("cancel").hidden = false;
+  byId("progress").value = job.progress;
+}
+
+async function cancel() {
+  page.running?.abort();
+  byId("progress").hidden = byId("cancel").hidden = true;
+  if (page.job) await api.cancel(page.job.id).catch(report);
+  showProblem({ title: t("The job was cancelled"), detail: "", errors: [] });
 }
 
 /** Naming branches needs the drawing, which only `topology` takes. A request that names its network looks at every
@@ -60,41 +80,45 @@ async function foregroundNetwork() {
 
 function show(job) {
   const { result } = job;
-  if (!result) return report(new Error(`the job was ${job.state}`));
+  if (!result) return report(new Error(t("The job was {state}", { state: t(job.state) })));
   page.topology = result.kind === "topology" ? result : result.topology;
   page.actions = result.actions ?? [];
   page.chosen = 0;
-  byId("status").value = result.status.replaceAll("_", " ");
+  byId("status").value = t(result.status.replaceAll("_", " "));
+  byId("playing").hidden = !page.actions.length;
+  byId("share").value = 0;
   byId("message").textContent = [result.message, matchText(page.topology?.match)].filter(Boolean).join(" ");
   byId("warnings").replaceChildren(...(result.warnings ?? []).map((text) => part("li", "", text)));
   fill();
   const { sections, branch_points: branches, crossings } = page.topology;
-  const found = `${sections.length} sections, ${branches.length} branch-points, ${crossings.length} crossings`;
+  const counts = { a: sections.length, b: branches.length, c: crossings.length };
+  const found = t("{a} sections, {b} branch-points, {c} crossings", counts);
   canvas.setAttribute("aria-label", `${page.file.name}: ${found}`);
-  redraw();
+  place();
 }
 
 function matchText(match) {
   if (!match) return "";
-  const missing = match.missing.length ? `Missing: ${match.missing.join(", ")}.` : "Nothing is missing.";
-  const extra = match.extra.length ? ` Not in the drawing: sections ${match.extra.join(", ")}.` : "";
-  return `${missing}${extra}${match.ambiguous ? " Another assignment fits nearly as well." : ""}`;
+  const parts = [match.missing.length ? t("Missing: {names}.", { names: match.missing.join(", ") }) : t("Nothing is missing.")];
+  if (match.extra.length) parts.push(t("Not in the drawing: sections {names}.", { names: match.extra.join(", ") }));
+  if (match.ambiguous) parts.push(t("Another assignment fits nearly as well."));
+  return parts.join(" ");
 }
 
 function fill() {
   const { sections, branch_points: branches, crossings } = page.topology;
   const rows = {
-    sections: sections.map((s) => [{ section: s.id }, color(s.id), s.id,
-      `${s.name ? `${s.name}, ` : ""}${s.length_px.toFixed(0)} × ${s.width_px.toFixed(1)} px`, s.ends.join(" – "), s.score]),
-    branches: branches.map((b) => [{ branch: b.id }, null, b.id,
-      `${b.name ? `${b.name}, ` : ""}${b.sections.length} sections`, b.sections.join(", "), b.score]),
-    crossings: crossings.map((c) => [{ crossing: c.id }, null, c.id,
-      `${c.over.section} ${c.order_score > 0.5 ? "over" : "and"} ${c.under.section}`,
-      c.order_score > 0.5 ? "" : "order unknown", c.score]),
-    actions: page.actions.map((a, i) => [{ action: i }, null, a.rank,
-      `section ${a.section}, ${((180 / Math.PI) * a.turn_rad).toFixed(0)}°${
-        a.touching_branch_point ? `, if ${a.touching_branch_point} only touches` : ""}`,
-      `${a.crossings_before} → ${a.crossings_after} crossings`, a.score]),
+    sections: sections.map((s) => [{ section: s.id }, true, s.id,
+      `${s.name ? `${s.name}, ` : ""}${s.length_px.toFixed(0)} × ${s.width_px.toFixed(1)} px`, s.ends.map((end) => t(end)).join(" – "), s.score]),
+    branches: branches.map((b) => [{ branch: b.id }, false, b.id,
+      `${b.name ? `${b.name}, ` : ""}${t("{n} sections", { n: b.sections.length })}`, b.sections.join(", "), b.score]),
+    crossings: crossings.map((c) => [{ crossing: c.id }, false, c.id,
+      `${c.over.section} ${t(c.order_score > 0.5 ? "over" : "and")} ${c.under.section}`,
+      c.order_score > 0.5 ? "" : t("order unknown"), c.score]),
+    actions: page.actions.map((a, i) => [{ action: i }, false, a.rank,
+      t("section {n}, {angle}°", { n: a.section, angle: ((180 / Math.PI) * a.turn_rad).toFixed(0) }) + (
+        a.touching_branch_point ? t(", if {n} only touches", { n: a.touching_branch_point }) : ""),
+      t("{a} → {b} crossings", { a: a.crossings_before, b: a.crossings_after }), a.score]),
   };
   for (const [name, entries] of Object.entries(rows)) byId(name).replaceChildren(...entries.map(row));
   byId("section-count").value = sections.length;
@@ -103,11 +127,10 @@ function fill() {
   byId("action-count").value = page.actions.length;
 }
 
-function row([focus, swatch, number, text, more, score]) {
+function row([focus, colored, number, text, more, score]) {
   const button = document.createElement("button");
   button.type = "button";
-  const mark = part("i", "swatch", String(number));
-  mark.style.background = swatch ?? "var(--line)";
+  const mark = colored ? swatch(number) : part("i", "swatch", String(number));
   button.append(mark, part("span", "size", text), part("span", "ends", more), part("span", "score", score.toFixed(2)));
   const look = (at) => {
     page.focus = at;
@@ -127,13 +150,6 @@ function row([focus, swatch, number, text, more, score]) {
   return line;
 }
 
-function part(tag, className, text) {
-  const made = document.createElement(tag);
-  made.className = className;
-  made.textContent = text;
-  return made;
-}
-
 function forget() {
   Object.assign(page, { topology: null, actions: [], focus: null, chosen: 0 });
   showProblem(null);
@@ -141,38 +157,65 @@ function forget() {
   for (const name of ["status", "section-count", "branch-count", "crossing-count", "action-count"]) byId(name).value = "";
   byId("message").textContent = "";
   byId("warnings").replaceChildren();
-  redraw();
+  byId("playing").hidden = true;
+  place();
 }
 
 function report(error) {
-  showProblem(error.problem ?? { title: "This did not work", detail: error.message, errors: [] });
+  showProblem(problemOf(error));
 }
 
-function redraw() {
-  const size = page.topology ?? page.bitmap;
-  byId("drop").classList.toggle("empty", !size);
-  if (!size) return erase(canvas);
-  const scale = Math.min(byId("drop").clientWidth / size.width, (TALLEST * innerHeight) / size.height);
-  canvas.style.width = `${size.width * scale}px`;
-  canvas.style.height = `${size.height * scale}px`;
-  canvas.width = Math.max(1, Math.round(size.width * scale * devicePixelRatio));
-  canvas.height = Math.max(1, Math.round(size.height * scale * devicePixelRatio));
+function place() {
+  stage.show(page.topology ?? page.bitmap, page.bitmap);
+}
+
+const redraw = () => stage.redraw();
+
+function paint(context, view) {
   const shown = new Set([...byId("layers").querySelectorAll("input:checked")].map(({ name }) => name));
   const action = page.actions[page.focus?.action ?? page.chosen];
-  drawHarness(canvas.getContext("2d"), page, action, { scale, density: devicePixelRatio, shown });
+  drawHarness(context, page, action, { ...view, shown, share: byId("share").valueAsNumber });
 }
 
+/** Moves the slider from its place to the end; somebody who wants less motion has the slider. */
+function play() {
+  const slider = byId("share");
+  const from = slider.valueAsNumber >= 1 ? 0 : slider.valueAsNumber;
+  if (matchMedia("(prefers-reduced-motion: reduce)").matches) {
+    slider.value = 1;
+    return redraw();
+  }
+  const start = performance.now() - from * PLAY_MS;
+  const action = page.chosen;
+  const frame = (now) => {
+    if (page.chosen !== action || byId("playing").hidden) return;
+    slider.value = Math.min(1, (now - start) / PLAY_MS);
+    redraw();
+    if (slider.valueAsNumber < 1) requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+}
+
+function opened(job, picture) {
+  Object.assign(page, { file: new File([], job.label ?? job.id), bitmap: picture });
+  show(job);
+}
+
+shell();
+stage.addButtons();
+offer(byId("samples"), "harness", ([file]) => choose(file));
 byId("file").addEventListener("change", (event) => choose(event.target.files[0]));
 byId("form").addEventListener("submit", (event) => {
   event.preventDefault();
   run();
 });
-byId("key").addEventListener("change", (event) => (api.key = event.target.value.trim()));
-byId("layers").addEventListener("change", redraw);
-addEventListener("resize", redraw);
-addEventListener("dragover", (event) => event.preventDefault());
-addEventListener("drop", (event) => {
-  event.preventDefault();
-  byId("file").files = event.dataTransfer.files;
-  choose(event.dataTransfer.files[0]);
-});
+byId("cancel").addEventListener("click", cancel);
+byId("play").addEventListener("click", play);
+for (const event of ["input", "change"]) byId("layers").addEventListener(event, redraw);
+onDrop(([file]) => choose(file));
+const answers = (known) => {
+  Object.assign(page, known);
+  fill();
+  place();
+};
+follow(["plan_disentangle", "topology"], opened, report, answers);

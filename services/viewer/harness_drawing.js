@@ -1,21 +1,16 @@
 // Draws a harness over its picture: sections, graph, branch-points, crossings, and one action of two arms.
 
+import { t } from "./i18n.js";
 import { color } from "./overlay.js";
+import { pointAt } from "./strands.js";
 
 const CASING = "rgb(0 0 0 / 0.65)";
 const GAP = 8; // screen pixels, half of the gap in a section that passes under another
 
-/** `scene`: `{ bitmap, topology, focus }`; `view`: `{ scale, density, shown }` as in overlay.js. */
+/** `scene`: `{ topology, focus }`; `view`: as the stage gives it, and `shown`, the set of layers, `share`: how far the
+ *  action has gone. */
 export function drawHarness(context, scene, action, view) {
-  const { canvas } = context;
-  context.setTransform(1, 0, 0, 1, 0, 0);
-  context.globalAlpha = 1;
-  context.fillStyle = "#20242c";
-  context.fillRect(0, 0, canvas.width, canvas.height);
-  if (scene.bitmap) context.drawImage(scene.bitmap, 0, 0, canvas.width, canvas.height);
   if (!scene.topology) return;
-  context.scale(view.density, view.density);
-  context.lineCap = context.lineJoin = "round";
   const { topology, focus } = scene;
   if (view.shown.has("sections")) drawSections(context, topology, focus, view);
   if (view.shown.has("graph")) drawGraph(context, topology, view);
@@ -83,15 +78,40 @@ function drawPoints(context, topology, focus, view) {
 
 function drawAction(context, action, topology, view) {
   const moved = topology.sections.find(({ id }) => id === action.section);
+  const share = view.share ?? 0;
   if (moved) {
     context.setLineDash([2, 6]);
     cased(context, line(moved.points_xy, view), "#ff5ad1", 3);
     context.setLineDash([]);
+    if (share > 0) cased(context, line(swung(moved.points_xy, action, share), view), "#ff5ad1", 4);
   }
   cased(context, line(action.trajectory_xy, view), "#7cfc9a", 3);
-  gripper(context, action.hold, "hold", "#ffd23f", view);
-  gripper(context, action.pick, "pick", "#7cfc9a", view);
-  gripper(context, action.place, "place", "#7cfc9a", view);
+  gripper(context, action.hold, t("hold"), "#ffd23f", view);
+  gripper(context, action.pick, t("pick"), "#7cfc9a", view);
+  gripper(context, action.place, t("place"), "#7cfc9a", view);
+  if (share > 0) gripper(context, along(action, share), "", "#ffffff", view);
+}
+
+/** Where the moving gripper is when `share` of the way is done, and how it is turned. */
+function along({ trajectory_xy: way, pick, place }, share) {
+  const turn = place.angle_rad - pick.angle_rad;
+  return { xy: pointAt(way, share), angle_rad: pick.angle_rad + share * Math.atan2(Math.sin(turn), Math.cos(turn)) };
+}
+
+/** The section while it is moved: still at the holding arm, along with the gripper at the picked point and beyond, and
+ *  in between by its share of the length. */
+function swung(points, action, share) {
+  const nearest = ([x, y]) => {
+    const away = points.map(([a, b]) => Math.hypot(a - x, b - y));
+    return away.indexOf(Math.min(...away));
+  };
+  const [hold, pick] = [nearest(action.hold.xy), nearest(action.pick.xy)];
+  const at = pointAt(action.trajectory_xy, share);
+  const by = at.map((value, axis) => value - action.pick.xy[axis]);
+  return points.map((point, i) => {
+    const part = hold === pick ? 1 : Math.max(0, Math.min(1, (i - hold) / (pick - hold)));
+    return point.map((value, axis) => value + part * by[axis]);
+  });
 }
 
 /** Two fingers across the section. */
@@ -104,7 +124,7 @@ function gripper(context, { xy, angle_rad: angle, arm }, name, tint, view) {
     path.lineTo(x + side * across[0] + 7 * along[0], y + side * across[1] + 7 * along[1]);
   }
   cased(context, path, tint, 4);
-  label(context, arm ? `${name} (${arm})` : name, x, y - 22);
+  if (name) label(context, arm ? `${name} (${arm})` : name, x, y - 22);
 }
 
 function label(context, text, x, y) {

@@ -1,331 +1,283 @@
-// The corrector page: pictures, the tool in hand, and what it does to the label shown.
+// The page of the label bench: opens pictures and labels, shows one, lists all. Tools are in bench_tools.js.
 
-import { Api, ProblemError } from "./api.js";
-import { dragged, dropped, grabbed } from "./label_drag.js";
-import { add, certainty, join, remove, reshape, shapeOf, split, swap } from "./label_edit.js";
-import { coco, finished, jsonLines } from "./label_save.js";
-import { prepare, trace } from "./livewire.js";
-import { outlined, stroke } from "./outline.js";
-import { paint } from "./strip.js";
+import { api } from "./api.js";
+import { Bench, stateOf } from "./bench.js";
+import { ask } from "./bench_calls.js";
+import { drawBench } from "./bench_draw.js";
+import { keysOf } from "./bench_keys.js";
+import { fillLists } from "./bench_lists.js";
+import { exported, folders, labelOf, pictureOf, picturesOf } from "./bench_service.js";
+import { labelFor, listed, sorted } from "./bench_sources.js";
+import { Sync } from "./bench_sync.js";
+import { Tools } from "./bench_tools.js";
+import { byId, download, onDrop, problemOf, showProblem } from "./dom.js";
+import { t } from "./i18n.js";
+import { coco, jsonLines } from "./label_save.js";
+import { Queue } from "./queue.js";
+import { offer } from "./samples.js";
+import { shell } from "./shell.js";
+import { Stage } from "./stage.js";
 
-const NEAR_PX = 12; // on the screen
-const MOST_ZOOM = 3;
-const USUAL_PX = 6; // the width of a line that does not snap
-const KEYS = { a: "add", m: "move", s: "split", j: "join", d: "delete", w: "swap" };
 const HINTS = {
   add: "Click the ends of a cable, and between them where the line would leave it; Enter or a double click ends it, Backspace takes a click back.",
   move: "Drag a line to where the cable is, or an edge to where it ends; with Shift both edges.",
   split: "Click where one cable should become two.",
   join: "Click two cables one after the other.",
-  delete: "Click a cable to remove it.",
+  delete: "Click a cable, an area or a branch-point to remove it.",
   swap: "Click a crossing to put the other cable on top.",
+  ignore: "Click the corners of an area that nobody should learn from; Enter closes it.",
+  connector: "Drag a box around a connector.",
+  branch: "Click where cables of a harness branch.",
+  pan: "Drag the picture. With any tool: the middle button, two fingers or the arrow keys move it, the wheel zooms.",
 };
-const byId = (id) => document.getElementById(id);
-const canvas = byId("canvas");
-const context = canvas.getContext("2d");
-const api = new Api();
-const pictures = []; // { file, bitmap, mask, label, history, confirmed }
-let zoom = 1; // screen pixels a picture pixel
-let view = null; // of the picture shown: probability, depth and planes
-let [shown, clicks, chosen, drag, pointer] = [null, [], null, null, null];
 
-const tool = () => document.querySelector("[name=tool]:checked").value;
-const color = (id) => `hsl(${(id * 222.5) % 360} 85% 55%)`;
+const TWO_FINGERS_MS = 400; // between the first and the second that zoom
+
+const canvas = byId("canvas");
+const stage = new Stage(canvas, paint, () => tools.tool === "pan" || keys.held.has(" "));
+const bench = new Bench(list, (picture) => sync.soon(picture), report);
+const sync = new Sync(bench, { conflict, changed: list, failed: report });
+const tools = new Tools(bench, stage, () => stage.later(), report);
+const queue = new Queue(analyze, list, api.cancel);
+const keys = keysOf({ tools, bench, step, confirm, save });
+let mask = null; // of the picture shown: what the network sees
+
+// Opening ----------------------------------------------------------------------------------------------------------
 
 async function open(files) {
-  showError(null);
-  for (const file of files) {
-    byId("hint").textContent = `${file.name}: asking the service …`;
-    try {
-      pictures.push(await analyzed(file));
-    } catch (error) {
-      showError(`${file.name}: ${error instanceof ProblemError ? error.problem.detail : error.message}`);
-      continue;
+  showProblem(null);
+  try {
+    const { pictures, labels, refused } = await sorted(await listed(files));
+    if (refused.length) notice(t("No labels: {names}", { names: refused.slice(0, 3).join(", ") }));
+    const paths = pictures.map(({ path }) => path);
+    for (const [index, { path, blob }] of pictures.entries()) {
+      byId("hint").textContent = t("{name}: reading {n} of {m} …", { name: path, n: index + 1, m: pictures.length });
+      await take(path, await blob(), labels, paths);
     }
-    pictures.sort((a, b) => certainty(a.label) - certainty(b.label));
-    if (!shown) show(pictures[0]);
-    list();
+    const lost = labels.filter(({ used }) => !used).length;
+    if (lost) notice(t("{n} labels have no picture here with the same bytes", { n: lost }));
+  } catch (error) {
+    report(error);
   }
-  byId("hint").textContent = HINTS[tool()];
+  byId("hint").textContent = t(HINTS[tools.tool]);
 }
 
-async function analyzed(file) {
-  const job = await api.run({ kind: "instances", files: ["mask"] }, file, () => {});
-  const { width, height, instances, crossings, method, threshold, models } = job.result;
-  const mask = await createImageBitmap(await api.file(job.id, "mask.png"));
+async function take(path, blob, labels, paths) {
+  const file = new File([blob], path.split("/").at(-1), { type: blob.type });
   const sha256 = await api.digest(file);
-  const name = file.webkitRelativePath || file.name;
-  const label = {
-    format: "dlo-label/1", name, sha256, width, height, instances, crossings,
-    origin: "service", method, threshold, models,
-  };
-  const bitmap = await api.bitmap(file);
-  if (!bitmap) throw new Error("this picture cannot be shown here");
-  return { file, bitmap, mask, label, history: [], confirmed: false };
+  const found = labelFor(labels, { sha256, path }, paths);
+  for (const other of labels) if (found && other.label.name === found.label.name) other.used = true;
+  const known = bench.pictures.length;
+  const picture = bench.add({ name: path, sha256, file, confirmed: found?.confirmed }, found?.label);
+  if (bench.pictures.length === known) notice(t("{name} is here already, with the same bytes", { name: path }));
+  else if (!found) queue.add([picture]);
+  if (!bench.shown) await show(picture);
 }
 
-function prepared({ bitmap, mask, label: { width, height } }) {
-  const seen = pixels(mask, width, height);
-  const p = new Float32Array(width * height);
-  for (let i = 0; i < p.length; i += 1) p[i] = seen[4 * i] / 255;
-  return { ...prepare(p, width, height), planes: paint(pixels(bitmap, width, height), width, height) };
+async function analyze(picture, signal, onJob) {
+  const job = await api.run({ kind: "instances", files: ["mask"] }, picture.file, onJob, signal);
+  const { width, height, instances, crossings, method, threshold, models } = job.result;
+  const label = { format: "dlo-label/1", width, height, instances, crossings, origin: "service", method, threshold, models };
+  bench.note(picture, { mask: await api.file(job.id, "mask.png") });
+  if (!bench.begin(picture, label)) notice(t("{name}: drawn before the service answered, so its cables were left out", picture));
+  if (picture === bench.shown) await show(picture);
 }
 
-function pixels(bitmap, width, height) {
-  const sheet = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
-  sheet.drawImage(bitmap, 0, 0, width, height);
-  return sheet.getImageData(0, 0, width, height).data;
+async function openFolder(folder) {
+  if (!folder) return;
+  for (const { name, sha256, state, certainty } of await picturesOf(folder)) {
+    bench.add({ name, sha256, folder, certainty, confirmed: state === "confirmed" });
+  }
+  if (!bench.shown && bench.pictures.length) await show(bench.pictures[0]);
 }
 
-function show(picture) {
-  [shown, clicks, chosen, view] = [picture, [], null, prepared(picture)];
-  byId("drop").classList.remove("empty");
-  // Half a pixel matters at an edge: a small picture is shown as large as it fits.
-  zoom = Math.max(1, Math.min(MOST_ZOOM, byId("drop").clientWidth / picture.label.width));
-  canvas.width = picture.label.width * zoom;
-  canvas.height = picture.label.height * zoom;
-  canvas.setAttribute("aria-label", picture.label.name);
+/** Shows a picture: its pixels at once, its label as soon as it is here. */
+async function show(picture) {
+  if (!picture) return;
+  bench.shown = picture;
+  mask = null;
+  tools.resume();
   list();
-  draw();
-}
-
-function edit(label) {
-  if (label === shown.label) return;
-  shown.history.push(shown.label);
-  shown.label = label;
-  list();
-  draw();
-}
-
-function undo() {
-  if (!shown?.history.length) return;
-  shown.label = shown.history.pop();
-  list();
-  draw();
-}
-
-/** Whether somebody's word stands behind a label: only then it is a correction. */
-const isConfirmed = ({ history, confirmed }) => confirmed || history.length > 0;
-
-function confirm() {
-  if (!shown) return;
-  shown.confirmed = !shown.confirmed;
+  try {
+    const file = picture.file ?? (await pictureOf(picture.folder, picture.name));
+    const bitmap = await api.bitmap(file);
+    if (!bitmap) throw new Error(t("{name} cannot be shown here", picture));
+    await bench.load(picture);
+    if (picture.folder && picture.at === 0 && picture.synced !== false) await fetchLabel(picture);
+    if (!bench.label(picture)) bench.blank(picture, bitmap);
+    if (bench.shown !== picture) return;
+    const size = bench.label(picture);
+    stage.show(size, bitmap);
+    canvas.setAttribute("aria-label", picture.name);
+    await ask("open", { bitmap, size });
+    await showMask(picture, file);
+  } catch (error) {
+    report(error);
+  }
   list();
 }
 
-// The tools -------------------------------------------------------------------------------------------------------
-
-const snaps = () => byId("snap").checked;
-const shaped = (points, pulls, width = USUAL_PX) => (snaps() ? outlined(view, points, pulls) : stroke(points, width, pulls));
-
-function finishLine() {
-  if (clicks.some((one) => away(one, clicks[0]) > 1)) edit(add(shown.label, shaped(clicks, [])));
-  clicks = [];
-  draw();
+async function fetchLabel(picture) {
+  const { label, etag } = await labelOf(picture.folder, picture.name);
+  picture.etag = etag;
+  bench.begin(picture, label, label.origin === "corrected");
 }
 
-function click(point) {
-  const near = nearest(point);
-  switch (tool()) {
-    case "add":
-      clicks.push(point);
-      break;
-    case "split":
-      if (near) edit(split(shown.label, near.instance.id, near.index));
-      break;
-    case "join":
-      if (near && chosen && chosen !== near.instance.id) {
-        edit(join(shown.label, chosen, near.instance.id, shaped));
-        chosen = null;
-      } else chosen = near?.instance.id ?? null;
-      break;
-    case "delete":
-      if (near) edit(remove(shown.label, near.instance.id));
-      break;
-    case "swap": {
-      const hit = shown.label.crossings.find(({ xy }) => away(xy, point) < 2 * reach());
-      if (hit) edit(swap(shown.label, hit.id));
-      break;
-    }
-    default:
+/** The network's probability, by which lines snap better than by color alone. */
+async function showMask(picture, file) {
+  if (!picture.mask && picture.seen) {
+    const job = await api.run({ kind: "segment" }, file, () => {}).catch(() => null);
+    if (job) bench.note(picture, { mask: await api.file(job.id, "mask.png") });
   }
-  draw();
+  if (!picture.mask || bench.shown !== picture) return;
+  mask = await createImageBitmap(picture.mask);
+  await ask("probability", { bitmap: mask });
+  stage.later();
 }
 
-function drop(drag, to) {
-  if (away(drag.from, to) < 0.1) return;
-  const { clicks, pulls } = dropped(drag, to);
-  edit(reshape(shown.label, drag.instance.id, shaped(clicks, pulls, drag.instance.width_px)));
+// What is seen -----------------------------------------------------------------------------------------------------
+
+function paint(context, view) {
+  const shows = { probability: byId("probability").checked, hidden: byId("hide").checked };
+  drawBench(context, { ...drawnOf(tools), label: bench.label(), mask, shows, opacity: byId("opacity").valueAsNumber }, view);
 }
 
-const away = ([a, b], [c, d]) => Math.hypot(a - c, b - d);
-const reach = () => (NEAR_PX * shown.label.width) / (canvas.getBoundingClientRect().width || canvas.width);
-
-function nearest(point) {
-  let best = null;
-  for (const instance of shown.label.instances) {
-    shapeOf(instance).line.forEach((xy, index) => {
-      const distance = away(xy, point);
-      if (distance < (best?.distance ?? Math.max(reach(), instance.width_px))) best = { instance, index, distance };
-    });
-  }
-  return best;
-}
-
-function position(event) {
-  const box = canvas.getBoundingClientRect();
-  return [
-    ((event.clientX - box.left) / box.width) * shown.label.width - 0.5,
-    ((event.clientY - box.top) / box.height) * shown.label.height - 0.5,
-  ];
-}
-
-// What is seen ----------------------------------------------------------------------------------------------------
-
-function draw() {
-  if (!shown) return;
-  const { width, height } = shown.label;
-  context.setTransform(zoom, 0, 0, zoom, 0, 0);
-  context.drawImage(shown.bitmap, 0, 0, width, height);
-  if (byId("probability").checked) {
-    context.globalAlpha = 0.7;
-    context.drawImage(shown.mask, 0, 0, width, height);
-    context.globalAlpha = 1;
-  }
-  for (const instance of shown.label.instances) {
-    const moving = drag?.instance.id === instance.id && pointer;
-    const shape = moving ? dragged(drag, pointer) : instance.shape;
-    if (shape) for (const edge of [shape.low, shape.high]) curve(beside(shape, edge), color(instance.id), 1);
-    curve(shape?.line ?? instance.centerline_xy, color(instance.id), instance.id === chosen ? 4 : 2);
-  }
-  for (const { xy, score } of shown.label.crossings) ring(xy, score > 0.5 ? "#fff" : "#ffd500");
-  if (clicks.length) {
-    const points = pointer && tool() === "add" ? [...clicks, pointer] : clicks;
-    if (points.length > 1) curve(snaps() ? trace(view, points).line : points, "#fff", 2);
-    for (const xy of clicks) ring(xy, "#fff", 3);
-  }
-}
-
-const beside = ({ line, normals }, edge) => line.map(([x, y], i) => [x + edge[i] * normals[i][0], y + edge[i] * normals[i][1]]);
-
-function curve(line, style, width) {
-  context.lineJoin = context.lineCap = "round";
-  context.beginPath();
-  line.forEach(([x, y], i) => (i ? context.lineTo(x + 0.5, y + 0.5) : context.moveTo(x + 0.5, y + 0.5)));
-  for (const [color, extra] of [["#0008", 2], [style, 0]]) {
-    context.strokeStyle = color;
-    context.lineWidth = (width + extra) / zoom;
-    context.stroke();
-  }
-}
-
-function ring([x, y], style, radius = 7) {
-  context.beginPath();
-  context.arc(x + 0.5, y + 0.5, radius / zoom, 0, 2 * Math.PI);
-  context.strokeStyle = style;
-  context.lineWidth = 2 / zoom;
-  context.stroke();
-}
+const drawnOf = ({ hovered, chosen, drag, pointer, clicks, trace, tool }) => ({ hovered, chosen, drag, pointer, clicks, trace, tool });
 
 function list() {
-  byId("count").textContent = pictures.length ? String(pictures.length) : "";
-  fill("pictures", pictures, (picture) => {
-    const mark = picture.history.length ? "corrected" : picture.confirmed ? "confirmed" : `certainty ${certainty(picture.label).toFixed(2)}`;
-    return [`${picture.label.name}: ${mark}`, picture === shown, () => show(picture)];
+  const choose = (what) => {
+    tools.chosen = what;
+    list();
+  };
+  const hover = (what) => {
+    tools.hovered = what;
+    stage.later();
+  };
+  fillLists({ bench, chosen: tools.chosen, saving: sync.state, show, choose, hover });
+  stage.later();
+}
+
+function notice(text) {
+  byId("notice").hidden = !text;
+  byId("notice").textContent = text;
+}
+
+function report(error) {
+  showProblem(problemOf(error));
+}
+
+// Going on, and taking out -----------------------------------------------------------------------------------------
+
+async function step(by) {
+  await tools.settled();
+  await show(bench.pictures[bench.pictures.indexOf(bench.shown) + by]);
+}
+
+/** Confirms the picture, or takes that back. */
+async function confirm(goOn) {
+  tools.finish();
+  await tools.settled();
+  if (!bench.label()) return;
+  const before = bench.shown;
+  bench.confirm(before, goOn ? true : !before.confirmed);
+  const next = bench.pictures.find((picture) => stateOf(picture) !== "confirmed");
+  if (goOn && next) await show(next);
+}
+
+async function save() {
+  await tools.settled();
+  const labels = await bench.finished();
+  const open = bench.pictures.filter((picture) => stateOf(picture) === "changed").length;
+  notice(open ? t("{n} changed pictures are not confirmed: they are no corrections yet", { n: open }) : "");
+  const format = byId("format").value;
+  const own = { json: ["labels.jsonl", jsonLines], coco: ["coco.json", coco] }[format];
+  if (own) download(new Blob([own[1](labels)], { type: "application/json" }), own[0]);
+  else download(await exported(format, jsonLines(labels)), `labels-${format}.zip`);
+}
+
+async function clear() {
+  const unsaved = bench.pictures.filter((picture) => !picture.folder && stateOf(picture) !== "new").length;
+  if (unsaved && !window.confirm(t("{n} pictures have changes that are only in this browser. Remove them?", { n: unsaved }))) return;
+  bench.pictures.forEach((picture) => queue.cancel(picture));
+  await bench.remove([...bench.pictures]);
+  stage.show(null, null);
+  list();
+}
+
+function conflict(picture) {
+  const text = t("{name} was changed by somebody else meanwhile. OK keeps your label and replaces theirs; Cancel takes theirs.", picture);
+  return window.confirm(text) ? "mine" : "theirs";
+}
+
+// Wiring -----------------------------------------------------------------------------------------------------------
+
+/** Two tabs would each keep its own steps of the same pictures. */
+function warnOfSecondTab() {
+  navigator.locks?.request("dlo-label-bench", { ifAvailable: true }, (lock) => {
+    if (lock) return new Promise(() => {});
+    notice(t("The bench is open in another tab too: work in one of them only"));
+    return null;
   });
-  fill("instances", shown?.label.instances ?? [], (item) => {
-    const text = `${item.id}: ${item.width_px.toFixed(1)} px${item.score == null ? ", yours" : `, score ${item.score.toFixed(2)}`}`;
-    return [text, item.id === chosen, () => ((chosen = item.id), list(), draw())];
+}
+
+async function offerFolders() {
+  const names = await folders();
+  byId("folders").hidden = !names.length;
+  byId("folder").replaceChildren(new Option(t("choose"), ""), ...names.map((name) => new Option(name, name)));
+  const asked = new URLSearchParams(location.search).get("folder");
+  if (names.includes(asked)) {
+    byId("folder").value = asked;
+    await openFolder(asked);
+  }
+}
+
+function listen() {
+  byId("file").addEventListener("change", (event) => open([...event.target.files]));
+  byId("directory").addEventListener("change", (event) => open([...event.target.files]));
+  byId("folder").addEventListener("change", (event) => openFolder(event.target.value).catch(report));
+  byId("undo").addEventListener("click", () => bench.go(-1));
+  byId("redo").addEventListener("click", () => bench.go(1));
+  byId("confirm").addEventListener("click", () => confirm(false));
+  byId("previous").addEventListener("click", () => step(-1));
+  byId("following").addEventListener("click", () => step(1));
+  byId("save").addEventListener("click", () => save().catch(report));
+  byId("clear").addEventListener("click", () => clear().catch(report));
+  byId("tools").addEventListener("input", ({ target }) => {
+    if (target.name === "tool") {
+      tools.take(target.value);
+      byId("hint").textContent = t(HINTS[target.value]);
+      byId("drop").dataset.tool = target.value;
+    }
+    tools.snaps = byId("snap").checked;
+    stage.later();
   });
-  byId("undo").disabled = !shown?.history.length;
-  byId("confirm").disabled = !shown || shown.history.length > 0;
-  byId("confirm").setAttribute("aria-pressed", String(Boolean(shown?.confirmed)));
-  byId("save").disabled = byId("save-coco").disabled = !pictures.length;
-}
-
-function fill(id, items, describe) {
-  const rows = items.map((item) => {
-    const [text, pressed, act] = describe(item);
-    const button = document.createElement("button");
-    button.type = "button";
-    button.textContent = text;
-    button.setAttribute("aria-pressed", String(Boolean(pressed)));
-    button.addEventListener("click", act);
-    const row = document.createElement("li");
-    row.append(button);
-    return row;
+  let touched = -Infinity;
+  canvas.addEventListener("pointerdown", (event) => {
+    if (stage.busy && event.timeStamp - touched < TWO_FINGERS_MS) tools.undoTouch();
+    else if (!stage.busy && !event.button) tools.press(event);
+    if (event.pointerType === "touch") touched = stage.busy ? -Infinity : event.timeStamp;
+    if (tools.drag) canvas.setPointerCapture(event.pointerId);
   });
-  byId(id).replaceChildren(...rows);
+  canvas.addEventListener("pointermove", (event) => stage.busy || tools.move(event));
+  canvas.addEventListener("pointerup", (event) => tools.release(event));
+  canvas.addEventListener("pointerleave", () => tools.leave());
+  canvas.addEventListener("dblclick", () => {
+    if (tools.tool !== "add" && tools.tool !== "ignore") return;
+    tools.back(); // the second click of the two
+    tools.finish();
+  });
+  onDrop((files) => open(files));
 }
 
-function showError(text) {
-  byId("error").hidden = !text;
-  byId("error").textContent = text ?? "";
-}
-
-function save(name, text) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-}
-
-// Wiring ----------------------------------------------------------------------------------------------------------
-
-const all = () => pictures.map((picture) => finished(picture.label, isConfirmed(picture)));
-byId("save").addEventListener("click", () => save("labels.jsonl", jsonLines(all())));
-byId("save-coco").addEventListener("click", () => save("coco.json", coco(all())));
-byId("undo").addEventListener("click", undo);
-byId("confirm").addEventListener("click", confirm);
-byId("probability").addEventListener("change", draw);
-byId("file").addEventListener("change", (event) => open([...event.target.files]));
-byId("key").addEventListener("change", (event) => (api.key = event.target.value));
-byId("tools").addEventListener("change", () => {
-  [clicks, chosen] = [[], null];
-  byId("hint").textContent = HINTS[tool()];
-  draw();
-});
-byId("drop").addEventListener("dragover", (event) => event.preventDefault());
-byId("drop").addEventListener("drop", (event) => {
-  event.preventDefault();
-  open([...event.dataTransfer.files]);
-});
-canvas.addEventListener("pointerdown", (event) => {
-  if (!shown || event.button) return;
-  const point = position(event);
-  const near = nearest(point);
-  if (tool() === "move" && near) {
-    drag = grabbed(near.instance, shapeOf(near.instance), near.index, point, event.shiftKey);
-    canvas.setPointerCapture(event.pointerId);
-  } else click(point);
-});
-canvas.addEventListener("pointermove", (event) => {
-  if (!shown) return;
-  pointer = position(event);
-  if (drag || clicks.length) draw();
-});
-canvas.addEventListener("pointerup", (event) => {
-  if (drag) drop(drag, position(event));
-  drag = null;
-  draw();
-});
-canvas.addEventListener("dblclick", () => {
-  if (tool() !== "add") return;
-  clicks.pop(); // the second click of the two
-  finishLine();
-});
-document.addEventListener("keydown", (event) => {
-  if (!shown || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "radio") return;
-  if (event.key === "Enter") finishLine();
-  else if (event.key === "Escape") clicks = [];
-  else if (event.key === "Backspace") clicks.pop();
-  else if (event.key === "c" && !event.ctrlKey && !event.metaKey) confirm();
-  else if (event.key === "z" && (event.ctrlKey || event.metaKey)) undo();
-  else if (KEYS[event.key] && !event.ctrlKey && !event.metaKey) document.querySelector(`[value=${KEYS[event.key]}]`).click();
-  else return;
-  event.preventDefault();
-  draw();
-});
-byId("hint").textContent = HINTS.add;
-list();
+shell(offerFolders);
+stage.addButtons();
+offer(byId("samples"), "cables", open);
+listen();
+warnOfSecondTab();
+byId("hint").textContent = t(HINTS.add);
+await bench.restore().catch(report);
+await show(bench.pictures.find((picture) => stateOf(picture) !== "confirmed") ?? bench.pictures[0]);
+queue.add(bench.pictures.filter(({ file, seen, at }) => file && !seen && at === 0));
+await offerFolders();
+sync.rest();
+document.body.dataset.ready = "yes";

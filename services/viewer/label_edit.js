@@ -1,6 +1,6 @@
 // A label under correction: plain functions from one label to the next, so that undo is keeping the old ones.
 // A label is `{ name, width, height, instances, crossings, … }` as in dlo-label/1; an edited instance has a `shape`, as
-// `outlined` gives it.
+// `outlined` gives it. Beside its cables it may have areas to ignore and connectors (polygons), and branch-points.
 
 import { stroke } from "./outline.js";
 
@@ -39,17 +39,19 @@ export function part(shape, from, to) {
   return { ...shape, line, low, high, normals, clicks: null, pulls: [] };
 }
 
-/** One instance from two, by their nearest ends; `shaped(clicks, pulls)` gives its shape. */
-export function join(label, first, second, shaped) {
+/** The clicks of one instance from two, joined by their nearest ends; null where it cannot be. */
+export function joined(label, first, second) {
   const [a, b] = [first, second].map((id) => label.instances.find((i) => i.id === id));
-  if (!a || !b || a === b) return label;
+  if (!a || !b || a === b) return null;
   const [p, q] = [anchors(a), anchors(b)];
   const ways = [[p, q], [p, q.toReversed()], [p.toReversed(), q], [p.toReversed(), q.toReversed()]];
   const gap = ([head, tail]) => Math.hypot(head.at(-1)[0] - tail[0][0], head.at(-1)[1] - tail[0][1]);
   const [head, tail] = ways.reduce((best, way) => (gap(way) < gap(best) ? way : best));
-  const kept = replaced(label, second, () => []);
-  return replaced(kept, first, () => [drawn(label, first, shaped([...head, ...tail], []))]);
+  return [...head, ...tail];
 }
+
+/** One instance of two, with the `shape` found for their clicks. */
+export const merge = (label, first, second, shape) => reshape(remove(label, second), first, shape);
 
 /** The clicks of an instance; of one that nobody clicked, points along it. */
 export function anchors({ shape, centerline_xy }) {
@@ -78,6 +80,11 @@ export function reclicked(instance, index, to) {
   return clicks.toSpliced(before, 0, to);
 }
 
+/** One more area or branch-point; `list` is `ignore`, `connectors` or `branch_points`. */
+export const mark = (label, list, drawn) => ({ ...label, [list]: [...(label[list] ?? []), drawn] });
+
+export const unmark = (label, list, index) => ({ ...label, [list]: label[list].toSpliced(index, 1) });
+
 /** The other strand on top. */
 export function swap(label, crossingId) {
   const crossing = label.crossings.find((c) => c.id === crossingId);
@@ -89,12 +96,6 @@ export function swap(label, crossingId) {
     crossings: label.crossings.map((c) => (c === crossing ? turned : c)),
     instances: label.instances.map((i) => (strands.includes(i.id) ? { ...i, edited: true } : i)),
   };
-}
-
-/** 0 to 1, the lowest score of all; 0 where nothing was found: what to look at first. */
-export function certainty(label) {
-  const scores = [...label.instances, ...label.crossings].map((item) => item.score ?? 1);
-  return label.instances.length ? Math.min(...scores) : 0;
 }
 
 function drawn({ width, height }, id, shape) {

@@ -18,7 +18,7 @@ export function labelMap(result, largest = LARGEST_MAP) {
       }
     }
   }
-  return { ids, width, height, step };
+  return { ids, width, height, step, present: result.instances.map(({ id }) => id) };
 }
 
 /** The instance within `reach` picture pixels of `(x, y)`, or 0. */
@@ -37,12 +37,17 @@ export function instanceAt(map, x, y, reach) {
   return nearest;
 }
 
-/** A canvas with every instance in its color, or `only` that one; `rgb(id)` gives `[r, g, b]`. */
+/** A canvas with every instance in its color, or `only` that one; `rgb(id)` gives `[r, g, b]`. The last is kept. */
 export function tint(map, rgb, only) {
+  if (!map.tinted || map.tinted.only !== only) map.tinted = { only, canvas: tinted(map, rgb, only) };
+  return map.tinted.canvas;
+}
+
+function tinted(map, rgb, only) {
   const pixels = new ImageData(map.width, map.height);
   const packed = new Uint32Array(pixels.data.buffer);
   const colors = new Uint32Array(2 ** 16); // stays 0, transparent, for the background and what is not wanted
-  for (const id of new Set(map.ids)) if (id && (!only || id === only)) colors[id] = packedColor(rgb(id));
+  for (const id of map.present) if (!only || id === only) colors[id] = packedColor(rgb(id));
   for (let at = 0; at < packed.length; at += 1) packed[at] = colors[map.ids[at]];
   const canvas = new OffscreenCanvas(map.width, map.height);
   canvas.getContext("2d").putImageData(pixels, 0, 0);

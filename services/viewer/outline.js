@@ -7,6 +7,7 @@ import { straightened, weighed } from "./strip.js";
 
 const USUAL_PX = 10; // a cable's width where nothing is known of it
 const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
+const FINE_LENGTH_PX = 2000; // and longer ones
 const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
 export const WEIGHTS = Object.freeze({
   color: 0.6, probability: 0.3, edge: 2.6, // what is seen
@@ -28,13 +29,19 @@ export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
 /** The last trace in a view is kept: a pull does not change it. */
 function traced(view, clicks) {
   const key = JSON.stringify(clicks);
-  if (view.last?.key !== key) view.last = { key, ...trace(view, clicks) };
+  if (view.last?.key !== key) view.last = { key, ...path(view, clicks) };
   return view.last;
+}
+
+/** A large picture's path is searched on its coarse copy. */
+function path(view, clicks) {
+  const { coarse, bytes } = view;
+  return bytes ? coarse.outside(trace(coarse, clicks.map(coarse.inside))) : trace(view, clicks);
 }
 
 /** The same about a line that is known roughly; a pull of side 0 lies somewhere on the cable. */
 export function outline(view, path, width, pulls = [], o = WEIGHTS) {
-  const unit = Math.max(1, width / FINE_WIDTH_PX);
+  const unit = Math.max(1, width / FINE_WIDTH_PX, lengthOf(path) / FINE_LENGTH_PX);
   let line = soft(resample(leaving(path, width, view), 2 * unit), 4);
   let half = line.map(() => width / 2);
   for (let round = 0; ; round += 1) {
@@ -52,6 +59,8 @@ export function outline(view, path, width, pulls = [], o = WEIGHTS) {
     half = line.map((_, i) => wide[Math.round((i * before) / (line.length - 1))]);
   }
 }
+
+const lengthOf = (line) => line.reduce((sum, [x, y], i) => (i ? sum + Math.hypot(x - line[i - 1][0], y - line[i - 1][1]) : 0), 0);
 
 /** A line of even width, for what the picture does not show; a pull moves a whole edge. */
 export function stroke(clicks, width, pulls = []) {

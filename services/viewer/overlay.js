@@ -1,9 +1,10 @@
-// Draws a picture and what was found in it. Lines and markers keep their size on the screen at any scale.
+// Draws what was found in a picture, over it. Lines and markers keep their size on the screen at any scale.
 
 import { tint } from "./masks.js";
 import { pointAt, quietShare, visiblePieces } from "./strands.js";
 
 const CASING = "rgb(0 0 0 / 0.65)";
+const WARNING = "#ffb020";
 const SMALLEST_GAP = 7; // screen pixels, half of it
 const LINE = 2.5;
 
@@ -25,26 +26,12 @@ export const color = (id) => `rgb(${rgb(id).join(" ")})`;
 /** A score of one half says that nothing tells which strand is on top. */
 export const orderKnown = (crossing) => crossing.score > 0.5;
 
-/** Leaves nothing of the picture before. */
-export function erase(canvas) {
-  canvas.width = canvas.height = 0;
-  canvas.style.width = canvas.style.height = "";
-}
-
-/**
- * `scene`: `{ bitmap, result, map }`, each may be null. `view`: `{ scale, density, shown, focus }`: screen pixels
- * a picture pixel, device pixels a screen pixel, the set of layers, and `{ instance }`, `{ crossing }` or null.
- */
+/** `scene`: `{ result, map }`. `view`: as the stage gives it, and `shown`, the set of layers, `focus`: `{ instance }`,
+ *  `{ crossing }` or null, `opacity` of the masks, `culprits`: what is below the limit of the result's status. */
 export function draw(context, scene, view) {
-  const { canvas } = context;
-  context.setTransform(1, 0, 0, 1, 0, 0);
-  context.globalAlpha = 1;
-  context.clearRect(0, 0, canvas.width, canvas.height);
-  if (scene.bitmap) context.drawImage(scene.bitmap, 0, 0, canvas.width, canvas.height);
   if (!scene.result) return;
-  context.scale(view.density, view.density);
-  context.lineCap = context.lineJoin = "round";
   if (view.shown.has("mask")) drawMask(context, scene.map, view);
+  if (view.shown.has("unsure")) for (const culprit of view.culprits) drawCulprit(context, culprit, scene.result, view);
   for (const [layer, drawInstance] of INSTANCE_LAYERS) {
     if (!view.shown.has(layer)) continue;
     for (const instance of scene.result.instances) {
@@ -55,6 +42,13 @@ export function draw(context, scene, view) {
   context.globalAlpha = 1;
   if (!view.shown.has("crossings")) return;
   for (const crossing of scene.result.crossings) drawCrossing(context, crossing, view);
+}
+
+/** What makes a result unsure, the least certain first: `{ instance }` or `{ crossing }`. */
+export function culpritsOf({ status, instances, crossings }) {
+  const below = (items, name) => items.filter(({ score }) => score < status.limit).map(({ id, score }) => ({ [name]: id, score }));
+  if (status.code !== "unsure") return [];
+  return [...below(instances, "instance"), ...below(crossings, "crossing")].sort((a, b) => a.score - b.score);
 }
 
 const INSTANCE_LAYERS = [
@@ -73,12 +67,25 @@ function inFocus(instance, result, focus) {
 /** The center of the top-left pixel is (0, 0): it lies half a pixel inside the canvas. */
 const onScreen = ([x, y], { scale }) => [(x + 0.5) * scale, (y + 0.5) * scale];
 
-function drawMask(context, map, { scale, focus }) {
-  context.globalAlpha = 0.4;
+function drawMask(context, map, { scale, focus, opacity = 0.4 }) {
+  context.globalAlpha = opacity;
   context.imageSmoothingEnabled = false;
   const size = map.step * scale;
   context.drawImage(tint(map, rgb, focus?.instance), 0, 0, map.width * size, map.height * size);
   context.imageSmoothingEnabled = true;
+  context.globalAlpha = 1;
+}
+
+/** A halo of warning color along the cable, or around the crossing. */
+function drawCulprit(context, { instance, crossing }, result, view) {
+  const path = new Path2D();
+  const line = result.instances.find(({ id }) => id === instance)?.centerline_xy ?? [];
+  line.forEach((point, i) => path[i ? "lineTo" : "moveTo"](...onScreen(point, view)));
+  const at = result.crossings.find(({ id }) => id === crossing);
+  if (at) path.arc(...onScreen(at.xy, view), 17, 0, 2 * Math.PI);
+  context.setLineDash([3, 9]);
+  cased(context, path, WARNING, 9);
+  context.setLineDash([]);
 }
 
 function drawCenterline(context, instance, result, view) {

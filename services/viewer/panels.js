@@ -1,6 +1,9 @@
 // The lists beside the picture. Text from the service enters as text, never as HTML.
 
-import { color, orderKnown } from "./overlay.js";
+import { byId, element } from "./dom.js";
+import { t } from "./i18n.js";
+import { culpritsOf, orderKnown } from "./overlay.js";
+import { swatch } from "./swatches.js";
 
 /** `onHover(focus)` and `onClick(focus)` get `{ instance }` or `{ crossing }`, or null when left. */
 export function showResult(result, onHover, onClick) {
@@ -8,9 +11,10 @@ export function showResult(result, onHover, onClick) {
     instances: result.instances.map((instance) => [{ instance: instance.id }, instanceRow(instance)]),
     crossings: result.crossings.map((crossing) => [{ crossing: crossing.id }, crossingRow(crossing)]),
   };
+  const doubtful = new Set(culpritsOf(result).map(({ score, ...focus }) => JSON.stringify(focus)));
   for (const [name, entries] of Object.entries(rows)) {
-    const items = entries.map(([focus, parts]) => item(focus, parts, onHover, onClick));
-    byId(name).replaceChildren(...(items.length ? items : [element("li", "none", "none found")]));
+    const items = entries.map(([focus, parts]) => item(focus, parts, onHover, onClick, doubtful));
+    byId(name).replaceChildren(...(items.length ? items : [element("li", "none", t("none found"))]));
   }
   byId("status").textContent = statusOf(result.status);
   byId("status").className = result.status.code === "ok" ? "sure" : "unsure";
@@ -21,6 +25,7 @@ export function showResult(result, onHover, onClick) {
 
 export function clearResult() {
   for (const id of ["status", "warnings", "instances", "crossings", "timings", "bar", "files"]) byId(id).replaceChildren();
+  byId("status").className = "";
   for (const id of ["instance-count", "crossing-count", "total"]) byId(id).value = "";
 }
 
@@ -56,22 +61,6 @@ export function showFiles(names, onSave) {
   byId("files").replaceChildren(...buttons);
 }
 
-export function showProblem(problem) {
-  const box = byId("error");
-  box.hidden = !problem;
-  if (!problem) return;
-  const detail = problem.errors.length ? "" : problem.detail;
-  box.replaceChildren(element("strong", "", problem.title), element("span", "", detail));
-  for (const { field, message } of problem.errors) {
-    const line = element("p");
-    line.append(element("code", "", field), ` ${message}`);
-    box.append(line);
-  }
-  if (problem.incident) box.append(element("p", "", `incident ${problem.incident}`));
-}
-
-export const byId = (id) => document.getElementById(id);
-
 const REASONS = {
   gap: "gap",
   border: "cut by the border",
@@ -80,41 +69,35 @@ const REASONS = {
   blur: "blurred",
 };
 
-const inWords = (reasons) => reasons.map((reason) => REASONS[reason] ?? reason).join(", ");
+const inWords = (reasons) => reasons.map((reason) => t(REASONS[reason] ?? reason)).join(", ");
 
 function statusOf({ code, limit, reasons }) {
-  if (code === "none_found") return "No cable is seen";
-  if (code === "ok") return `Sure: every score is at least ${limit}`;
-  return `Unsure: a score is below ${limit}${reasons.length ? ` (${inWords(reasons)})` : ""}`;
+  if (code === "none_found") return t("No cable is seen");
+  if (code === "ok") return t("Sure: every score is at least {limit}", { limit });
+  return t("Unsure: a score is below {limit}", { limit }) + (reasons.length ? ` (${inWords(reasons)})` : "");
 }
 
 function instanceRow({ id, score, width_px, length_px, closed, endpoints, reasons }) {
-  const ends = [closed ? "closed ring" : endpoints.map(({ kind }) => kind).join(" – ")];
+  const ends = [closed ? t("closed ring") : endpoints.map(({ kind }) => t(kind)).join(" – ")];
   if (reasons.length) ends.push(inWords(reasons));
-  const swatch = element("i", "swatch", String(id));
-  swatch.style.background = color(id);
   const size = `${width_px.toFixed(1)} × ${length_px.toFixed(0)} px`;
-  return [swatch, element("span", "size", size), element("span", "ends", ends.join("; ")), scoreOf(score)];
+  return [swatch(id), element("span", "size", size), element("span", "ends", ends.join("; ")), scoreOf(score)];
 }
 
 function crossingRow(crossing) {
   const { over, under, score } = crossing;
-  const swatches = [over, under].map(({ instance }) => {
-    const swatch = element("i", "swatch", String(instance));
-    swatch.style.background = color(instance);
-    return swatch;
-  });
+  const swatches = [over, under].map(({ instance }) => swatch(instance));
   const known = orderKnown(crossing);
-  return [swatches[0], element("span", "size", known ? "over" : "and"), swatches[1],
-    element("span", "ends", known ? "" : "order unknown"), scoreOf(score)];
+  return [swatches[0], element("span", "size", t(known ? "over" : "and")), swatches[1],
+    element("span", "ends", known ? "" : t("order unknown")), scoreOf(score)];
 }
 
 function scoreOf(score) {
   return element("span", "score", score.toFixed(2));
 }
 
-function item(focus, parts, onHover, onClick) {
-  const button = element("button");
+function item(focus, parts, onHover, onClick, doubtful) {
+  const button = element("button", doubtful.has(JSON.stringify(focus)) ? "culprit" : "");
   button.type = "button";
   button.dataset.focus = JSON.stringify(focus);
   button.append(...parts);
@@ -137,11 +120,4 @@ function timingBar(value, index) {
   const part = element("span", `stage-${index % 6}`);
   part.style.flexGrow = value;
   return part;
-}
-
-function element(tag, className = "", text = "") {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  made.textContent = text;
-  return made;
 }

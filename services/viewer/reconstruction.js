@@ -1,27 +1,54 @@
 // The page of the 3D reconstruction: sends pictures and cameras, or opens a finished job, and shows what came back.
 
-import { Api, ProblemError } from "./api.js";
-import { byId, showProblem } from "./panels.js";
+import { api, ProblemError } from "./api.js";
+import { byId, element as made, problemOf, showProblem } from "./dom.js";
+import { t } from "./i18n.js";
+import { address } from "./permalink.js";
+import { shell } from "./shell.js";
 import { Space } from "./space.js";
 
 // The target's, then the others' as in overlay_N.png, darker on the light ground.
 const COLORS = ["#e0a800", "#40a4d8", "#d85a98", "#4fae4f", "#d8803c", "#9a7fd8", "#0a9a8c", "#c83c32", "#8f9a1e", "#667085", "#8a6242"];
-const api = new Api();
 const space = new Space(byId("space"));
 let pictures = [];
 let cameras = null;
+let running = null; // the job on its way
+let waiting = null; // ends the waiting for it
 
-async function run() {
+async function run(views = cameras, files = pictures) {
   byId("progress").hidden = false;
   byId("progress").removeAttribute("value");
+  waiting?.abort();
+  const { signal } = (waiting = new AbortController());
   try {
-    const request = { kind: "reconstruct", method: byId("method").value, views: cameras };
-    await open(await api.run(request, pictures, (job) => (byId("progress").value = job.progress)));
+    const request = { kind: "reconstruct", method: byId("method").value, views };
+    await open(await api.run(request, files, onJob, signal));
   } catch (error) {
-    report(error);
+    if (!signal.aborted) report(error);
   } finally {
-    byId("progress").hidden = true;
+    if (waiting.signal === signal) byId("progress").hidden = byId("cancel").hidden = true;
   }
+}
+
+function onJob(job) {
+  running = job;
+  byId("cancel").hidden = false;
+  byId("progress").value = job.progress;
+}
+
+async function cancel() {
+  waiting.abort();
+  byId("progress").hidden = byId("cancel").hidden = true;
+  await api.cancel(running.id).catch(report);
+  showProblem(wrong(t("The job was cancelled")));
+}
+
+/** The example of the API's own documentation, whose pictures the service knows. */
+async function trySample() {
+  const { paths } = await api.json("openapi.json");
+  const { examples } = paths["/v1/jobs"].post.requestBody.content["application/json"];
+  const { views } = Object.values(examples).find(({ value }) => value.kind === "reconstruct").value;
+  await run(views, []);
 }
 
 async function open(job) {
@@ -29,6 +56,7 @@ async function open(job) {
   if (job.result?.kind !== "reconstruct") throw new ProblemError(wrong(`Job ${job.id} holds no reconstruction`));
   showProblem(null);
   byId("job").value = job.id;
+  if (new URLSearchParams(location.search).get("job") !== job.id) address(`?job=${job.id}`);
   const { result } = job;
   const views = result.views.map((view) => ({ ...view, kind: view.status }));
   const next = (result.next_view?.T_world_camera ?? []).map((pose) => ({
@@ -36,7 +64,7 @@ async function open(job) {
   }));
   const curves = [result.curve, ...result.others.map(({ curve }) => curve)];
   space.show(curves.map((curve, i) => ({ ...curve, color: COLORS[i % COLORS.length] })), [...views, ...next]);
-  const found = `${(100 * result.curve.length_m).toFixed(1)} cm of cable from ${views.length} views`;
+  const found = t("{cm} cm of cable from {n} views", { cm: (100 * result.curve.length_m).toFixed(1), n: views.length });
   byId("space").setAttribute("aria-label", found);
   showFacts(result);
   await showViews(job, views);
@@ -60,7 +88,7 @@ function showFacts(result) {
     facts["next distance"] = `${next.delta_z_m > 0 ? "+" : ""}${mm(next.delta_z_m)}`;
     facts["then expected"] = `${mm(next.expected_sigma_m)} (${Math.round(100 * next.gain)} % less)`;
   }
-  const entries = Object.entries(facts).flatMap(([name, value]) => [element("dt", name), element("dd", value)]);
+  const entries = Object.entries(facts).flatMap(([name, value]) => [element("dt", t(name)), element("dd", value)]);
   byId("facts").replaceChildren(...entries);
   byId("warnings").replaceChildren(...result.warnings.map((text) => element("li", text)));
 }
@@ -112,14 +140,12 @@ function allow() {
 }
 
 function report(error) {
-  showProblem(error.problem ?? { title: "The service cannot be reached", detail: error.message, errors: [] });
+  showProblem(problemOf(error, "The service cannot be reached"));
 }
 
 const wrong = (title) => ({ title, detail: "", errors: [] });
 
-function element(tag, text = "") {
-  return Object.assign(document.createElement(tag), { textContent: text });
-}
+const element = (tag, text = "") => made(tag, "", text);
 
 function openById(id) {
   api.json(`v1/jobs/${encodeURIComponent(id)}`).then(open).catch(report);
@@ -135,7 +161,8 @@ function listen() {
     event.preventDefault();
     run();
   });
-  byId("key").addEventListener("change", (event) => (api.key = event.target.value.trim()));
+  byId("sample").addEventListener("click", () => trySample().catch(report));
+  byId("cancel").addEventListener("click", cancel);
   byId("job").addEventListener("change", (event) => event.target.value && openById(event.target.value.trim()));
   byId("layers").addEventListener("change", () => {
     space.shown = new Set([...byId("layers").querySelectorAll("input:checked")].map(({ name }) => name));
@@ -146,6 +173,12 @@ function listen() {
   byId("side").addEventListener("click", () => space.look(0, 0));
 }
 
+function openAsked() {
+  const asked = new URLSearchParams(location.search).get("job");
+  if (asked) openById(asked);
+}
+
+shell();
 listen();
-const asked = new URLSearchParams(location.search).get("job");
-if (asked) openById(asked);
+openAsked();
+addEventListener("popstate", openAsked);

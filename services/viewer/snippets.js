@@ -1,4 +1,4 @@
-// The request on the page as a command and as a program. The API key stays in the environment.
+// The request on the page as a command, as a program and as a recipe. The API key stays in the environment.
 
 const shell = (text) => `'${text.replaceAll("'", `'\\''`)}'`;
 const python = (value) => (typeof value === "string" ? JSON.stringify(value) : String(value));
@@ -16,8 +16,11 @@ export function pythonOf({ kind, ...fields }, fileName, origin) {
   return `from dlo_client import Client, InstancesRequest
 
 with Client(${python(origin)}) as client:
-    job = client.run(InstancesRequest(${given.join(", ")}), ${python(fileName)})
+    result = client.run(InstancesRequest(${given.join(", ")}), ${python(fileName)})
 
-for instance in job.result.instances:
+for instance in result.instances:
     print(instance.id, instance.width_px, instance.centerline_xy[0])`;
 }
+
+/** The body of `PUT /v1/recipes/{number}`. */
+export const recipeOf = (request, name) => ({ name, request });

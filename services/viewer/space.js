@@ -1,5 +1,7 @@
 // Curves, their uncertainty and cameras in space, drawn in parallel projection on a 2D canvas. World z is up.
 
+import { t } from "./i18n.js";
+
 const FRUSTUM = 0.12; // length of a camera's frustum, as a share of the scene's size
 const NEAREST_ZOOM = 0.2;
 const FARTHEST_ZOOM = 40;
@@ -48,7 +50,7 @@ export class Space {
     canvas.height = Math.max(1, canvas.clientHeight * density);
     context.setTransform(density, 0, 0, density, 0, 0);
     this.#named = [];
-    if (!this.#scene.curves.length) return this.#say("Choose pictures and their cameras, or name a finished job.");
+    if (!this.#scene.curves.length) return this.#say(t("Choose pictures and their cameras, or name a finished job."));
     this.#drawAxes();
     for (const camera of this.#scene.cameras) {
       if (this.shown.has(camera.kind === "next" ? "next" : "cameras")) this.#drawCamera(camera);
@@ -101,7 +103,7 @@ export class Space {
 
   #say(text) {
     const { canvas, context } = this;
-    Object.assign(context, { fillStyle: "#98a2b3", font: "15px system-ui, sans-serif", textAlign: "center" });
+    Object.assign(context, { fillStyle: getComputedStyle(canvas).color, font: "15px system-ui, sans-serif", textAlign: "center" });
     context.fillText(text, canvas.clientWidth / 2, canvas.clientHeight / 2, canvas.clientWidth - 20);
     context.textAlign = "start";
   }
@@ -127,11 +129,12 @@ export class Space {
   #drawAxes() {
     const length = 10 ** Math.floor(Math.log10(this.#box.size / 3));
     const origin = this.#box.low;
+    const ink = getComputedStyle(this.canvas).color;
     ["x", "y", "z"].forEach((name, i) => {
       const tip = origin.map((value, k) => value + (k === i ? length : 0));
-      this.#drawLine([origin, tip], "#98a2b3", 2);
+      this.#drawLine([origin, tip], ink, 2);
       const [x, y] = this.place(tip);
-      Object.assign(this.context, { fillStyle: "#98a2b3", font: "12px system-ui, sans-serif" });
+      Object.assign(this.context, { fillStyle: ink, font: "12px system-ui, sans-serif" });
       this.context.fillText(i ? name : `${name}, ${length} m`, x + 4, y + 4);
     });
   }
@@ -154,6 +157,7 @@ export class Space {
       if (turns || zoom) event.preventDefault();
     });
     addEventListener("resize", () => this.draw());
+    new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
   #turnBy(yaw, pitch) {

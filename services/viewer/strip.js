@@ -25,17 +25,42 @@ export function straightened(view, line, reach, fine) {
   const r = Math.ceil(reach / fine);
   const m = 2 * r + 1;
   const normals = line.map((_, i) => normalAt(line, i, 3));
-  const cut = (plane) => {
-    const out = new Float32Array(line.length * m);
-    line.forEach(([x, y], i) => {
-      for (let k = 0; k < m; k += 1) {
-        const t = (k - r) * fine;
-        out[i * m + k] = sample(plane, view, x + t * normals[i][0], y + t * normals[i][1]);
-      }
+  const each = (take) => line.forEach(([x, y], i) => {
+    for (let k = 0; k < m; k += 1) {
+      const t = (k - r) * fine;
+      take(i * m + k, x + t * normals[i][0], y + t * normals[i][1]);
+    }
+  });
+  const made = () => new Float32Array(line.length * m);
+  const [colors, p] = [[made(), made(), made()], made()];
+  const { coarse } = view;
+  if (view.bytes) {
+    each((at, x, y) => {
+      painted(colors, at, view, x, y);
+      p[at] = sample(coarse.p, coarse, ...coarse.inside([x, y]));
     });
-    return out;
+  } else {
+    [...view.planes, view.p].forEach((plane, c) => {
+      const out = colors[c] ?? p;
+      each((at, x, y) => (out[at] = sample(plane, view, x, y)));
+    });
+  }
+  return { n: line.length, m, r, fine, normals, colors, p };
+}
+
+/** As `paint` and `sample` do it, for one place and from RGBA bytes: the planes of a large picture take too much room. */
+function painted([light, red, yellow], at, { bytes, width, height }, x, y) {
+  const [cx, cy] = [Math.max(0, Math.min(width - 1.001, x)), Math.max(0, Math.min(height - 1.001, y))];
+  const [u, v] = [Math.floor(cx), Math.floor(cy)];
+  const [a, b, i, row] = [cx - u, cy - v, 4 * (v * width + u), 4 * width];
+  const of = (c) => {
+    const k = i + c;
+    return (1 - b) * ((1 - a) * bytes[k] + a * bytes[k + 4]) + b * ((1 - a) * bytes[k + row] + a * bytes[k + row + 4]);
   };
-  return { n: line.length, m, r, fine, normals, colors: view.planes.map(cut), p: cut(view.p) };
+  const [r, g, blue] = [of(0), of(1), of(2)];
+  light[at] = (r + g + blue) / 3;
+  red[at] = (r - g) / 2;
+  yellow[at] = (r + g) / 4 - blue / 2;
 }
 
 /** `gain`: what speaks for a sample being cable, `half` being the half widths so far and `taught` the cuts at which a

@@ -4,38 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
-import pytest
-
-from tests.clients import samples
+from tests.browser import NEEDS_BROWSER
 from tests.clients.fake_service import FakeService, served
 
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-NEEDS_BROWSER = [
-    pytest.mark.system,
-    pytest.mark.browser,
-    pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
-]
+__all__ = ["NEEDS_BROWSER", "color_at", "opened", "place"]
 
 
 @contextmanager
 def opened(browser: Any, service: FakeService, path: str = "", height: int = 900) -> Iterator[Any]:
-    """The page at this path of the service; an error on it or a request to another host fails the test."""
+    """The page at this path of the service; an error on it or a request to another host fails the test.
+
+    All pages share a context, which takes seconds to make and to close: each service has a port of its own, so what a
+    page keeps is its own too.
+    """
     wrong: list[str] = []
+    context = browser.contexts[0] if browser.contexts else browser.new_context(locale="en-US")
     with served(service.app()) as url:
-        page = browser.new_page(viewport={"width": 1300, "height": height})
-        page.set_default_timeout(30_000)
+        page = context.new_page()
+        page.set_viewport_size({"width": 1300, "height": height})
+        page.set_default_timeout(60_000)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
         page.goto(f"{url}/{path}")
@@ -44,12 +33,22 @@ def opened(browser: Any, service: FakeService, path: str = "", height: int = 900
     assert wrong == []
 
 
+def place(page: Any, x: float, y: float) -> tuple[float, float]:
+    """Where a point of the picture is in the window, in CSS pixels."""
+    script = """([x, y]) => {
+        const canvas = document.querySelector("#canvas"), box = canvas.getBoundingClientRect();
+        const { scale, left, top } = canvas.dataset;
+        return [box.left + Number(left) + (x + 0.5) * scale, box.top + Number(top) + (y + 0.5) * scale];
+    }"""
+    left, top = page.evaluate(script, [x, y])
+    return left, top
+
+
 def color_at(page: Any, x: float, y: float) -> list[int]:
     """RGB on the canvas at a point of the picture."""
-    place = [(x + 0.5) / samples.WIDTH, (y + 0.5) / samples.HEIGHT]
-    script = """([u, v]) => {
-        const canvas = document.querySelector("#canvas");
-        const at = [Math.floor(u * canvas.width), Math.floor(v * canvas.height)];
+    script = """([x, y]) => {
+        const canvas = document.querySelector("#canvas"), box = canvas.getBoundingClientRect();
+        const at = [x - box.left, y - box.top].map((value) => Math.floor(value * devicePixelRatio));
         return [...canvas.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3);
     }"""
-    return page.evaluate(script, place)
+    return page.evaluate(script, place(page, x, y))

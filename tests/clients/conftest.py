@@ -1,4 +1,4 @@
-"""Both clients behind one synchronous face, so that every test of behavior runs on each of them; a browser."""
+"""Both clients behind one synchronous face, so that every test of behavior runs on each of them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from typing import Any
 import httpx
 import pytest
 from dlo_client import AsyncClient, Client, RetryPolicy
-
-from tests.clients.browser_pages import CHROMIUM, FLAGS
 
 Handler = Callable[[httpx.Request], httpx.Response]
 Connect = Callable[..., Any]
@@ -50,12 +48,3 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Connect]:
             return OnLoop(AsyncClient(url, retry=retry, transport=transport, **more), runner)
 
         yield make
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()

@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import uvicorn
-from dlo_client.contracts import AnyJob, ImageInfo, JobState, Problem
+from dlo_client.contracts import AnyJob, ImageInfo, JobEvent, JobState, Problem
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
@@ -27,6 +27,8 @@ class FakeService:
 
     def __init__(self) -> None:
         self.finished: AnyJob = samples.instances_job()
+        self.next: list[AnyJob] = []
+        """Answers to the next submissions, before those are ``finished``."""
         self.file = samples.OVERLAY
         self.preview: bytes | None = None
         """Of every uploaded picture; without one no picture can be decoded."""
@@ -42,12 +44,17 @@ class FakeService:
             routes=[
                 Route("/", lambda _: FileResponse(VIEWER / "index.html")),
                 Route("/v1/models", self._networks),
+                Route("/v1/label-folders", lambda _: JSONResponse({"folders": []})),
                 Route("/v1/images", self._upload, methods=["POST"]),
                 Route("/v1/images/{id}/preview", lambda _: Response(self.preview, media_type="image/png")),
                 Route("/v1/jobs", self._submit, methods=["POST"]),
                 Route("/v1/jobs/{id}", self._job),
                 Route("/v1/jobs/{id}", self._cancel, methods=["DELETE"]),
+                Route("/v1/jobs/{id}/events", self._events),
                 Route("/v1/jobs/{id}/files/{name}", lambda _: Response(self.file)),
+                Route("/v1/tracks", lambda _: JSONResponse({"id": "1"}, 201), methods=["POST"]),
+                Route("/v1/tracks/1", lambda _: Response(status_code=204), methods=["DELETE"]),
+                Route("/v1/tracks/1/frames", self._frame, methods=["POST"]),
                 Mount("/viewer", StaticFiles(directory=VIEWER)),
             ]
         )
@@ -68,7 +75,9 @@ class FakeService:
         if self.refusal is not None:
             body = self.refusal.model_dump_json()
             return Response(body, self.refusal.status, media_type="application/problem+json")
-        return _json(samples.job(JobState.RUNNING, kind="instances") if self.slow else self.finished)
+        if self.slow:
+            return _json(samples.job(JobState.RUNNING, kind="instances"))
+        return _json(self.next.pop(0) if self.next else self.finished)
 
     def _job(self, _: Request) -> Response:
         """A slow job ends when it is cancelled; as in the real service the look waits for that."""
@@ -76,14 +85,41 @@ class FakeService:
             return _json(samples.job(JobState.CANCELLED, kind="instances"))
         return _json(self.finished)
 
+    def _events(self, _: Request) -> Response:
+        """As server-sent events: half done, and then how it ends."""
+        if not self.slow:
+            return Response(_event(JobState.SUCCEEDED, 1.0), media_type="text/event-stream")
+
+        def both() -> Iterator[str]:
+            yield _event(JobState.RUNNING, 0.5)
+            if self.cancelled.wait(timeout=10):
+                yield _event(JobState.CANCELLED, 1.0)
+
+        return StreamingResponse(both(), media_type="text/event-stream")
+
     def _cancel(self, _: Request) -> Response:
         self.cancelled.set()
         return _json(samples.job(JobState.CANCELLED, kind="instances"))
+
+    async def _frame(self, request: Request) -> Response:
+        """The two cables of the samples; the second is covered from the second frame on."""
+        async with request.form() as form:
+            self.requests.append(str(form["request"]))
+        states = ("seen", "seen" if len(self.requests) == 1 else "partly_covered")
+        cables = [
+            {"id": item.id, "state": state, "certainty": 0.9, "centerline_xy": item.centerline_xy, "covered": []}
+            for item, state in zip(samples.two_cables().instances, states, strict=True)
+        ]
+        return JSONResponse({"frame": len(self.requests), "time_s": 0.0, "cables": cables, "crossings": []})
 
     def _networks(self, _: Request) -> Response:
         orientation = samples.network().model_copy(update={"name": "orientation", "task": "orientation"})
         networks = [samples.network(), orientation]
         return JSONResponse([network.model_dump(mode="json") for network in networks])
+
+
+def _event(state: JobState, progress: float) -> str:
+    return f"data: {JobEvent(id='1-0', state=state, progress=progress).model_dump_json()}\n\n"
 
 
 def _json(job: AnyJob) -> Response:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from PIL import ExifTags, Image
 from models.geometry.rle import encode
 from models.instances.drawing import palette
 from tests.clients import samples
-from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened
+from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened, place
 from tests.clients.fake_service import FakeService
 
 GRAY = 100
@@ -51,8 +52,14 @@ def analyze(page: Any, file: dict[str, Any] | None = None) -> None:
     page.wait_for_selector("#instances button")
 
 
+def enter_key(page: Any) -> None:
+    page.click("#open-key")
+    page.fill("#key", "secret")
+    page.click("#use-key")
+
+
 def show_only(page: Any, *layers: str) -> None:
-    for name in ("mask", "centerlines", "endpoints", "crossings", "numbers"):
+    for name in ("mask", "centerlines", "endpoints", "crossings", "numbers", "unsure"):
         page.set_checked(f"input[name={name}]", name in layers)
 
 
@@ -96,7 +103,7 @@ def test_a_picture_can_be_dropped(page: Any, service: FakeService) -> None:
     }"""
     page.evaluate(script)
     page.wait_for_selector("#instances button")
-    assert '@"dropped.png"' in page.inner_text("#curl")
+    assert '@"dropped.png"' in page.text_content("#curl")
     assert len(service.requests) == 1
 
 
@@ -135,8 +142,7 @@ def test_list_and_picture_highlight_each_other(page: Any) -> None:
     show_only(page, "mask")
     page.locator("#instances button").nth(1).hover()
     assert color_at(page, 40, 62) == [GRAY] * 3
-    box = page.locator("#canvas").bounding_box()
-    page.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] * 60.5 / samples.HEIGHT)
+    page.mouse.move(*place(page, 40, 60))
     assert page.locator("#instances .focused .swatch").inner_text() == "1"
     assert color_at(page, 80, 30) == [GRAY] * 3
     page.mouse.down()
@@ -150,8 +156,6 @@ def test_a_rotated_photograph_stands_upright(page: Any) -> None:
     stored = Image.new("L", (samples.HEIGHT, samples.WIDTH), GRAY)
     stored.paste(0, (0, 0, samples.HEIGHT, samples.WIDTH // 2))
     analyze(page, jpeg(stored, orientation=6))
-    canvas = page.locator("#canvas").bounding_box()
-    assert canvas["width"] / canvas["height"] == pytest.approx(samples.WIDTH / samples.HEIGHT, rel=0.01)
     show_only(page)
     assert [color_at(page, x, 20)[0] for x in (20, 140)] == [GRAY, 0]
 
@@ -163,10 +167,9 @@ def test_only_foreground_networks_are_offered(page: Any) -> None:
 
 def test_the_request_is_shown_as_code(page: Any) -> None:
     page.fill("#threshold", "0.25")
-    page.fill("#key", "secret")
-    page.press("#key", "Tab")
+    enter_key(page)
     analyze(page)
-    curl, python = page.inner_text("#curl"), page.inner_text("#python")
+    curl, python = page.text_content("#curl"), page.text_content("#python")
     assert """'request={"kind":"instances","method":"section_matching","threshold":0.25}'""" in curl
     assert r"""-F 'image=@"it'\''s.jpg"'""" in curl
     assert "Bearer $DLO_API_KEY" in curl
@@ -177,15 +180,15 @@ def test_the_request_is_shown_as_code(page: Any) -> None:
 
 def test_the_code_can_be_copied(page: Any) -> None:
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.click("#code summary")
     page.click("[data-copy=python]")
     page.wait_for_function("document.querySelector('[data-copy=python]').textContent === 'Copied'")
-    assert page.evaluate("navigator.clipboard.readText()") == page.inner_text("#python")
+    assert page.evaluate("navigator.clipboard.readText()") == page.text_content("#python")
 
 
 def test_options_and_key_reach_the_service(page: Any, service: FakeService) -> None:
     page.fill("#threshold", "0.25")
-    page.fill("#key", "secret")
-    page.press("#key", "Tab")
+    enter_key(page)
     page.select_option("#model", "foreground_compact")
     analyze(page)
     assert '"model":"foreground_compact","threshold":0.25' in service.requests[0]
@@ -254,7 +257,7 @@ def test_nothing_of_the_picture_before_stays_after_one_that_cannot_be_read(
     service.refusal = samples.refused(422, code="invalid_image")
     page.set_input_files("#file", UNREADABLE)
     page.wait_for_selector("#error:not([hidden])")
-    assert page.evaluate("document.querySelector('#canvas').width") == 0
+    assert page.is_hidden("#canvas")
     assert page.is_visible(".invitation")
     assert page.locator("#instances button").count() == 0
     service.refusal = None
@@ -273,6 +276,69 @@ def test_files_are_made_when_asked_for_and_saved_under_the_pictures_name(page: A
     assert download.value.suggested_filename == "it's.overlay.png"
     assert Path(download.value.path()).read_bytes() == samples.OVERLAY
     assert '"files":["overlay"]' in service.requests[-1]
+
+
+def unsure_job() -> Any:
+    """As the usual answer, but its second cable has a low score."""
+    job = samples.instances_job()
+    result = job.result
+    low = result.instances[1].model_copy(update={"score": 0.4, "reasons": ["gap"]})
+    status = SceneStatus(code="unsure", limit=0.8, reasons=["gap"])
+    changed = result.model_copy(update={"instances": [result.instances[0], low], "status": status})
+    return job.model_copy(update={"result": changed, "id": "f" * 32})
+
+
+def test_several_pictures_are_reviewed_worst_first(page: Any, service: FakeService) -> None:
+    service.next = [samples.instances_job(), unsure_job()]
+    page.set_input_files("#file", [{**picture(), "name": "sure.jpg"}, {**picture(), "name": "doubtful.jpg"}])
+    page.wait_for_selector("#film .mark.unsure")
+    page.wait_for_selector("#film .mark.ok")
+    first, second = page.locator("#film button").all_inner_texts()
+    assert first.split() == ["doubtful.jpg", "unsure", "0.40"]
+    assert second.split() == ["sure.jpg", "ok", "0.90"]
+    page.click("#film button >> nth=0")
+    assert page.locator("#instances .culprit .swatch").all_inner_texts() == ["2"]
+    scale = "Number(document.querySelector('#canvas').dataset.scale)"
+    fitted = page.evaluate(scale)
+    page.click("#worst")
+    assert page.evaluate(scale) != fitted
+    assert page.locator("#instances [aria-pressed=true] .swatch").inner_text() == "2"
+    page.keyboard.press("f")
+    assert page.is_hidden("#worst")
+
+
+def test_two_methods_stand_side_by_side(page: Any, service: FakeService) -> None:
+    other = samples.instances_job()
+    service.next = [other, unsure_job()]
+    page.select_option("#compare", "rt_dlo")
+    analyze(page)
+    page.wait_for_selector("#other:visible")
+    assert [json.loads(request)["method"] for request in service.requests] == ["section_matching", "rt_dlo"]
+    assert "2 instances" in page.inner_text("#beside")
+    page.focus("#canvas")
+    page.keyboard.press("+")
+    scales = page.evaluate("['#canvas', '#other'].map((id) => document.querySelector(id).dataset.scale)")
+    assert scales[0] == scales[1], "they keep the same view"
+
+
+def test_an_answer_has_an_address(page: Any) -> None:
+    """A reload lost it, and going back left the pages."""
+    start = page.url
+    analyze(page)
+    page.wait_for_url(f"**/?job={samples.JOB_ID}&picture=*")
+    page.reload()
+    page.wait_for_selector("#instances button")
+    page.go_back()
+    assert page.url == start
+
+
+def test_the_language_is_chosen_once(page: Any) -> None:
+    page.select_option("#language", "de")
+    page.wait_for_selector("nav >> text=Aufträge")
+    page.click("nav >> text=Labeln")
+    page.wait_for_selector("body[data-ready]")
+    assert page.get_attribute("html", "lang") == "de"
+    assert "anklicken" in page.inner_text("#hint")
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -84,5 +84,18 @@ def test_nothing_of_the_picture_before_stays_after_one_that_cannot_be_read(page:
     service.refusal = samples.refused(422, code="invalid_image")
     page.set_input_files("#file", {"name": "a.tif", "mimeType": "image/tiff", "buffer": b"II*\0"})
     page.wait_for_selector("#error:not([hidden])")
-    assert page.evaluate("document.querySelector('#canvas').width") == 0
+    assert page.is_hidden("#canvas")
     assert page.locator("#sections button").count() == 0
+
+
+def test_the_action_is_played_over_the_picture(page: Any) -> None:
+    """Somebody who wants less motion gets its end at once."""
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#actions button")
+    page.uncheck("input[name=sections]")
+    page.emulate_media(reduced_motion="reduce")
+    share = "document.querySelector('#share').valueAsNumber"
+    before = color_at(page, samples.WIDTH * 0.2, samples.HEIGHT * 0.93)
+    page.click("#play")
+    assert page.evaluate(share) == 1
+    assert color_at(page, samples.WIDTH * 0.2, samples.HEIGHT * 0.93) != before, "the section has come along"

@@ -124,3 +124,11 @@ def test_a_job_whose_last_worker_is_gone_is_put_right_by_the_service(client, led
     job = client.get(f"/v1/jobs/{job_id}").json()
     assert job["state"] == "failed"
     assert job["problem"]["code"] == "worker_lost"
+
+
+def test_metrics_tell_how_full_the_disk_is(client, service_settings):
+    families = {
+        f.name: f.samples[0].value for f in text_string_to_metric_families(client.get("/metrics").text) if f.samples
+    }
+    assert 0 < families["dlo_disk_free_bytes"] <= families["dlo_disk_bytes"]
+    assert families["dlo_disk_reserve_bytes"] == service_settings.disk_reserve_bytes

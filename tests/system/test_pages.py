@@ -2,43 +2,132 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
+from dlo_client.contracts import MaskRLE
+from dlo_client.labelling import LabelledInstance, LabelStore, PictureLabel
+from dlo_client.labelling.store import Entry, corrected_file, draft_file, read_label
 
-from tests.clients.browser_pages import CHROMIUM, FLAGS, NEEDS_BROWSER
-from tests.processes import running_service
+from models.geometry.rle import encode
+from tests.browser import NEEDS_BROWSER
+from tests.clients.browser_pages import place
+from tests.processes import ROOT, running_service, wait_until
 
 pytestmark = NEEDS_BROWSER
-PAGES = ["", "viewer/harness.html", "viewer/label.html", "viewer/reconstruction.html", "docs", "redoc"]
+VIEWER = ["harness", "reconstruction", "tracks", "label", "recipes", "jobs"]
+OURS = ["", *(f"viewer/{name}.html" for name in VIEWER)]
+SAMPLE = ROOT / "services" / "viewer" / "samples" / "plain.jpg"
+WIDTH, HEIGHT, LINE_Y = 640, 360, 30
+FOLDER = "monday"
+NO_CABLES = "#instances:empty"
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory) -> Iterator[str]:
-    with running_service(tmp_path_factory.mktemp("data"), workers=1) as address:
+def labels(tmp_path_factory) -> Path:
+    """A label folder with one picture; its label is one straight cable."""
+    root = tmp_path_factory.mktemp("labels")
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[LINE_Y - 5 : LINE_Y + 5] = True
+    line = [(0.0, float(LINE_Y)), (WIDTH - 1.0, float(LINE_Y))]
+    cable = LabelledInstance(
+        id=1, score=0.9, centerline_xy=line, width_px=10.0, length_px=639.0,
+        mask_rle=MaskRLE(size=mask.shape, counts=encode(mask)),
+    )  # fmt: skip
+    sha256 = hashlib.sha256(SAMPLE.read_bytes()).hexdigest()
+    with LabelStore(root / FOLDER, write=True) as store:
+        store.remember_source(str(SAMPLE.parent))
+        label = PictureLabel(name=SAMPLE.name, sha256=sha256, width=WIDTH, height=HEIGHT, instances=[cable])
+        store.put(Entry(SAMPLE.name, "done", sha256=sha256, certainty=0.9), label)
+    return root
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory, labels: Path) -> Iterator[str]:
+    with running_service(tmp_path_factory.mktemp("data"), workers=1, more={"DLO_LABELS_DIR": str(labels)}) as address:
         yield address
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
-
-
-@pytest.mark.parametrize("path", PAGES)
-def test_a_page_loads_all_that_it_names(address: str, browser: Any, path: str) -> None:
-    """The policy forbade the pages' `<base>`: their styles and scripts were looked for in another folder."""
-    wrong: list[str] = []
-    page = browser.new_page()
+@contextmanager
+def opened(browser: Any, address: str, wrong: list[str]) -> Iterator[Any]:
+    """A page in a context of its own; whatever is wrong on it is added to ``wrong``."""
+    context = browser.new_context(viewport={"width": 1300, "height": 900}, locale="en-US")
+    page = context.new_page()
     page.set_default_timeout(60_000)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
     page.on("response", lambda response: wrong.append(response.url) if response.status >= 400 else None)
-    page.goto(f"{address}/{path}")
-    page.wait_for_load_state("networkidle")
-    page.close()
+    yield page
+    context.close()
+
+
+@pytest.mark.parametrize("path", [*OURS, "docs", "redoc"])
+def test_a_page_loads_all_that_it_names_and_everybody_can_use_it(address: str, browser: Any, path: str) -> None:
+    """The policy forbade the pages' `<base>`: their styles and scripts were looked for in another folder."""
+    wrong: list[str] = []
+    with opened(browser, address, wrong) as page:
+        page.goto(f"{address}/{path}")
+        page.wait_for_load_state("networkidle" if path in ("docs", "redoc") else "load")
+        if path in OURS:
+            page.wait_for_selector("#service.good")
+            found = Axe().run(page).response["violations"]
+            wrong += [f"{v['id']}: {node['html']}" for v in found for node in v["nodes"]]
+    assert wrong == []
+
+
+def test_a_sample_picture_is_found_again_after_a_reload(address: str, browser: Any) -> None:
+    wrong: list[str] = []
+    with opened(browser, address, wrong) as page:
+        page.goto(address)
+        page.click("#samples button")
+        page.wait_for_selector("#instances button")
+        count = page.locator("#instances button").count()
+        page.wait_for_url("**/?job=*&picture=*")
+        page.reload()
+        page.wait_for_selector("#instances button")
+        assert page.locator("#instances button").count() == count
+        script = """() => {
+            const canvas = document.querySelector("#canvas");
+            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            return data.some((value, i) => i % 4 < 3 && value > 20);
+        }"""
+        assert page.evaluate(script), "the picture came back too"
+        page.goto(f"{address}/viewer/jobs.html")
+        page.wait_for_selector("#jobs a >> nth=0")
+        assert "instances" in page.inner_text("#jobs")
+    assert wrong == []
+
+
+def remove_cable(page: Any) -> None:
+    page.wait_for_selector("#instances button")
+    page.check("[name=tool][value=delete]")
+    page.mouse.click(*place(page, 300, LINE_Y))
+    page.wait_for_selector(NO_CABLES, state="attached")
+
+
+def test_two_people_label_one_folder(address: str, browser: Any, labels: Path) -> None:
+    """Who saves second is asked; what is not confirmed is no correction."""
+    wrong: list[str] = []
+    with opened(browser, address, wrong) as one, opened(browser, address, []) as other:
+        for page in (one, other):
+            page.goto(f"{address}/viewer/label.html?folder={FOLDER}")
+            page.wait_for_selector("#instances button")
+        remove_cable(one)
+        wait_until(draft_file(labels / FOLDER, SAMPLE.name).exists)
+        assert not corrected_file(labels / FOLDER, SAMPLE.name).exists()
+        one.click("#confirm")
+        wait_until(corrected_file(labels / FOLDER, SAMPLE.name).exists)
+        asked: list[str] = []
+        other.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+        other.keyboard.press("c")
+        other.wait_for_selector(NO_CABLES, state="attached")
+        assert "somebody else" in asked[0]
+    kept = read_label(corrected_file(labels / FOLDER, SAMPLE.name))
+    assert (kept.origin, kept.instances) == ("corrected", [])
     assert wrong == []

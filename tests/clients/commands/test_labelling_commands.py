@@ -15,9 +15,8 @@ from dlo_client.commands import labelling_commands
 from dlo_client.contracts import Job, LabelTrackedResult
 from dlo_client.contracts.labelling import TrackedInstance, TrackedLabels
 from dlo_client.labelling import LabelStore
-from dlo_client.labelling.corrections import corrected_file
 from dlo_client.labelling.formats import WRITERS
-from dlo_client.labelling.store import Entry, write_whole
+from dlo_client.labelling.store import Entry, corrected_file, write_whole
 from PIL import Image
 from typer.testing import CliRunner, Result
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from dlo_client.labelling import LabelStore, PictureLabel, StoreError
 from dlo_client.labelling.adaptation import pack_foreign, pack_store
-from dlo_client.labelling.corrections import corrected_file
 from dlo_client.labelling.formats import WRITERS, Wanted
 from dlo_client.labelling.formats.pixels import decode
-from dlo_client.labelling.store import Entry, write_whole
+from dlo_client.labelling.store import Entry, corrected_file, write_whole
 from PIL import Image
 
 from tests.clients.labelling import drawn

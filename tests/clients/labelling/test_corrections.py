@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from dlo_client.labelling import LabelledInstance, LabelStore, PictureLabel
 from dlo_client.labelling import corrections as corrections_of
-from dlo_client.labelling.corrections import compare, corrected_file, take_corrections
+from dlo_client.labelling.corrections import compare, take_corrections
 from dlo_client.labelling.formats import READERS, WRITERS, Imported
-from dlo_client.labelling.store import Entry, read_label
+from dlo_client.labelling.store import Entry, corrected_file, read_label
 
 from tests.clients.labelling import drawn
 

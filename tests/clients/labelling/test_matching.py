@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 from dlo_client.labelling import PictureLabel
-from dlo_client.labelling.corrections import CorrectionReport, corrected_file, take_corrections
+from dlo_client.labelling.corrections import CorrectionReport, take_corrections
 from dlo_client.labelling.formats import Imported
+from dlo_client.labelling.store import corrected_file
 
 from tests.clients.labelling import drawn, foreign
 

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 from dlo_client.labelling import LabelStore, find_pictures
-from dlo_client.labelling.corrections import corrected_file
 from dlo_client.labelling.formats import indexed_png, yolo
 from dlo_client.labelling.formats.names import stem, stem_and_suffix, told_apart
-from dlo_client.labelling.store import write_whole
+from dlo_client.labelling.store import corrected_file, write_whole
 from dlo_client.labelling.training_set import export_training_set
 from PIL import Image
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from dlo_client.labelling import LabelStore, find_pictures
 from dlo_client.labelling import training_set as training_sets
-from dlo_client.labelling.corrections import corrected_file
-from dlo_client.labelling.store import Entry, write_whole
+from dlo_client.labelling.store import Entry, corrected_file, write_whole
 from dlo_client.labelling.training_set import INDEX, export_training_set
 from PIL import Image
 
@@ -66,6 +65,25 @@ def test_what_was_corrected_is_what_training_reads(store: LabelStore, source: Pa
     assert {tuple(load(sample)[0][0, 0]) for sample in samples} == {(100, 50, 25), (200, 50, 25)}
     ids = np.asarray(Image.open(samples[0].truth))
     assert np.array_equal(ids == 2, lower)
+
+
+def test_nothing_is_left_to_learn_from_in_an_ignored_area(source: Path, tmp_path: Path) -> None:
+    """Half of the picture is white and ignored: it becomes as gray as the picture's mean, and no cable."""
+    image = Image.new("RGB", (drawn.WIDTH, drawn.HEIGHT))
+    image.paste((255, 255, 255), (0, 0, drawn.WIDTH // 2, drawn.HEIGHT))
+    buffer = io.BytesIO()
+    image.save(buffer, "PNG")
+    write_whole(tmp_path / "in" / NAMES[0], buffer.getvalue())
+    half = [(-1, -1), (drawn.WIDTH // 2 - 1, -1), (drawn.WIDTH // 2 - 1, drawn.HEIGHT), (-1, drawn.HEIGHT)]
+    with LabelStore(tmp_path / "out", write=True) as store:
+        label = drawn.label(NAMES[0]).model_copy(update={"instances": [], "crossings": [], "ignore": [half]})
+        store.put(Entry(NAMES[0], "done"), label)
+        assert export_training_set(store, find_pictures(source), tmp_path / "set", corrected_only=False) == {}
+    (sample,) = samples_in(tmp_path / "set")
+    pixels, mask = load(sample)
+    assert not mask.any()
+    assert abs(int(pixels[5, 5, 0]) - 127) < 3
+    assert pixels[5, -5].tolist() == [0, 0, 0]
 
 
 def test_labels_that_nobody_corrected_come_only_when_asked_for(store: LabelStore, source: Path, tmp_path: Path) -> None:

@@ -216,8 +216,7 @@ def _pictures(store: LabelStore, source: str | None, problems: dict[str, str]) -
 
 def _best_labels(store: LabelStore) -> Labels:
     """Every label, the corrected one where there is one."""
-    from dlo_client.labelling.corrections import corrected_file
-    from dlo_client.labelling.store import read_label
+    from dlo_client.labelling.store import corrected_file, read_label
 
     def labels() -> Iterator[PictureLabel]:
         for name, entry in store.entries().items():

@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from dlo_client.labelling.corrections import CORRECTED, corrected_file
 from dlo_client.labelling.formats import READERS, Wanted
 from dlo_client.labelling.formats.pixels import decode
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.matching import Pictures
 from dlo_client.labelling.sources import PictureUnreadable, SourcePicture, find_pictures, read_still
-from dlo_client.labelling.store import Entry, LabelStore, StoreError, read_label
+from dlo_client.labelling.store import CORRECTED, Entry, LabelStore, StoreError, corrected_file, read_label
 from dlo_client.labelling.upright import upright
 
 _LONGEST_PX = 1920

@@ -14,12 +14,11 @@ from dlo_client.labelling.formats.pixels import Mask, decode
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.matching import Pictures
 from dlo_client.labelling.report import SHOWN, section
-from dlo_client.labelling.store import LabelStore, StoreError, write_whole
+from dlo_client.labelling.store import CORRECTED, LabelStore, StoreError, corrected_file, write_whole
 
 _SAME_IOU = 0.5
 """Two instances with less in common are different DLOs."""
 _UNCHANGED_IOU = 0.999
-CORRECTED = "corrected"
 FILE = "import_report.json"
 
 
@@ -123,11 +122,6 @@ def _by_picture(
         except StoreError as error:
             report.problems[label.name] = str(error)
     return found
-
-
-def corrected_file(folder: Path, name: str) -> Path:
-    """Where the correction of a picture lies."""
-    return folder / CORRECTED / f"{name}.json"
 
 
 def compare(before: PictureLabel, after: PictureLabel) -> Change:

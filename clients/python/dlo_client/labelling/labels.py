@@ -38,6 +38,9 @@ class PictureLabel(Reply):
     height: int = Field(gt=0)
     instances: list[LabelledInstance]
     crossings: list[Crossing] = Field(default_factory=list)
+    ignore: list[list[Point]] = Field(default_factory=list, description="polygons in which nothing is labelled")
+    connectors: list[list[Point]] = Field(default_factory=list, description="polygons around those of a harness")
+    branch_points: list[Point] = Field(default_factory=list, description="where cables of a harness branch")
     origin: Literal["service", "corrected", "tracked"] = "service"
     method: str | None = None
     threshold: float | None = None

@@ -25,6 +25,8 @@ from dlo_client.labelling.labels import PictureLabel
 State = Literal["done", "duplicate", "failed"]
 LEDGER = "ledger.sqlite"
 LABELS = "labels"
+CORRECTED = "corrected"
+DRAFTS = "drafts"
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS pictures (
     name TEXT PRIMARY KEY, state TEXT NOT NULL, stamp TEXT NOT NULL, sha256 TEXT NOT NULL, detail TEXT NOT NULL,
@@ -159,6 +161,16 @@ class LabelStore:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+def corrected_file(folder: Path, name: str) -> Path:
+    """Where the correction of a picture is."""
+    return folder / CORRECTED / f"{name}.json"
+
+
+def draft_file(folder: Path, name: str) -> Path:
+    """Where a label is that somebody changed and nobody has confirmed: no correction yet."""
+    return folder / DRAFTS / f"{name}.json"
 
 
 def read_label(file: Path) -> PictureLabel:

@@ -10,18 +10,18 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from PIL import Image
+from PIL import Image, ImageDraw, ImageStat
 
-from dlo_client.labelling.corrections import corrected_file
+from dlo_client.contracts import Point
 from dlo_client.labelling.formats.exchange import FormatError
 from dlo_client.labelling.formats.indexed_png import ids_of
 from dlo_client.labelling.formats.names import stem_and_suffix, told_apart
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.sources import PictureUnreadable, SourcePicture
-from dlo_client.labelling.store import LabelStore, StoreError, read_label, write_whole
+from dlo_client.labelling.store import LabelStore, StoreError, corrected_file, read_label, write_whole
 from dlo_client.labelling.upright import upright
 
 INDEX = "index.jsonl"
@@ -62,10 +62,18 @@ def export_training_set(
 
 def _write(folder: Path, flat: str, label: PictureLabel, picture: SourcePicture | None) -> None:
     image = upright(picture, label)
+    for polygon in label.ignore:
+        _blank(image, polygon)
     for suffix, pixels in (("_ids.png", Image.fromarray(ids_of(label), "L")), (".png", image)):
         buffer = io.BytesIO()
         pixels.save(buffer, "PNG")
         write_whole(folder / f"{flat}{suffix}", buffer.getvalue())
+
+
+def _blank(image: Image.Image, polygon: Sequence[Point]) -> None:
+    """Nothing is left to learn from in an ignored area: it gets the picture's mean color."""
+    mean = tuple(round(value) for value in ImageStat.Stat(image).mean)
+    ImageDraw.Draw(image).polygon([tuple(point) for point in polygon], fill=mean)
 
 
 def _flat(name: str) -> str:

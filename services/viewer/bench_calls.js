@@ -1,0 +1,36 @@
+// The label bench's worker, as functions that return promises. Of live traces only the newest is worth its time.
+
+const worker = new Worker(new URL("./bench_worker.js", import.meta.url), { type: "module" });
+const waiting = new Map();
+let next = 1;
+
+worker.addEventListener("message", ({ data: { id, result, error } }) => {
+  const { resolve, reject } = waiting.get(id);
+  waiting.delete(id);
+  if (error) reject(new Error(error));
+  else resolve(result);
+});
+
+export function ask(call, values) {
+  return new Promise((resolve, reject) => {
+    waiting.set(next, { resolve, reject });
+    worker.postMessage({ id: next, call, values });
+    next += 1;
+  });
+}
+
+let [tracing, wanted] = [false, null];
+
+/** Traces `points` and hands the line to `take`, unless newer points came meanwhile. */
+export async function traceLive(points, take) {
+  wanted = points;
+  if (tracing) return;
+  tracing = true;
+  while (wanted) {
+    const asked = wanted;
+    wanted = null;
+    const line = await ask("trace", { points: asked }).catch(() => null);
+    if (line && !wanted) take(line);
+  }
+  tracing = false;
+}

@@ -1,0 +1,69 @@
+// Elements of a page: found, made, filled. Text from the service enters as text, never as HTML.
+
+import { t } from "./i18n.js";
+
+export const byId = (id) => document.getElementById(id);
+
+export function element(tag, className = "", text = "", more = {}) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  made.textContent = text;
+  return Object.assign(made, more);
+}
+
+export function button(text, act, className = "") {
+  const made = element("button", className, text, { type: "button" });
+  made.addEventListener("click", act);
+  return made;
+}
+
+/** A problem in the box `#error`, or none: what the service refused, with its fields, or what went wrong here. */
+export function showProblem(problem) {
+  const box = byId("error");
+  box.hidden = !problem;
+  if (!problem) return;
+  const errors = problem.errors ?? [];
+  box.replaceChildren(element("strong", "", problem.title), element("span", "", errors.length ? "" : problem.detail));
+  for (const { field, message } of errors) {
+    const line = element("p");
+    line.append(element("code", "", field), ` ${message}`);
+    box.append(line);
+  }
+  if (problem.incident) box.append(element("p", "", `incident ${problem.incident}`));
+}
+
+/** Any error as a problem to show. */
+export const problemOf = (error, title = "This did not work") =>
+  error.problem ?? { title: t(title), detail: error.message, errors: [] };
+
+export function download(blob, name) {
+  const link = element("a", "", "", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+/** Over plain HTTP from another machine a page has no clipboard: then the text is selected instead. */
+export async function copy(from, source) {
+  const before = from.textContent;
+  try {
+    await navigator.clipboard.writeText(source.textContent);
+    from.textContent = t("Copied");
+  } catch {
+    getSelection().selectAllChildren(source);
+    from.textContent = t("Selected");
+  }
+  setTimeout(() => (from.textContent = before), 1500);
+}
+
+/** Files that are dropped anywhere on the page. */
+export function onDrop(take) {
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    if (event.dataTransfer.files.length) take([...event.dataTransfer.files], event.dataTransfer);
+  });
+}
+
+/** Whether a key press is meant for a field and not for the page. */
+export const isTyping = ({ target }) =>
+  target.isContentEditable || (/^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName) && !/^(radio|checkbox|range|button)$/.test(target.type));

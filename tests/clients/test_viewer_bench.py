@@ -1,0 +1,206 @@
+"""The label bench in a real browser: nothing is lost, and nothing lands under another picture."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from dlo_client.labelling import PictureLabel, label_of
+from PIL import Image
+
+from tests.clients import samples
+from tests.clients.browser_pages import NEEDS_BROWSER, opened, place
+from tests.clients.fake_service import FakeService
+from tests.clients.test_viewer_labels import bow, click, done, drag, png, press, probability, saved, sha256, tool
+
+pytestmark = NEEDS_BROWSER
+BENCH = "viewer/label.html"
+
+
+@pytest.fixture
+def service() -> FakeService:
+    service = FakeService()
+    service.file = png(probability())
+    return service
+
+
+@pytest.fixture
+def page(browser: Any, service: FakeService) -> Iterator[Any]:
+    """The bench without a picture."""
+    with opened(browser, service, BENCH) as page:
+        page.wait_for_selector("body[data-ready]")
+        yield page
+
+
+def take(page: Any, name: str, data: bytes, media_type: str = "image/png") -> None:
+    page.set_input_files("#file", {"name": name, "mimeType": media_type, "buffer": data})
+
+
+def cables(page: Any) -> int:
+    return page.locator("#instances button").count()
+
+
+def reload(page: Any) -> None:
+    page.reload()
+    page.wait_for_selector("body[data-ready]")
+
+
+def test_nothing_is_lost_when_the_page_is_left(page: Any, tmp_path: Any) -> None:
+    """A reload lost every picture and every change."""
+    take(page, "shelf.png", png(probability()))
+    page.wait_for_selector("#instances button")
+    tool(page, "delete")
+    click(page, 80, 11)
+    tool(page, "add")
+    click(page, 17, 99)
+    click(page, 147, 98)
+    press(page, "Enter")
+    click(page, 20, 20)
+    reload(page)
+    assert cables(page) == 2
+    click(page, 60, 20)
+    press(page, "Enter")
+    assert cables(page) == 3, "the click before the reload is the line's first"
+    for left in (2, 1, 2):
+        page.click("#undo")
+        assert cables(page) == left
+    assert page.is_disabled("#undo")
+    page.keyboard.press("Control+Shift+z")
+    page.keyboard.press("Control+y")
+    assert cables(page) == 2
+    reload(page)
+    page.keyboard.press("Control+y")
+    assert cables(page) == 3
+    page.keyboard.press("Control+Enter")
+    assert len(saved(page, tmp_path).instances) == 3
+
+
+def archive(files: dict[str, bytes]) -> bytes:
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as out:
+        for name, content in files.items():
+            out.writestr(name, content)
+    return data.getvalue()
+
+
+def label(picture: bytes, name: str, count: int) -> PictureLabel:
+    """The first ``count`` cables of the samples."""
+    two = label_of(samples.two_cables(), name, sha256(picture))
+    return two.model_copy(update={"instances": two.instances[:count], "crossings": [], "origin": "corrected"})
+
+
+def test_labels_of_an_archive_find_their_pictures_by_bytes(page: Any, service: FakeService) -> None:
+    """Two pictures of one name in two folders: corrections were filed by name, so one got those of the other."""
+    one, other, stranger = (png(np.full((samples.HEIGHT, samples.WIDTH), gray, np.uint8)) for gray in (40, 80, 120))
+    data = archive(
+        {
+            "left/0001.png": one,
+            "right/0001.png": other,
+            "corrected/a.json": label(other, "left/0001.png", 1).model_dump_json().encode(),
+            "labels/b.json": label(stranger, "right/0001.png", 2).model_dump_json().encode(),
+        }
+    )
+    take(page, "folder.zip", data, "application/zip")
+    page.wait_for_function("document.querySelectorAll('#pictures button').length === 2")
+    page.wait_for_selector("#pictures button.confirmed >> text=right/0001.png")
+    page.wait_for_function("!document.querySelector('#pictures').textContent.includes('running')")
+    assert "1 labels have no picture" in page.inner_text("#notice")
+    assert len(service.requests) == 1, "the picture without a label of its own was sent to the service"
+    page.click("#pictures button.confirmed")
+    page.wait_for_function("document.querySelectorAll('#instances button').length === 1")
+
+
+def test_areas_connectors_and_branch_points_are_labels_too(page: Any, tmp_path: Any) -> None:
+    take(page, "shelf.png", png(probability()))
+    page.wait_for_selector("#instances button")
+    page.keyboard.press("i")
+    for corner in ((5, 5), (30, 5), (30, 30)):
+        click(page, *corner)
+    press(page, "Enter")
+    page.keyboard.press("k")
+    drag(page, (100, 20), (120, 40))
+    page.keyboard.press("b")
+    click(page, 140, 110)
+    found = saved(page, tmp_path)
+    assert [[tuple(round(v) for v in at) for at in polygon] for polygon in found.ignore] == [
+        [(5, 5), (30, 5), (30, 30)]
+    ]
+    ((left, top), *_, (right, bottom)) = (found.connectors[0][0], found.connectors[0][2])
+    assert (left, top, right, bottom) == pytest.approx((100, 20, 120, 40), abs=0.5)
+    assert found.branch_points[0] == pytest.approx((140, 110), abs=0.5)
+    page.click("#confirm")
+    saved(page, tmp_path, "coco")
+    data = json.loads((tmp_path / "coco.json").read_text())
+    assert [(a["category_id"], a["iscrowd"]) for a in data["annotations"]] == [(1, 0), (1, 0), (1, 1), (2, 0)]
+    tool(page, "delete")
+    click(page, 140, 110)
+    click(page, 25, 10)
+    assert saved(page, tmp_path).ignore == saved(page, tmp_path).branch_points == []
+
+
+def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(page: Any, service: FakeService, tmp_path: Any) -> None:
+    """A large picture was shown 1280 px wide; its labels are in its own pixels."""
+    wide, high, width = 4000, 3000, 24
+    pixels = np.full((high, wide), 60, np.uint8)
+    pixels[1500 - width // 2 : 1500 + width // 2, 200:3800] = 220
+    service.refusal = samples.refused(503)  # what a person draws does not wait for the service
+    take(page, "large.png", png(pixels))
+    page.wait_for_function("Number(document.querySelector('#canvas').dataset.scale) < 0.5")
+    page.wait_for_selector("#confirm:not([disabled])")
+    scale = "Number(document.querySelector('#canvas').dataset.scale)"
+    fitted = page.evaluate(scale)
+    page.mouse.move(*place(page, 1000, 1500))
+    for _ in range(6):
+        page.mouse.wheel(0, -300)
+    assert page.evaluate(scale) > 4 * fitted
+    click(page, 1000, 1500)
+    page.keyboard.press("0")
+    page.focus("#canvas")
+    page.keyboard.press("0")
+    assert page.evaluate(scale) == pytest.approx(fitted, rel=0.01)
+    click(page, 3000, 1502)
+    press(page, "Enter")
+    (cable,) = saved(page, tmp_path).instances
+    assert cable.width_px == pytest.approx(width, rel=0.15)
+    assert max(abs(y - 1500) for _, y in cable.centerline_xy) < 4
+    assert cable.mask_rle.size == (high, wide)
+
+
+def test_what_only_the_service_can_decode_is_shown(page: Any, service: FakeService) -> None:
+    """A TIFF of 16 bits."""
+    service.preview = png(probability())
+    data = io.BytesIO()
+    Image.fromarray(np.full((samples.HEIGHT, samples.WIDTH), 4000, np.uint16)).save(data, "TIFF")
+    take(page, "depth.tif", data.getvalue(), "image/tiff")
+    page.wait_for_selector("#instances button")
+    assert page.is_hidden(".invitation")
+    assert page.is_hidden("#error")
+
+
+def test_pictures_are_gone_through_with_the_keys_of_cvat(page: Any, tmp_path: Any) -> None:
+    for gray in (0, 30, 60):
+        take(page, f"{gray}.png", png(np.maximum(probability(), gray)))
+        page.wait_for_function(f"document.querySelectorAll('#pictures button').length === {1 + gray // 30}")
+    page.wait_for_function("(document.querySelector('#pictures').textContent.match(/certainty/g) || []).length === 3")
+    shown = "document.querySelector('#canvas').getAttribute('aria-label')"
+    wait = f"(name) => {shown} === name"
+    page.keyboard.press("f")
+    page.wait_for_function(wait, arg="30.png")
+    page.keyboard.press("n")
+    click(page, *bow()[5])
+    click(page, *bow()[50])
+    page.keyboard.press("n")
+    done(page)
+    assert cables(page) == 3
+    page.click("#instances button >> nth=2")
+    page.keyboard.press("Delete")
+    done(page)
+    assert cables(page) == 2
+    page.keyboard.press("Control+Enter")
+    page.wait_for_function(wait, arg="0.png")
+    assert page.inner_text("#count") == "1 of 3 confirmed, 0 changed"

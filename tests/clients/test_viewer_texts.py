@@ -1,0 +1,130 @@
+"""The pages' texts in English and German, their size, and what their styles promise to people who see less."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+VIEWER = Path(__file__).parents[2] / "services" / "viewer"
+PAGES = sorted(VIEWER.glob("*.html"))
+NAMED = {"placeholder", "title", "aria-label", "alt"}
+SAME = {
+    "API",
+    "RT-DLO",
+    "FASTDLO",
+    "Ariadne+",
+    "DLO3DS",
+    "curl",
+    "Python",
+    "COCO",
+    "1",
+    "5",
+    "10",
+    "50",
+    "id",
+    "–",
+    "◀",
+    "▶",
+}
+"""What is written the same in both languages."""
+MOST_BYTES = 200_000
+
+
+class Texts(HTMLParser):
+    """All that a page says: its text, and the attributes that are read out."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: set[str] = set()
+        self._silent = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._silent = tag in {"title", "kbd", "code", "script"}
+        self.found |= {value for name, value in attrs if name in NAMED and value}
+
+    def handle_endtag(self, tag: str) -> None:
+        self._silent = False
+
+    def handle_data(self, data: str) -> None:
+        text = " ".join(data.split())
+        if text and not self._silent:
+            self.found.add(text)
+
+
+def german() -> dict[str, str]:
+    text = (VIEWER / "german.js").read_text()
+    return json.loads(text.partition("GERMAN = ")[2].rstrip().rstrip(";"))
+
+
+def texts_of(page: Path) -> set[str]:
+    parser = Texts()
+    parser.feed(page.read_text())
+    return parser.found - SAME
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_all_that_a_page_says_is_there_in_german(page: Path) -> None:
+    assert texts_of(page) - german().keys() == set()
+
+
+def test_all_that_scripts_say_is_there_in_german() -> None:
+    said = {
+        text
+        for script in VIEWER.glob("*.js")
+        for text in re.findall(r'\bt\(\s*"((?:[^"\\]|\\.)*)"', script.read_text())
+    }
+    assert len(said) > 50
+    assert said - SAME - german().keys() == set()
+
+
+def test_translations_keep_what_is_filled_in() -> None:
+    for english, text in german().items():
+        assert sorted(re.findall(r"\{\w+\}", english)) == sorted(re.findall(r"\{\w+\}", text)), english
+
+
+def modules(start: Path) -> set[Path]:
+    """A script and all that it imports."""
+    found, waiting = set(), [start]
+    while waiting:
+        script = waiting.pop()
+        if script not in found:
+            found.add(script)
+            waiting += [VIEWER / name for name in re.findall(r'"\./(\w+\.js)"', script.read_text())]
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_ships_little_script(page: Path) -> None:
+    (entry,) = re.findall(r'src="viewer/(\w+\.js)"', page.read_text())
+    assert sum(script.stat().st_size for script in modules(VIEWER / entry)) < MOST_BYTES
+
+
+def luminance(color: str) -> float:
+    channels = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    darker, lighter = sorted([luminance(one), luminance(other)])
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_text_and_borders_stand_out(theme: str) -> None:
+    """WCAG AA: 4.5 for text on every ground that it is written on, 3 for the borders of controls."""
+    blocks = re.findall(r":root[^{]*\{([^}]*)\}", (VIEWER / "style.css").read_text())
+    tokens = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6});", blocks[0]))
+    if theme == "dark":
+        tokens |= dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6});", blocks[1]))
+    grounds = ["page", "card", "raised", "tint"]
+    pairs = [(ink, ground) for ink in ("ink", "soft") for ground in grounds]
+    pairs += [(ink, "card") for ink in ("accent", "good", "warn", "bad")]
+    pairs += [("on-accent", "accent"), ("ink", "warn-tint"), ("ink", "bad-tint"), ("bad", "bad-tint"), ("warn", "tint")]
+    weak = {pair: contrast(*(tokens[name] for name in pair)) for pair in pairs}
+    assert {pair: value for pair, value in weak.items() if value < 4.5} == {}
+    assert min(contrast(tokens["edge"], tokens[ground]) for ground in ("card", "page")) >= 3

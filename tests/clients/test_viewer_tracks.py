@@ -1,0 +1,35 @@
+"""The page of the tracks in a real browser, against a stand-in for the service."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from models.instances.drawing import palette
+from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened
+from tests.clients.fake_service import FakeService
+from tests.clients.test_viewer import picture
+
+pytestmark = NEEDS_BROWSER
+
+
+def test_pictures_become_a_film_with_ids(browser: Any, tmp_path: Path) -> None:
+    """In the order of the numbers in their names; the film that is saved can be opened again."""
+    service = FakeService()
+    with opened(browser, service, "viewer/tracks.html") as page:
+        page.set_input_files("#file", [{**picture(), "name": f"{k}.jpg"} for k in (10, 9, 1)])
+        page.wait_for_function("document.querySelector('#at').value === '1 / 3'")
+        page.click("#run")
+        page.wait_for_function("document.querySelector('#at').value === '3 / 3'")
+        assert [json.loads(request)["time_s"] for request in service.requests] == [0.0, 0.2, 0.4]
+        first, second = page.locator("#cables button").all_inner_texts()
+        assert (first.split()[:2], second.split()[:3]) == (["1", "seen"], ["2", "partly", "covered"])
+        assert color_at(page, 40, 60) == palette()[1].tolist()
+        with page.expect_download() as download:
+            page.click("#save")
+        download.value.save_as(tmp_path / "track.jsonl")
+        page.reload()
+        page.set_input_files("#track", tmp_path / "track.jsonl")
+        page.wait_for_function("document.querySelector('#at').value === '1 / 3'")
+        assert page.locator("#cables button").count() == 2
