@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import redis
 import redis.asyncio
@@ -19,6 +20,26 @@ _SOCKET_TIMEOUT_S = LONGEST_BLOCK_MS / 1000 + 5.0
 _CONNECT_TIMEOUT_S = 2.0
 _MAX_CONNECTIONS = 4096
 _PAUSE_S = 0.25
+_CANNOT_WRITE = "MISCONF"
+
+T = TypeVar("T")
+
+
+class Patience(Retry):
+    """Also waits for a server that is there and cannot write, as its disk is full."""
+
+    def call_with_retry(self, do: Callable[..., T], *rest: Any, **named: Any) -> T:
+        """See redis-py."""
+
+        def ask(*arguments: Any) -> T:
+            try:
+                return do(*arguments)
+            except redis.ResponseError as error:
+                if _CANNOT_WRITE in str(error):
+                    raise redis.ConnectionError(str(error)) from error
+                raise
+
+        return super().call_with_retry(ask, *rest, **named)
 
 
 def connect(settings: Settings, *, patient: bool = False, text: bool = True) -> redis.Redis:
@@ -26,7 +47,7 @@ def connect(settings: Settings, *, patient: bool = False, text: bool = True) -> 
 
     It answers text, which is all that a job's record holds; RQ wants one that answers bytes.
     """
-    retry = Retry(ConstantBackoff(_PAUSE_S), -1 if patient else 1)
+    retry = Patience(ConstantBackoff(_PAUSE_S), -1) if patient else Retry(ConstantBackoff(_PAUSE_S), 1)
     return redis.Redis.from_url(
         settings.redis_url,
         **_access(settings),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import random
 import signal
 import socket
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
+from PIL import Image
 
 from tests.faults.plant import KINDS, Plant, plant
 from tests.faults.traffic import Tally, Traffic, all_jobs, probe
@@ -78,18 +80,17 @@ def _log_of(there: Plant) -> Path:
 
 def full_disk(jobs: int, faults: int) -> Tally:
     """A small disk is filled to its last byte and freed again: refused meanwhile, nothing half-written."""
-    picture = _picture()
     with _small_disk() as disk, Plant(disk) as there:
         with httpx.Client(base_url=there.url, timeout=20) as client:
-            first = client.post("/v1/images", content=picture).status_code
+            first = client.post("/v1/images", content=_picture(0)).status_code
             filler = disk / "filler"
             with contextlib.suppress(OSError), filler.open("wb", buffering=0) as file:
                 while True:
                     file.write(bytes(65536))
-            answers = [client.post("/v1/images", content=picture + bytes([k])).status_code for k in range(jobs)]
+            answers = [client.post("/v1/images", content=_picture(1 + k)).status_code for k in range(jobs)]
             filler.unlink()
             started = time.monotonic()
-            wait_until(lambda: client.post("/v1/images", content=picture + b"end").status_code == 201, 60)
+            wait_until(lambda: client.post("/v1/images", content=_picture(-1)).status_code == 201, 60)
             recovery_s = max(time.monotonic() - started, probe(there))
         half = [file for file in (disk / "data" / "blobs").glob("??/*") if len(file.name) != 64]
         refused = sum(status == 507 for status in answers)
@@ -113,9 +114,11 @@ def _small_disk() -> Iterator[Path]:
         folder.rmdir()
 
 
-def _picture() -> bytes:
-    header = b"P6 300 300 255\n"
-    return header + random.Random(1).randbytes(270_000)
+def _picture(number: int) -> bytes:
+    """270 kB of noise, each number another."""
+    buffer = io.BytesIO()
+    Image.frombytes("RGB", (300, 300), random.Random(number).randbytes(270_000)).save(buffer, "BMP")
+    return buffer.getvalue()
 
 
 class SkippedError(Exception):
@@ -158,7 +161,7 @@ def clock_jump(jobs: int, faults: int) -> Tally:
     """Workers and service whose clocks are a day and a half ahead: jobs and pictures live by the server's."""
     with _overlay(_SHIFT.format(seconds=130_000)) as env, plant(env=env) as there:
         with httpx.Client(base_url=there.url, timeout=20) as client:
-            image = client.post("/v1/images", content=_picture()).json()["id"]
+            image = client.post("/v1/images", content=_picture(0)).json()["id"]
             found = Traffic(there, jobs, pace_s=0.02).start().tally()
             kept = client.post("/v1/jobs", json={"kind": "segment", "image": {"id": image}}).status_code == 202
         found.faults, found.wrong = 1, found.wrong + (not kept)

@@ -13,8 +13,10 @@ import pytest
 import redis
 import trustme
 from dlo_client.contracts import NoopRequest
+from redis.backoff import NoBackoff
 
 from workers.async_queue import AsyncJobQueue
+from workers.connection import Patience, connect
 from workers.queue import JobQueue
 
 
@@ -96,3 +98,33 @@ def test_a_wrong_password_is_refused(guarded, tmp_path):
 
 def test_passwords_are_in_no_representation_of_the_settings(settings):
     assert urlsplit(settings.redis_url).password not in repr(settings)
+
+
+class TestPatience:
+    """A worker ended, again and again, while the disk of the queue server was full."""
+
+    @staticmethod
+    def answers(*errors: Exception):
+        left = list(errors)
+
+        def do():
+            if left:
+                raise left.pop(0)
+            return "answer"
+
+        return do
+
+    def test_a_server_that_cannot_write_is_waited_for(self):
+        full = redis.ResponseError("MISCONF Errors writing to the AOF file: No space left on device")
+        in_pipeline = redis.ResponseError("Command # 1 (SADD x y) of pipeline caused error: MISCONF Errors writing")
+        patience = Patience(NoBackoff(), -1)
+        assert patience.call_with_retry(self.answers(full, in_pipeline, full), lambda _: None) == "answer"
+
+    def test_other_refusals_are_errors(self):
+        with pytest.raises(redis.ResponseError, match="WRONGTYPE"):
+            Patience(NoBackoff(), -1).call_with_retry(self.answers(redis.ResponseError("WRONGTYPE")), lambda _: None)
+
+    def test_workers_have_it_and_the_service_does_not(self, settings):
+        with connect(settings, patient=True) as patient, connect(settings) as impatient:
+            assert isinstance(patient.get_retry(), Patience)
+            assert not isinstance(impatient.get_retry(), Patience)
