@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from models.synthesis.cables import Cable, paint_cables
@@ -38,12 +39,17 @@ class ClipParams:
 @dataclass(frozen=True, eq=False)
 class Frame:
     """``rgb`` (3, H, W) float; ``ids`` (H, W) int16, k the k-th cable where it is on top; ``centerlines`` (m, 2)
-    px from the same end in every frame; ``visible`` share of each that is on top and in the picture."""
+    px from the same end in every frame; ``in_view`` (m,) which of these are on top and in the picture."""
 
     rgb: Tensor
     ids: Tensor
     centerlines: tuple[FloatArray, ...]
-    visible: tuple[float, ...]
+    in_view: tuple[NDArray[np.bool_], ...]
+
+    @property
+    def visible(self) -> tuple[float, ...]:
+        """Share of each cable that is in view."""
+        return tuple(float(seen.mean()) for seen in self.in_view)
 
 
 def render_clip(rng: Rng, params: ClipParams, pool: TexturePool) -> Iterator[Frame]:
@@ -71,31 +77,40 @@ def render_clip(rng: Rng, params: ClipParams, pool: TexturePool) -> Iterator[Fra
 
 
 class _Course:
-    """A cable that drifts, turns and bends slowly about a first shape, as one that hands or an arm move."""
+    """A cable that drifts, turns and bends slowly about a first shape, as one that hands or an arm move. It does not
+    stretch: what changes with time is the direction along it."""
 
     def __init__(self, rng: Rng, params: ClipParams) -> None:
         height, width = params.size
         along = axes(rng.uniform(-np.pi, np.pi))
-        length, middle = rng.uniform(0.5, 0.8) * width, rng.uniform((0.35, 0.35), (0.65, 0.65)) * (width, height)
+        length, self.middle = rng.uniform(0.5, 0.8) * width, rng.uniform((0.35, 0.35), (0.65, 0.65)) * (width, height)
         u = np.linspace(-0.5, 0.5, _CONTROLS)
         wave = sum(
             rng.normal(0, 0.07 / k) * length * np.sin(2 * np.pi * k * u + rng.uniform(0, 6)) for k in (0.5, 1.0, 1.5)
         )
-        xy = middle + (u * length)[:, None] * along[0] + np.asarray(wave)[:, None] * along[1]
+        xy = (u * length)[:, None] * along[0] + np.asarray(wave)[:, None] * along[1]
         height_above = np.cumsum(rng.normal(0, 0.2, _CONTROLS)) + rng.uniform(0, 1)
-        self.base = np.column_stack([xy, height_above])
-        # Modes along the cable: all of it, its two ends against each other, its middle against its ends.
-        self.modes = np.stack([np.ones_like(u), 2 * u, np.cos(2 * np.pi * u)])
-        self.turn = rng.uniform(0.015, 0.05, (3, 2))
-        self.phase = rng.uniform(0, 2 * np.pi, (3, 2))
-        # Speed of a swing is its reach times its rate; three of them together reach the speed asked for.
-        self.reach = params.speed * params.width_px / self.turn * rng.uniform(0.2, 0.5, (3, 2))
+        line = interpolate(np.column_stack([xy, height_above]).astype(np.float32), 0.7)
+        steps = np.diff(line[:, :2], axis=0)
+        self.height_above, self.step = line[:, 2], np.hypot(*steps.T)
+        self.angle = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+        # What is added to the direction: all of it, one end against the other, the middle against the ends.
+        at = np.linspace(-0.5, 0.5, len(steps))
+        self.modes = np.stack([np.ones_like(at), 2 * at, np.cos(2 * np.pi * at)])
+        self.turn = rng.uniform(0.015, 0.05, 5)
+        self.phase = rng.uniform(0, 2 * np.pi, 5)
+        # Speed of a swing is its reach times its rate; an end turns at half the length from the middle.
+        reach = params.speed * params.width_px / self.turn * rng.uniform(0.2, 0.5, 5)
+        self.reach = reach / np.array([1, 1, *[0.5 * float(self.step.sum())] * 3])
 
     def at(self, t: int) -> FloatArray:
         """(m, 3) dense centerline at frame ``t``."""
-        control = self.base.copy()
-        control[:, :2] += self.modes.T @ (self.reach * np.sin(self.turn * t + self.phase))
-        return interpolate(control.astype(np.float32), 0.7)
+        swing = self.reach * np.sin(self.turn * t + self.phase)
+        angle = self.angle + swing[2:] @ self.modes
+        steps = self.step[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        xy = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        xy += self.middle + swing[:2] - xy[len(xy) // 2]
+        return np.column_stack([xy, self.height_above]).astype(np.float32)
 
 
 def _cover(canvas: Canvas, at: FloatArray, angle: float, share: float) -> None:
@@ -104,10 +119,9 @@ def _cover(canvas: Canvas, at: FloatArray, angle: float, share: float) -> None:
         canvas.box(place, half, angle, (0.35, 0.36, 0.4), corner=0.1 * half[1], bevel=0.3, covers=True)
 
 
-def _seen(ids: Tensor, line: FloatArray, number: int) -> float:
+def _seen(ids: Tensor, line: FloatArray, number: int) -> NDArray[np.bool_]:
+    """(m,) which points of a cable's centerline are its own pixels."""
     column, row = np.rint(line).astype(int).T
     inside = (row >= 0) & (column >= 0) & (row < ids.shape[0]) & (column < ids.shape[1])
-    if not inside.any():
-        return 0.0
-    own = ids[torch.as_tensor(row[inside]), torch.as_tensor(column[inside])] == number
-    return float(own.sum()) / len(line)
+    inside[inside] &= ids.numpy()[row[inside], column[inside]] == number
+    return np.asarray(inside)

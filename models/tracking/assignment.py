@@ -1,9 +1,8 @@
-"""Which observation is which tracked cable, piece by piece, and how sure that is.
+"""Which pieces of the observations are which tracked cable, and how sure that is.
 
-Strategy: whole observations are assigned to cables first, at least cost in all. But where strands of one look cross,
-a single picture may go on with the wrong one: every observation is cut at its crossings, and each piece goes to the
-cable that is expected there, against a small price for leaving the cable of the whole. Pieces of one cable do not
-overlap along it.
+Strategy: the owners of all places are found where the cables are expected (:mod:`models.tracking.ownership`). What is
+left over may be a cable that was not met there: it was out of view, or moved far. Such stretches and the cables without
+any piece are assigned to one another, at least cost of length, width, color and distance.
 """
 
 from __future__ import annotations
@@ -15,27 +14,25 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from models.geometry.arrays import FloatArray
-from models.tracking.alignment import Alignment, align, align_part
-from models.tracking.state import Observation, TrackedCable
+from models.geometry.polylines import resample
+from models.tracking.consistency import contradicting
+from models.tracking.ownership import Run, costs_of, runs, sample
+from models.tracking.placing import Piece, piece_at, placed
+from models.tracking.regrouping import Kept, cuts, extended
+from models.tracking.sliding import slid
+from models.tracking.state import NODES, Observation, TrackedCable
 
+_ROUNDS, _FORBIDDEN = 3, 1e3
+"""So often owners are found anew, without those that contradict one another."""
+_INDEPENDENT = 4.0
+"""Neighboring samples err alike: so many count as one."""
 _REACH_WIDTHS, _REACH_MISSED, _MOST_REACH_WIDTHS = 8.0, 2.0, 60.0
 """How far from where it is expected a cable may be met: in widths, and more for every frame in which it was missed."""
-_COLOR, _WIDTH, _LENGTH = 25.0, 0.7, 0.5
+_COLOR, _MOTTLED, _WIDTH, _LENGTH = 25.0, 2.0, 0.7, 0.5
 """Differences that cost half as much as the whole reach: Lab distance, log of the widths' and of the lengths' ratio."""
-_ACCEPTED = 1.3
-_SHARPNESS = 0.05
+_ACCEPTED = 1.0
+_SHARPNESS = 0.1
 """Of two candidates, the one that costs this much more is e times less likely."""
-_OVERLAP = 0.3
-"""Pieces of one cable overlap by less than this share of the shorter one."""
-_LEAVING = 0.35
-"""Price of a piece that leaves the cable to which the rest of its observation belongs."""
-
-
-class Piece(NamedTuple):
-    """An observation, or a part of one, and where on its cable it is."""
-
-    observed: Observation
-    alignment: Alignment
 
 
 class Match(NamedTuple):
@@ -46,108 +43,104 @@ class Match(NamedTuple):
 
 
 def assign(
-    cables: Sequence[TrackedCable],
-    expected: Sequence[FloatArray],
-    whole: Sequence[Observation],
-    parts: Sequence[Observation],
-) -> dict[int, Match]:
-    """Matches by index of the cable, from ``whole`` observations and the ``parts`` between their crossings. A part is
-    given to one cable at most."""
-    if not cables or not whole:
-        return {}
-    owners = _owners(cables, expected, whole)
-    reaches = np.array([_reach(cable) for cable in cables])
-    found = [
-        [
-            align_part(part, owners[part.number][1], c, e) if _owner(owners, part) == i else align(part, c, e)
-            for i, (c, e) in enumerate(zip(cables, expected, strict=True))
-        ]
-        for part in parts
-    ]
-    costs = np.array(
-        [[_cost(a, c, p) for a, c in zip(row, cables, strict=True)] for row, p in zip(found, parts, strict=True)]
-    )
-    leaving = np.array([[_LEAVING * (_owner(owners, p) not in (-1, i)) for i in range(len(cables))] for p in parts])
-    lost = np.array(
-        [[_ACCEPTED * (c.missed > 0 and _owner(owners, p) != i) for i, c in enumerate(cables)] for p in parts]
-    )
-    total = costs + leaving + lost
-    taken: dict[int, list[int]] = {}
-    for j, i in _by_cost(total):
-        if all(j not in used for used in taken.values()) and _fits(found, taken.get(i, []), j, i, cables[i]):
-            taken.setdefault(i, []).append(j)
-    return {i: _match(i, used, parts, found, costs, reaches) for i, used in taken.items()}
+    cables: Sequence[TrackedCable], expected: Sequence[FloatArray], observations: Sequence[Observation]
+) -> tuple[dict[int, Match], list[Run], dict[int, Kept]]:
+    """Matches by index of the cable, the runs that belong to none, and cables that should be cut first."""
+    if not observations:
+        return {}, [], {}
+    samples = sample(observations)
+    costs, places = costs_of(samples, observations, cables, expected)
+    for _ in range(_ROUNDS):
+        found = runs(samples, observations, costs, places)
+        own = _placed(found, cables)
+        refused = [k for i, pieces in own.items() for k in contradicting(pieces, cables[i])]
+        if not refused:
+            break
+        for k in refused:
+            costs[found[k].first : found[k].stop, found[k].cable] = _FORBIDDEN
+    own = {i: {k: piece for k, piece in pieces.items() if k not in refused} for i, pieces in own.items()}
+    changed = cuts(found, own, cables)
+    taken = extended(found, own, cables)
+    matches = {}
+    for i, pieces in own.items():
+        longest = sorted(slid(list(pieces.values()), cables[i], expected[i]), key=lambda piece: -piece.length_px)
+        matches[i] = Match(tuple(longest), _probability(i, [found[k] for k in pieces]))
+    left = [run for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
+    return matches, _found_again(cables, expected, matches, left), changed
 
 
-def _owners(
-    cables: Sequence[TrackedCable], expected: Sequence[FloatArray], whole: Sequence[Observation]
-) -> dict[int, tuple[int, Alignment]]:
-    """By the number of the observation, at the least sum of costs: index of the cable, and where on it."""
-    found = [[align(o, c, e) for o in whole] for c, e in zip(cables, expected, strict=True)]
-    costs = np.array(
-        [[_cost(a, c, o) for a, o in zip(row, whole, strict=True)] for row, c in zip(found, cables, strict=True)]
-    )
-    rows, columns = linear_sum_assignment(np.minimum(costs, _ACCEPTED))
-    return {
-        whole[j].number: (int(i), found[i][j]) for i, j in zip(rows, columns, strict=True) if costs[i, j] < _ACCEPTED
-    }
+def _placed(found: Sequence[Run], cables: Sequence[TrackedCable]) -> dict[int, dict[int, Piece]]:
+    """By index of the cable, its pieces by the number of the run."""
+    own: dict[int, dict[int, Piece]] = {}
+    for k, run in enumerate(found):
+        if run.cable >= 0 and len(run.along) > 1:
+            own.setdefault(run.cable, {})[k] = placed(run, cables[run.cable])
+    return own
 
 
-def _owner(owners: dict[int, tuple[int, Alignment]], part: Observation) -> int:
-    """Index of the cable that has the whole of the part's observation; -1 for none."""
-    return owners[part.number][0] if part.number in owners else -1
+def _probability(i: int, mine: Sequence[Run]) -> float:
+    """That the cable of index ``i`` owns its runs, and no other cable does."""
+    costs = np.concatenate([run.cost for run in mine])[:, :-1]
+    log_odds = (costs.mean(0) - costs[:, i].mean()) * len(costs) / _INDEPENDENT
+    return float(1.0 / np.exp(-np.clip(log_odds, -20, 20)).sum())
 
 
-def _by_cost(total: FloatArray) -> list[tuple[int, int]]:
-    """Pairs of part and cable that are acceptable, the cheapest first."""
-    order = np.argsort(total, axis=None, kind="stable")
-    pairs = (np.unravel_index(k, total.shape) for k in order)
-    return [(int(j), int(i)) for j, i in pairs if total[j, i] < _ACCEPTED]
+def _found_again(
+    cables: Sequence[TrackedCable], expected: Sequence[FloatArray], matches: dict[int, Match], left: list[Run]
+) -> list[Run]:
+    """Give cables without a match those of the runs that are they; returns the others."""
+    away = [i for i in range(len(cables)) if i not in matches]
+    long = [run for run in left if len(run.along) > 1 and run.length_px > run.observed.width_px]
+    if not away or not long:
+        return left
+    options = [[_option(run, cables[i], expected[i]) for run in long] for i in away]
+    costs = np.array([[cost for cost, _ in row] for row in options])
+    reach = np.array([_reach(cables[i]) for i in away])
+    taken = set()
+    for row, column in zip(*linear_sum_assignment(np.minimum(costs, _ACCEPTED)), strict=True):
+        if costs[row, column] < _ACCEPTED:
+            likely = np.exp(-(costs[:, column] - costs[row, column]) / _SHARPNESS) * (reach[row] / reach) ** 2
+            matches[away[row]] = Match((options[row][column][1],), float(1 / likely.sum()))
+            taken.add(id(long[column]))
+    return [run for run in left if id(run) not in taken]
 
 
-def _fits(found: list[list[Alignment]], used: list[int], j: int, i: int, cable: TrackedCable) -> bool:
-    """Whether part ``j`` can be on cable ``i`` beside the parts that it has."""
-    here = found[j][i]
-    room = 0.1 * cable.length_px
-    if cable.ends[0] == "free" and here.start < -room:
-        return False
-    if cable.ends[1] == "free" and here.stop > cable.length_px + room:
-        return False
-    return all(_apart(here, found[k][i]) for k in used)
-
-
-def _cost(alignment: Alignment, cable: TrackedCable, observed: Observation) -> float:
-    cost = alignment.distance / _reach(cable)
-    cost += min(abs(np.log(observed.width_px / cable.width_px)) / _WIDTH, 1.0) * 0.5
-    if observed.color is not None and cable.color is not None:
-        cost += min(float(np.linalg.norm(observed.color - cable.color)) / _COLOR, 3.0) * 0.5
-    longer = (alignment.stop - alignment.start) / cable.length_px
+def _option(run: Run, cable: TrackedCable, expected: FloatArray) -> tuple[float, Piece]:
+    """Cost of a cable that is met as ``run``, the better way round, and where it then is."""
+    points = resample(run.xy, NODES)
+    ways = []
+    for sign in (1.0, -1.0):
+        nodes = expected if sign > 0 else expected[::-1]
+        share = min(run.length_px / cable.length_px, 1.0)
+        first, distance = _best_start(points, nodes, share)
+        at = first * cable.length_px if sign > 0 else (1 - first) * cable.length_px
+        ways.append((distance, piece_at(run, cable, sign, at - sign * float(run.along[0]))))
+    distance, piece = min(ways, key=lambda way: way[0])
+    cost = distance / _reach(cable)
+    cost += min(abs(np.log(run.observed.width_px / cable.width_px)) / _WIDTH, 1.0) * 0.5
+    if run.observed.color is not None and cable.color is not None:
+        cost += (
+            min(
+                float(np.linalg.norm(run.observed.color - cable.color)) / (_COLOR + _MOTTLED * run.observed.mottled),
+                3.0,
+            )
+            * 0.5
+        )
+    longer = run.length_px / cable.length_px
     if longer > 1 and "free" in cable.ends:
         cost += min(float(np.log(longer)) / _LENGTH, 1.0) * 0.5
-    return float(cost)
+    return float(cost), piece
+
+
+def _best_start(points: FloatArray, nodes: FloatArray, share: float) -> tuple[float, float]:
+    """Where on a cable of ``nodes`` a piece of ``share`` of its length is nearest, and how far off it is then."""
+    starts = np.linspace(0.0, 1.0 - share, 5) if share < 0.9 else np.zeros(1)
+    index = np.clip((starts[:, None] + share * np.linspace(0, 1, NODES)) * (NODES - 1), 0, NODES - 1)
+    distance = np.hypot(*(points - nodes[np.rint(index).astype(int)]).transpose(2, 0, 1)).mean(1)
+    best = int(distance.argmin())
+    return float(starts[best]), float(distance[best])
 
 
 def _reach(cable: TrackedCable) -> float:
     """Px within which a cable may be met."""
     return min(_REACH_WIDTHS + _REACH_MISSED * cable.missed, _MOST_REACH_WIDTHS) * cable.width_px
-
-
-def _apart(a: Alignment, b: Alignment) -> bool:
-    shared = min(a.stop, b.stop) - max(a.start, b.start)
-    return shared < _OVERLAP * min(a.stop - a.start, b.stop - b.start)
-
-
-def _match(
-    i: int,
-    used: list[int],
-    parts: Sequence[Observation],
-    found: list[list[Alignment]],
-    costs: FloatArray,
-    reaches: FloatArray,
-) -> Match:
-    """Where a cable may be anywhere within a wide reach, it is less likely to be just here."""
-    used = sorted(used, key=lambda j: -parts[j].length_px)
-    lengths = np.array([parts[j].length_px for j in used])
-    likely = np.exp(-(costs[used] - costs[used, i][:, None]) / _SHARPNESS) * (reaches[i] / reaches) ** 2
-    probability = float(np.average(1.0 / likely.sum(1), weights=lengths))
-    return Match(tuple(Piece(parts[j], found[j][i]) for j in used), probability)

@@ -18,9 +18,11 @@ CableState = Literal["seen", "partly_covered", "lost", "new"]
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """One cable as a single picture shows it, or the part of one between two crossings. ``xy`` (n, 2) px; ``color``
-    (3,) CIE Lab along its middle, or None; ``number`` is its id in the picture's scene, ``span`` the share of that
-    instance's length."""
+    """One cable as a single picture shows it. ``xy`` (n, 2) px; ``color`` (3,) CIE Lab along its middle, or None,
+    ``mottled`` by how much it varies there;
+    ``number`` is its id in the picture's scene; ``crossings`` where it crosses another strand, 0 to 1 of its
+    length; ``bridged`` (n,) whether a point is on a gap that was bridged: there is no foreground; ``thick`` (n,)
+    whether the foreground is too wide there for one strand."""
 
     number: int
     xy: FloatArray
@@ -30,19 +32,30 @@ class Observation:
     closed: bool
     score: float
     color: FloatArray | None = None
-    span: tuple[float, float] = (0.0, 1.0)
+    mottled: float = 0.0
+    crossings: tuple[float, ...] = ()
+    bridged: BoolArray | None = None
+    thick: BoolArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedCable:
     """``xy`` (NODES, 2) px where it is now, or is supposed to be; ``velocity`` (NODES, 2) px a frame; ``seen``
-    (NODES,) whether a node is in view; ``certainty`` probability that this is the cable which first had the id;
-    ``missed`` frames since it was last seen; ``number`` of the observation that it is, 0 when it is not seen."""
+    (NODES,) whether a node is in view; ``firm`` (NODES,) 0 to 1, how surely the cable goes on there: it was
+    seen alone, or in short tangles often;
+    ``spread`` (NODES,) px by which a node may be elsewhere; ``certainty``
+    probability that this is the cable which first had the id; ``likely`` the same of the
+    last frame alone: a doubt that goes on counts once; ``missed`` frames since it was last seen; ``met``
+    frames in which it was seen; ``number`` of the observation that most of it is on, 0 when it is not seen;
+    ``start_px`` arc length of the first node from where the cable began when it was first met: below 0 once more of it
+    came into view there, so that a place on the cable keeps its arc length."""
 
     id: int
     xy: FloatArray
     velocity: FloatArray
     seen: BoolArray
+    firm: FloatArray
+    spread: FloatArray
     length_px: float
     width_px: float
     ends: tuple[EndpointKind, EndpointKind]
@@ -50,9 +63,12 @@ class TrackedCable:
     state: CableState
     certainty: float
     score: float
+    likely: float = 1.0
     missed: int = 0
+    met: int = 1
     number: int = 0
     color: FloatArray | None = None
+    start_px: float = 0.0
 
     @property
     def covered(self) -> list[tuple[float, float]]:
@@ -81,9 +97,12 @@ class CrossingOrder(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """All cables met so far that may come back; ``next_id`` goes to the next new one."""
+    """All cables met so far that may come back; ``next_id`` goes to the next new one. ``time_s`` of the last frame and
+    ``step_s``, the usual time between two, where times are known."""
 
     frame: int = 0
     cables: tuple[TrackedCable, ...] = ()
     crossings: tuple[CrossingOrder, ...] = ()
     next_id: int = 1
+    time_s: float | None = None
+    step_s: float | None = None

@@ -24,9 +24,9 @@ from models.instances.section_matching import extract
 from models.synthesis.clips import ClipParams, Frame, render_clip
 from models.synthesis.scenes import to_uint8
 from models.synthesis.textures import TexturePool
-from models.tracking.state import NODES, Track
+from models.tracking.state import NODES, Track, TrackedCable
 from models.tracking.track import follow
-from tests.benchmarks.tracking_scoring import LEAST_VISIBLE, Identities
+from tests.benchmarks.tracking_scoring import LEAST_VISIBLE, Identities, dense
 
 Curves = dict[int, np.ndarray]
 
@@ -38,11 +38,12 @@ class Tracker:
         self.track = Track()
         self.seconds = 0.0
 
-    def __call__(self, scene: Scene, image: np.ndarray) -> Curves:
+    def __call__(self, scene: Scene, image: np.ndarray, mask: np.ndarray) -> Curves:
         started = process_time()
-        self.track = follow(self.track, scene, image)
+        self.track = follow(self.track, scene, image, mask)
         self.seconds += process_time() - started
-        return {c.id: c.xy for c in self.track.cables if c.state != "lost"}
+        found = {cable.id: dense(cable.xy, cable.seen) for cable in self.track.cables}
+        return {number: points for number, points in found.items() if len(points)}
 
 
 class FrameByFrame:
@@ -53,7 +54,7 @@ class FrameByFrame:
         self.last: Curves = {}
         self.next = 1
 
-    def __call__(self, scene: Scene, image: np.ndarray) -> Curves:
+    def __call__(self, scene: Scene, image: np.ndarray, mask: np.ndarray) -> Curves:
         lines = [i.centerline_xy for i in scene.instances]
         ids = list(self.last)
         costs = np.array([[self.cost(self.last[i], line) for line in lines] for i in ids]).reshape(len(ids), len(lines))
@@ -66,7 +67,7 @@ class FrameByFrame:
                 self.next += 1
             now[named[j]] = line
         self.last = now
-        return now
+        return {number: dense(line) for number, line in now.items()}
 
 
 def nearest(a: np.ndarray, b: np.ndarray) -> float:
@@ -87,70 +88,110 @@ def overlap(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def measure_clip(seed: int, params: ClipParams) -> dict[str, dict[str, float]]:
-    trackers = {"ours": Tracker(), "nearest": FrameByFrame(nearest, 60.0), "overlap": FrameByFrame(overlap, 0.999)}
+    ours = Tracker()
+    trackers = {"ours": ours, "nearest": FrameByFrame(nearest, 60.0), "overlap": FrameByFrame(overlap, 0.999)}
     scores = {name: Identities(params.width_px) for name in trackers}
-    places: dict[int, np.ndarray] = {}
-    drift: list[float] = []
-    after: list[bool] = []
-    before: dict[int, int] = {}
-    instances_s = 0.0
+    drift, covered, instances_s = Drift(params.width_px), Cover(params.covered), 0.0
     for t, frame in enumerate(render_clip(np.random.default_rng([31, seed]), params, TexturePool(()))):
         image, mask = to_uint8(frame.rgb), frame.ids.numpy() > 0
         started = process_time()
         scene = extract(mask, image)
         instances_s += process_time() - started
         true = {
-            k: c for k, (c, v) in enumerate(zip(frame.centerlines, frame.visible, strict=True)) if v > LEAST_VISIBLE
+            k: line[seen][::4]
+            for k, (line, seen) in enumerate(zip(frame.centerlines, frame.in_view, strict=True))
+            if seen.mean() > LEAST_VISIBLE
         }
         for name, tracker in trackers.items():
-            found = scores[name].add(true, tracker(scene, image))
+            found = scores[name].add(true, tracker(scene, image, mask))
             if name == "ours":
-                drift += _drift(frame, found, trackers["ours"].track, places, params)
-                if t == params.covered[0] - 1:
-                    before = found
-                if t == params.covered[1] + 1:
-                    after += [found.get(k) == number for k, number in before.items()]
+                drift.add(frame, found, ours.track)
+                covered.add(t, found)
     report = {n: {"idf1": s.idf1(), "switches": float(s.switches)} for n, s in scores.items()}
     report["ours"] |= {
-        "drift_widths": float(np.mean(drift[-400:])) if drift else 0.0,
-        "right_after_cover": float(np.mean(after)) if after else 1.0,
-        "ms": 1e3 * trackers["ours"].seconds / params.frames,
+        "drift_widths": drift.last(),
+        "right_after_cover": covered.right(),
+        "ms": 1e3 * ours.seconds / params.frames,
         "instances_ms": 1e3 * instances_s / params.frames,
     }
     return report
 
 
-def _drift(
-    frame: Frame, found: dict[int, int], track: Track, places: dict[int, np.ndarray], params: ClipParams
-) -> list[float]:
-    """Widths by which the middle nodes have moved along their true cables since they were first seen."""
-    cables = {cable.id: cable for cable in track.cables}
-    out = []
-    for k, number in found.items():
-        line, nodes = frame.centerlines[k], cables[number].xy[NODES // 4 : -NODES // 4 : 4]
-        lengths = arc_lengths(line)
-        at = lengths[((line[None] - nodes[:, None]) ** 2).sum(2).argmin(1)] / lengths[-1]
-        if number in places:
-            out.append(float(np.abs(at - places[number]).mean() * lengths[-1] / params.width_px))
-        elif cables[number].seen.all():
-            places[number] = at
-    return out
+class Cover:
+    """Share of the ids of the frame before the cover that are on the same cables soon after it."""
+
+    def __init__(self, frames: tuple[int, int]) -> None:
+        self._frames = frames
+        self._before: dict[int, int] = {}
+        self._right: list[bool] = []
+
+    def add(self, t: int, found: dict[int, int]) -> None:
+        if t == self._frames[0] - 1:
+            self._before = found
+        if t == self._frames[1] + 1:
+            self._right = [found.get(k) == number for k, number in self._before.items()]
+
+    def right(self) -> float:
+        return float(np.mean(self._right)) if self._right else 1.0
+
+
+class Drift:
+    """Widths by which places of the same arc length have moved along the true cables since they were first seen."""
+
+    def __init__(self, width_px: float) -> None:
+        self._width_px = width_px
+        self._places: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
+        self._last: dict[tuple[int, int], float] = {}
+
+    def add(self, frame: Frame, found: dict[int, int], track: Track) -> None:
+        cables = {cable.id: cable for cable in track.cables}
+        for k, number in found.items():
+            cable, line = cables[number], frame.centerlines[k]
+            if (k, number) not in self._places:
+                if cable.seen.all():
+                    wanted = cable.start_px + cable.length_px * np.linspace(0.25, 0.75, 7)
+                    self._places[k, number] = wanted, _along(line, _at(cable, wanted)[0])
+                continue
+            wanted, before = self._places[k, number]
+            xy, seen = _at(cable, wanted)
+            if seen.any():
+                moved = np.abs(_along(line, xy) - before)[seen]
+                self._last[k, number] = float(moved.mean()) / self._width_px
+
+    def last(self) -> float:
+        """Mean over the cables of the last frame in which their places were seen."""
+        return float(np.mean(list(self._last.values()))) if self._last else 0.0
+
+
+def _at(cable: TrackedCable, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 2) of the arc lengths ``wanted`` (n,), and which of them are in view."""
+    node = (wanted - cable.start_px) / cable.length_px * (NODES - 1)
+    xy = np.stack([np.interp(node, np.arange(NODES), axis) for axis in cable.xy.T], axis=1)
+    inside = (node >= 0) & (node <= NODES - 1)
+    return xy, inside & cable.seen[np.clip(np.rint(node), 0, NODES - 1).astype(int)]
+
+
+def _along(line: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Arc length (n,) of the points of ``line`` nearest to ``xy`` (n, 2)."""
+    return arc_lengths(line)[((line[None] - xy[:, None]) ** 2).sum(2).argmin(1)]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--clips", type=int, default=6)
     parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--set", dest="sets", action="append", choices=("moving", "fast", "covered"))
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
-    half = args.frames // 2
+    half, hidden = args.frames // 2, min(30, args.frames // 4)
     sets = {
         "moving": ClipParams(frames=args.frames),
         "fast": ClipParams(frames=args.frames, speed=1.5),
-        "covered": ClipParams(frames=args.frames, covered=(half, half + 30)),
+        "covered": ClipParams(frames=args.frames, covered=(half, half + hidden)),
     }
     report = {}
-    for name, params in sets.items():
+    for name in args.sets or sets:
+        params = sets[name]
         clips = [measure_clip(seed, params) for seed in range(args.clips)]
         report[name] = {
             method: {key: round(float(np.mean([c[method][key] for c in clips])), 3) for key in clips[0][method]}

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-NEAR_WIDTHS = 2.0
+NEAR_WIDTHS = 1.0
+"""A point so near to the other curve is on it."""
+LEAST_SHARED = 0.5
+"""A cable is found where this F1 of its points in view and those found is reached: as IoU above a third."""
 LEAST_VISIBLE = 0.3
 """A cable of which less is in view need not be found in a frame."""
 
@@ -24,15 +27,16 @@ class Identities:
         self._last: dict[int, int] = {}
 
     def add(self, true: Mapping[int, np.ndarray], predicted: Mapping[int, np.ndarray]) -> dict[int, int]:
-        """``true`` and ``predicted`` curves (n, 2) by id; returns predicted by true id in this frame."""
+        """Dense points (n, 2) in view of ``true`` and ``predicted`` cables by id; returns predicted by true id in this
+        frame."""
         self.true += len(true)
         self.predicted += len(predicted)
         if not true or not predicted:
             return {}
         keys, others = list(true), list(predicted)
-        away = np.array([[_away(true[a], predicted[b]) for b in others] for a in keys]) / self.width_px
-        rows, columns = linear_sum_assignment(np.minimum(away, NEAR_WIDTHS))
-        found = {keys[i]: others[j] for i, j in zip(rows, columns, strict=True) if away[i, j] < NEAR_WIDTHS}
+        shared = shared_points([true[k] for k in keys], [predicted[k] for k in others], NEAR_WIDTHS * self.width_px)
+        rows, columns = linear_sum_assignment(-shared)
+        found = {keys[i]: others[j] for i, j in zip(rows, columns, strict=True) if shared[i, j] > LEAST_SHARED}
         for cable, number in found.items():
             self.pairs[cable, number] += 1
             self.switches += cable in self._last and self._last[cable] != number
@@ -49,16 +53,23 @@ class Identities:
         return float(200 * counts[rows, columns].sum() / (self.true + self.predicted))
 
 
-def _away(a: np.ndarray, b: np.ndarray) -> float:
-    """Mean distance of the points of the shorter curve to the other one."""
-    first, second = (a, b) if _length(a) < _length(b) else (b, a)
-    return float(cKDTree(_dense(second)).query(_dense(first))[0].mean())
+def shared_points(true: Sequence[np.ndarray], predicted: Sequence[np.ndarray], near_px: float) -> np.ndarray:
+    """F1 of the points of every true and every predicted curve, ``near_px`` from one another."""
+    out = np.zeros((len(true), len(predicted)))
+    trees = [cKDTree(points) for points in predicted]
+    for i, points in enumerate(true):
+        tree = cKDTree(points)
+        for j, other in enumerate(predicted):
+            recall = (trees[j].query(points, distance_upper_bound=near_px)[0] <= near_px).mean()
+            precision = (tree.query(other, distance_upper_bound=near_px)[0] <= near_px).mean()
+            out[i, j] = 2 * precision * recall / max(precision + recall, 1e-9)
+    return out
 
 
-def _dense(line: np.ndarray) -> np.ndarray:
-    share = np.linspace(0, len(line) - 1, 200)
-    return np.stack([np.interp(share, np.arange(len(line)), axis) for axis in line.T], axis=1)
-
-
-def _length(line: np.ndarray) -> float:
-    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+def dense(line: np.ndarray, seen: np.ndarray | None = None, spacing_px: float = 3.0) -> np.ndarray:
+    """Points (n, 2) about every ``spacing_px`` along the segments of ``line`` both of whose ends are ``seen``."""
+    keep = np.ones(len(line) - 1, bool) if seen is None else seen[:-1] & seen[1:]
+    starts, steps = line[:-1][keep], np.diff(line, axis=0)[keep]
+    count = max(int(np.ceil(np.hypot(*steps.T).mean() / spacing_px)), 1) if len(steps) else 1
+    share = (np.arange(count) / count)[:, None, None]
+    return np.asarray((starts + share * steps).reshape(-1, 2))

@@ -182,3 +182,64 @@ def test_colors_tell_equal_cables_apart() -> None:
     both = scene(instance(wave(172)), instance(wave(228)))
     swapped = follow(follow(Track(), both, image), both, np.ascontiguousarray(image[::-1]))
     assert ids_by_number(swapped) == {1: 2, 2: 1}
+
+
+def lifted(y: float, apart: float) -> np.ndarray:
+    """A level cable whose middle is ``apart`` px off row ``y``."""
+    x = np.linspace(60, 560, 200)
+    return np.column_stack([x, y + apart * np.sin(np.pi * (x - 60) / 500)])
+
+
+def halves_changed(a: np.ndarray, b: np.ndarray) -> tuple[Instance, Instance]:
+    """What a picture shows that goes on with the wrong strand in the middle."""
+    return instance(np.concatenate([a[:100], b[100:]])), instance(np.concatenate([b[:100], a[100:]]))
+
+
+def owners_of_ends(track: Track, a: np.ndarray, b: np.ndarray) -> list[int]:
+    """Ids of the cables that are nearest to the quarter and the third quarter of both."""
+    points = [a[50], a[150], b[50], b[150]]
+    away = [[np.linalg.norm(c.xy - point, axis=1).min() for c in track.cables] for point in points]
+    return [track.cables[int(np.argmin(row))].id for row in away]
+
+
+def test_strands_met_tangled_are_told_apart_once_they_separate() -> None:
+    """The first pictures joined the wrong halves, and the ids stayed with them for ever."""
+    track = Track()
+    for t in range(20):
+        gap = 10.0 + 4 * max(t - 4, 0)
+        a, b = lifted(200, -gap / 2), lifted(200, gap / 2)
+        a[:, 1] -= 5
+        b[:, 1] += 5
+        shown = halves_changed(a, b) if gap < 20 else (instance(a), instance(b))
+        track = follow(track, scene(*shown))
+    left, right, other_left, other_right = owners_of_ends(track, a, b)
+    assert left == right != other_left == other_right
+    assert {c.state for c in track.cables if c.id in (left, other_left)} == {"seen"}
+
+
+def test_what_was_seen_alone_outweighs_a_picture_that_joins_it_wrongly() -> None:
+    track = Track()
+    for t in range(14):
+        apart = 60.0 - 4 * min(t, 10)
+        a, b = lifted(200 - apart, 0.0), lifted(200 + apart, 0.0)
+        wrong = halves_changed(a, b)
+        crossing = Crossing((310.0, 200.0), StrandPosition(1, 0.5), StrandPosition(2, 0.5), 0.6)
+        shown = scene(*wrong, crossings=[crossing]) if t > 10 else scene(instance(a), instance(b))
+        track = follow(track, shown)
+    left, right, other_left, other_right = owners_of_ends(track, a, b)
+    assert (left, right, other_left, other_right) == (1, 1, 2, 2)
+    assert len(track.cables) == 2
+
+
+def test_a_doubt_that_goes_on_counts_once() -> None:
+    """Thirty frames beside another cable made a certainty of nothing."""
+    tracks = run([scene(instance(wave(190)), instance(wave(210)))] + [scene(instance(wave(200)))] * 30)
+    assert min(c.certainty for c in tracks[-1].cables) > 0.2
+
+
+def test_a_place_keeps_its_arc_length_when_the_cable_grows_at_its_beginning() -> None:
+    whole = wave(200)
+    frames = [scene(instance(whole[200 - n :], ("border", "free"))) for n in (100, 120, 140, 160, 180, 200)]
+    first, last = (tracks.cables[0] for tracks in (run(frames)[0], run(frames)[-1]))
+    assert first.start_px == 0.0
+    assert last.start_px == pytest.approx(first.length_px - last.length_px, abs=WIDTH)
