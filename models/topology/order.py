@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,6 +27,16 @@ _MOST_DEPTH_ODDS = 3.0
 _LEAST_SINE = 0.35
 _SHARPNESS = 1.5
 """How fast the score follows the ratio of the deviations."""
+
+
+class Stretch(Protocol):
+    """What a section and a cable have in common: ``xy`` (n, 2) px in order, and the width, px."""
+
+    @property
+    def xy(self) -> FloatArray: ...
+
+    @property
+    def width(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -74,14 +85,14 @@ def ordered(crossings: Sequence[Crossing], sections: Sequence[Section], surfaces
 
 def _order(crossing: Crossing, sections: Sequence[Section], surfaces: Sequence[Surface]) -> Crossing:
     one, other = crossing.over, crossing.under
-    odds = sum(_log_odds(one, other, sections, s) for s in surfaces)
+    odds = sum(log_odds(one, other, sections, s) for s in surfaces)
     score = 1 / (1 + float(np.exp(-abs(odds))))
     if odds >= 0:
         return replace(crossing, order_score=score)
     return replace(crossing, over=other, under=one, order_score=score)
 
 
-def _log_odds(one: Place, other: Place, sections: Sequence[Section], surface: Surface) -> float:
+def log_odds(one: Place, other: Place, sections: Sequence[Stretch], surface: Surface) -> float:
     """Positive if ``one`` runs through unchanged while ``other`` does not; 0 if the surface does not tell."""
     sine = _sine(one, other, sections)
     first = _deviation(one, sections[one.section], sections[other.section].width / sine, surface)
@@ -94,7 +105,7 @@ def _log_odds(one: Place, other: Place, sections: Sequence[Section], surface: Su
     return odds
 
 
-def _sine(one: Place, other: Place, sections: Sequence[Section]) -> float:
+def _sine(one: Place, other: Place, sections: Sequence[Stretch]) -> float:
     """Sine of the angle between two strands where they cross: at a flat angle they lie on one another for longer."""
     headings = []
     for place in (one, other):
@@ -107,7 +118,7 @@ def _sine(one: Place, other: Place, sections: Sequence[Section]) -> float:
     return max(_LEAST_SINE, abs(float(a * d - b * c)))
 
 
-def _deviation(place: Place, section: Section, overlap: float, surface: Surface) -> tuple[float, float] | None:
+def _deviation(place: Place, section: Stretch, overlap: float, surface: Surface) -> tuple[float, float] | None:
     """Mean squared deviation, noise included, of what is seen in the crossing from what is seen before and after, and
     the mean of the latter right beside the crossing; None where too little is seen."""
     lengths = arc_lengths(section.xy)
@@ -125,7 +136,7 @@ def _deviation(place: Place, section: Section, overlap: float, surface: Surface)
     return float(np.nanmean((center - expected) ** 2)) + surface.noise**2, beside
 
 
-def _profile(section: Section, lengths: FloatArray, at: FloatArray, surface: Surface) -> FloatArray:
+def _profile(section: Stretch, lengths: FloatArray, at: FloatArray, surface: Surface) -> FloatArray:
     """``(n, C)`` along the section, averaged over the middle of its width so that highlights count little."""
     along = np.clip(at, 0, lengths[-1])
     places = point_at(section.xy, lengths, along)

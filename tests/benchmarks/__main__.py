@@ -46,6 +46,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "disentangling": ["tests.benchmarks.bench_disentangling", "--single", "200", "--triple", "240"],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
         "labelling": ["tests.benchmarks.bench_labelling"],
+        "tracking": ["tests.benchmarks.bench_tracking"],
+        "depth": ["tests.benchmarks.bench_depth"],
         "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
         "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
         "border": ["tests.benchmarks.bench_border"],

@@ -6,7 +6,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import report_labelling, report_planner, report_reconstruction, report_topology, report_training
+from tests.benchmarks import (
+    report_labelling,
+    report_planner,
+    report_reconstruction,
+    report_topology,
+    report_tracking,
+    report_training,
+)
 from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_methods import methods_section, tangles_section
 from tests.benchmarks.report_photographs import photographs
@@ -137,4 +144,5 @@ SECTIONS: dict[str, Any] = {
     "tangles": tangles_section,
     "topology": report_topology.topology,
     "disentangling": report_topology.disentangling,
+    **report_tracking.SECTIONS,
 }
