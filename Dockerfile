@@ -27,4 +27,5 @@ HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \
 # The settings refuse a host that is not loopback unless there are API keys.
 ENV DLO_HOST=0.0.0.0
 CMD ["uvicorn", "--factory", "services.app:create_app", "--host", "0.0.0.0", "--port", "8000", \
-     "--http", "services.http_protocol:BoundedHttp", "--no-access-log"]
+     "--http", "services.http_protocol:BoundedHttp", "--ws-max-size", "33554432", \
+     "--no-access-log"]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from fastapi import Depends, Request
+from fastapi import Depends, Request, WebSocket
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from prometheus_client import CollectorRegistry
 
@@ -22,6 +23,7 @@ from services.uploads import Uploads
 from workers.blobs import Blobs
 from workers.networks.store import NetworkStore
 from workers.queue import AsyncJobQueue, JobQueue
+from workers.tracks import Tracks
 from workers.unsure import UnsureStore
 
 
@@ -42,6 +44,7 @@ class Backend:
     keys: KeyRing
     labels: LabelFolders
     exports: LabelExports
+    tracks: Tracks
     under_way: Counter[str] = field(default_factory=Counter)
     """Requests that this replica answers now, by owner."""
 
@@ -106,23 +109,38 @@ def _needs(scope: Scope) -> Callable[..., AsyncIterator[Caller]]:
     async def authorize(
         backend: BackendDep, bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
     ) -> AsyncIterator[Caller]:
-        if not backend.settings.has_keys:
-            yield Caller(None)
-            return
-        key = backend.keys.find(bearer.credentials) if bearer else None
-        if key is None:
-            detail = "send a valid API key as `Authorization: Bearer …`"
-            raise ProblemError(401, "unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})
-        if not key.allows(scope):
-            raise ProblemError(403, "forbidden", f"this API key does not have the scope `{scope}`")
-        await _check_pace(backend, key)
-        backend.under_way[key.name] += 1
-        try:
-            yield Caller(key)
-        finally:
-            backend.under_way[key.name] -= 1
+        async with _let_in(backend, bearer.credentials if bearer else None, scope) as caller:
+            yield caller
 
     return authorize
+
+
+@asynccontextmanager
+async def _let_in(backend: Backend, presented: str | None, scope: Scope) -> AsyncIterator[Caller]:
+    """The holder of the key that was ``presented``, counted as under way; raises ProblemError."""
+    if not backend.settings.has_keys:
+        yield Caller(None)
+        return
+    key = backend.keys.find(presented) if presented else None
+    if key is None:
+        detail = "send a valid API key as `Authorization: Bearer …`"
+        raise ProblemError(401, "unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})
+    if not key.allows(scope):
+        raise ProblemError(403, "forbidden", f"this API key does not have the scope `{scope}`")
+    await _check_pace(backend, key)
+    backend.under_way[key.name] += 1
+    try:
+        yield Caller(key)
+    finally:
+        backend.under_way[key.name] -= 1
+
+
+@asynccontextmanager
+async def streaming_caller(socket: WebSocket, backend: Backend, scope: Scope) -> AsyncIterator[Caller]:
+    """Who opens a WebSocket, by the same header; raises ProblemError before it is accepted."""
+    scheme, _, presented = socket.headers.get("authorization", "").partition(" ")
+    async with _let_in(backend, presented if scheme.lower() == "bearer" else None, scope) as caller:
+        yield caller
 
 
 async def _check_pace(backend: Backend, key: Key) -> None:

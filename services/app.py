@@ -39,6 +39,7 @@ from services.routes import (
     metrics,
     models,
     recipes,
+    tracks,
     unsure,
     viewer,
     webhooks,
@@ -50,6 +51,7 @@ from workers import logs
 from workers.blobs import open_blobs
 from workers.networks.store import NetworkStore
 from workers.queue import AsyncJobQueue, JobQueue
+from workers.tracks import Tracks
 from workers.unsure import UnsureStore
 
 DESCRIPTION = """Finds deformable linear objects (cables, wires, ropes) in pictures.
@@ -83,7 +85,20 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     app.add_middleware(Gate, settings=settings)
     app.add_middleware(Requests, durations=RequestDurations(backend.registry))
     problems.install(app)
-    for module in (images, jobs, recipes, cameras, health, labels, label_folders, models, unsure, metrics, webhooks):
+    for module in (
+        images,
+        jobs,
+        tracks,
+        recipes,
+        cameras,
+        health,
+        labels,
+        label_folders,
+        models,
+        unsure,
+        metrics,
+        webhooks,
+    ):
         app.include_router(module.router)
     viewer.mount(app)
     docs.mount(app)
@@ -113,6 +128,7 @@ def _assemble(settings: ServiceSettings) -> Backend:
         registry=observed,
         labels=LabelFolders(settings.labels_dir),
         exports=LabelExports(),
+        tracks=Tracks(settings),
         keys=KeyRing(settings.api_key_hashes, settings.api_keys_file),
     )
 
@@ -132,6 +148,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         with suppress(asyncio.CancelledError):
             await task
     await backend.waiting.close()
+    await backend.tracks.close()
     await to_thread.run_sync(backend.queue.close)
 
 

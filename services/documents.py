@@ -46,6 +46,12 @@ SUBMISSION: dict[str, Any] = {
                         "items": _PICTURE,
                         "description": "Fills the field `mask`",
                     },
+                    "depth": {
+                        "type": "array",
+                        "maxItems": 1,
+                        "items": _PICTURE,
+                        "description": "Fills the field `depth`",
+                    },
                 },
                 "additionalProperties": False,
             },
@@ -86,6 +92,27 @@ LABELS: dict[str, Any] = {
     "content": {"application/zip": {"schema": _PICTURE}, "application/octet-stream": {"schema": _PICTURE}},
 }
 """Body of ``POST /v1/labels``."""
+
+FRAME: dict[str, Any] = {
+    "required": True,
+    "description": "The picture, or parts: the picture, its foreground mask, or both.",
+    "content": {
+        "image/*": {"schema": _PICTURE},
+        "application/octet-stream": {"schema": _PICTURE},
+        "multipart/form-data": {
+            "schema": {
+                "type": "object",
+                "properties": {
+                    "image": _PICTURE | {"description": "the picture"},
+                    "mask": _PICTURE | {"description": "its foreground; no network looks then"},
+                    "depth": _PICTURE | {"description": "its depth map, as in an `instances` request"},
+                },
+                "additionalProperties": False,
+            }
+        },
+    },
+}
+"""Body of ``POST /v1/tracks/{id}/frames``."""
 
 
 _FLANGE = {

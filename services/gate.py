@@ -32,15 +32,16 @@ class Gate:
         self._settings = settings
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
         if not self._settings.has_keys:
             _check_network(scope)
         self._check_host(headers.get("host", ""))
-        self._check_origin(headers, scope["method"])
-        await self._app(scope, _Paced(receive), send)
+        streams = scope["type"] == "websocket"
+        self._check_origin(headers, "POST" if streams else scope["method"])
+        await self._app(scope, receive if streams else _Paced(receive), send)
 
     def _check_host(self, host: str) -> None:
         allowed = self._settings.allowed_hosts

@@ -18,6 +18,8 @@ from services.problems import problem_of, response_of
 log = structlog.get_logger(__name__)
 
 _CLIENT_IS_GONE = 499
+_REFUSED = 1008
+"""Close code of a WebSocket for a policy."""
 _SAFE_ID = re.compile(r"[\w.:/+=-]{1,128}", re.ASCII)
 
 
@@ -29,6 +31,9 @@ class Requests:
         self._durations = durations
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await _streamed(self._app, scope, receive, send)
+            return
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -63,6 +68,24 @@ class Requests:
         self._durations.observe(method, route, status, seconds)
         milliseconds = round(seconds * 1000, 1)
         log.info("request", method=method, path=scope["path"], status=status, ms=milliseconds)
+
+
+async def _streamed(app: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
+    """A WebSocket; one that is refused before it is accepted is closed with the problem's code as the reason."""
+    accepted = False
+
+    async def noting_send(message: Message) -> None:
+        nonlocal accepted
+        accepted = accepted or message["type"] in ("websocket.accept", "websocket.close")
+        await send(message)
+
+    try:
+        await app(scope, receive, noting_send)
+    except Exception as error:
+        if accepted:
+            raise
+        problem = problem_of(error).problem
+        await send({"type": "websocket.close", "code": _REFUSED, "reason": problem.code})
 
 
 def _request_id(scope: Scope) -> str:

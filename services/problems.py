@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 
 from services.fields import parameter_problems
 from workers.blobs import BlobMissing, BlobsUnreachableError, NoRoomError
+from workers.errors import TrackBusy, TracksFull, TrackUnknown
 from workers.networks.store import NetworkUnknownError
 from workers.queue import IdempotencyConflict, JobGone, JobUnknown, QueueFull
 from workers.quota import QuotaExceededError
@@ -92,6 +93,13 @@ def problem_of(error: Exception) -> ProblemError:
             return ProblemError(410, "job_expired", "the job has ended and its result is no longer kept")
         case NetworkUnknownError():
             return ProblemError(404, "unknown_network", "no network that was adapted or brought here has this name")
+        case TrackUnknown():
+            return ProblemError(404, "unknown_track", "no track has this id (any longer)")
+        case TrackBusy():
+            detail = "another frame of this track is being looked at; send one after the other"
+            return _retry(409, "track_busy", detail, 1.0)
+        case TracksFull():
+            return _retry(429, "too_many_tracks", f"{error}; end those that are over", error.retry_after_s)
         case BlobMissing():
             return ProblemError(410, "file_expired", "the file is no longer kept")
         case IdempotencyConflict():
@@ -156,6 +164,9 @@ def install(app: FastAPI) -> None:
         QuotaExceededError,
         IdempotencyConflict,
         QueueFull,
+        TrackUnknown,
+        TrackBusy,
+        TracksFull,
         RedisError,
     )
     for kind in known:

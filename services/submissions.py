@@ -60,6 +60,7 @@ class _Form:
     """What the JSON as a whole is called in a problem."""
     images: list[ImageInfo] = field(default_factory=list)
     mask: ImageInfo | None = None
+    depth: ImageInfo | None = None
     staged: list[Staged] = field(default_factory=list)
 
 
@@ -178,6 +179,7 @@ class Submissions:
             text: Allowed(parts=1, bytes=settings.max_request_bytes),
             "image": Allowed(parts=settings.max_images_per_job, bytes=settings.max_image_bytes),
             "mask": Allowed(parts=1, bytes=settings.max_image_bytes),
+            "depth": Allowed(parts=1, bytes=settings.max_image_bytes),
         }
         async with aclosing(parts(request, allowed)) as stream:
             async for part in stream:
@@ -191,14 +193,16 @@ class Submissions:
         form.staged.append(staged)
         if part.name == "mask":
             form.mask = info
+        elif part.name == "depth":
+            form.depth = info
         else:
             form.images.append(info)
 
     async def _check(self, form: _Form, defaults: Mapping[str, Any]) -> Entry:
         if form.text is None:
             raise field_error("request", "this part is missing: it holds the request as JSON")
-        mask = form.mask.id if form.mask else None
-        given = Given(form.text, form.whole, tuple(image.id for image in form.images), mask, defaults)
+        mask, depth = (info.id if info else None for info in (form.mask, form.depth))
+        given = Given(form.text, form.whole, tuple(image.id for image in form.images), mask, defaults, depth)
         found = await checked(given, self._limiter)
         _check_webhook(found.entry, self._settings)
         await self._check_model(found.model)
@@ -220,7 +224,7 @@ class Submissions:
 
     async def _infos(self, found: Checked, form: _Form) -> dict[str, ImageInfo]:
         """What is known of each picture, by the field that names it."""
-        known = {info.id: info for info in (*form.images, *([form.mask] if form.mask else []))}
+        known = {info.id: info for info in (*form.images, form.mask, form.depth) if info is not None}
         infos = {}
         for name, image_id in found.pictures.items():
             infos[name] = known.get(image_id) or await self._uploads.find(image_id, field=name)
@@ -259,7 +263,7 @@ def _check_sizes(found: Checked, infos: Mapping[str, ImageInfo]) -> None:
     for name, info in infos.items():
         number = name.removeprefix("reference.")
         beside = infos.get(f"views.{number}.image") or infos.get("image")
-        if beside is None or (name != "mask" and number == name):
+        if beside is None or (name not in ("mask", "depth") and number == name):
             continue
         if (beside.width, beside.height) != (info.width, info.height):
             sizes = f"{info.width} x {info.height} pixels, the image {beside.width} x {beside.height}"

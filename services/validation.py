@@ -44,6 +44,7 @@ class Given:
     mask: str | None = None
     defaults: Mapping[str, Any] = field(default_factory=dict)
     """Fields of a request that leaves them out, where its kind has them."""
+    depth: str | None = None
 
 
 @dataclass(frozen=True)
@@ -174,10 +175,11 @@ def _fill(fields: dict[str, Any], given: Given) -> None:
     empty = [holder for holder in holders if holder.get("image") is None]
     for holder, part in zip(empty, free, strict=False):
         holder["image"] = {"part": part}
-    if given.mask and fields.get("mask") is not None:
-        raise _refused("mask", "is both in the request and a part of its own")
-    if given.mask:
-        fields["mask"] = {"id": given.mask}
+    for name, blob_id in (("mask", given.mask), ("depth", given.depth)):
+        if blob_id and fields.get(name) is not None:
+            raise _refused(name, "is both in the request and a part of its own")
+        if blob_id:
+            fields[name] = {"id": blob_id}
 
 
 class _Pictures:
@@ -196,7 +198,11 @@ class _Pictures:
         resolved = resolved.model_copy(update={k: v for k, v in self._defaults.items() if k in free})
         if self._unused:
             raise _refused("image", f"part {min(self._unused)} is not used by the request")
-        if "image" in type(request).model_fields and request.needs_picture and not {"image", "mask"} & {*self._named}:
+        if (
+            "image" in type(request).model_fields
+            and request.needs_picture
+            and not {"image", "mask", "depth"} & {*self._named}
+        ):
             raise _refused("image", _MISSING)
         cameras = self._cameras(getattr(request, "views", None) or [])
         return Checked(Entry.of(resolved), self._named, cameras, getattr(request, "model", None), self._uploads)

@@ -154,9 +154,9 @@ Written by `python -m tests.api_examples`; the tests send each request. The refe
 running service. Start one with `make serve`, and run the commands in the repository's folder.
 
 `POST /v1/jobs` takes a request as JSON (`application/json`), or as the part `request` of a form with its pictures
-as parts `image` and `mask`, which fill the fields left out, in order. Without `?wait=` the answer is 202 and the
-job's address; with it the answer is 200 and the job with its `result`, if it is done in time. Long lists are cut
-here (`…`).
+as parts `image`, `mask` and `depth`, which fill the fields left out, in order. Without `?wait=` the answer is 202
+and the job's address; with it the answer is 200 and the job with its `result`, if it is done in time. Long lists
+are cut here (`…`).
 
 Pictures are PNG, JPEG, TIFF, WebP, BMP or GIF with 1 to 32 bits a sample; in a mask whatever is not background is
 cable, be it 1, 2, white, red or opaque. How a picture was read where that may surprise (taken as a mask, further

@@ -78,6 +78,19 @@ class Keys:
         """There as long as somebody works on the job."""
         return f"{self.prefix}:alive:{job_id}"
 
+    @property
+    def tracks(self) -> str:
+        """Sorted set of the ids of all tracks by the time at which they expire."""
+        return f"{self.prefix}:tracks"
+
+    def track(self, track_id: str) -> str:
+        """Hash of a track."""
+        return f"{self.prefix}:track:{track_id}"
+
+    def track_held(self, track_id: str) -> str:
+        """There as long as a frame of the track is looked at."""
+        return f"{self.prefix}:track_held:{track_id}"
+
     def owned(self, owner: str) -> str:
         """Set of the ids of an owner's jobs that are queued or running."""
         return f"{self.prefix}:owned:{owner}"

@@ -63,6 +63,8 @@ class Settings(BaseSettings):
         le=0.5,
         description="share of its jobs that a worker takes from batch while interactive waits",
     )
+    max_tracks: PositiveInt = Field(default=1000, description="kept at a time; a new one is refused then")
+    track_ttl_s: PositiveFloat = Field(default=3600.0, description="a track is forgotten so long after its last frame")
     max_attempts: PositiveInt = Field(default=2, description="times a job whose worker dies is taken up")
     max_images_per_job: PositiveInt = 64
     max_image_bytes: PositiveInt = 32 * 1024 * 1024

@@ -117,6 +117,7 @@ class _Service:
                 log_config=None,
                 access_log=False,
                 http=BoundedHttp,
+                ws_max_size=self._settings.max_image_bytes,
                 timeout_graceful_shutdown=_HTTP_GRACE_S,
             )
         )

@@ -29,7 +29,7 @@ def test_every_answer_but_a_good_one_is_a_problem(document):
 def test_bodies_are_described(document):
     submit = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]
     assert submit["application/json"]["schema"] == {"$ref": "#/components/schemas/AnyRequest"}
-    assert set(submit["multipart/form-data"]["schema"]["properties"]) == {"request", "image", "mask"}
+    assert set(submit["multipart/form-data"]["schema"]["properties"]) == {"request", "image", "mask", "depth"}
     kinds = document["components"]["schemas"]["AnyRequest"]["discriminator"]["mapping"]
     assert set(kinds) == set(get_args(JobKind))
 

@@ -26,7 +26,7 @@ import boto3
 from botocore.config import Config
 from botocore.exceptions import BotoCoreError, ClientError
 
-from workers.blobs.contract import BlobMissing, BlobsUnreachableError, NoRoomError
+from workers.blobs.contract import BlobMissing, BlobsUnreachableError, NoRoomError, Staged
 
 _ID = re.compile(r"[0-9a-f]{64}")
 _ABSENT = ("NoSuchKey", "404", "NotFound")
@@ -45,6 +45,10 @@ class StagedObject:
     bytes: int
     _blobs: BucketBlobs
     _beside: str | None
+
+    @property
+    def is_new(self) -> bool:
+        return self._beside is not None
 
     def keep(self) -> str:
         if self._beside is None:
@@ -122,6 +126,9 @@ class BucketBlobs:
         """Of an object that is not there nothing is removed."""
         with _told(name):
             self._client.delete_object(Bucket=self._bucket, Key=name)
+
+    def let_go(self, staged: Staged, after_s: float) -> None:
+        """An object has no age but that of its last write: these live as long as any."""
 
     def sweep(self, now: float | None = None) -> int:
         """See :class:`workers.blobs.Blobs`."""

@@ -27,6 +27,10 @@ class Staged(Protocol):
     @property
     def bytes(self) -> int: ...
 
+    @property
+    def is_new(self) -> bool:
+        """Whether no blob had these bytes before."""
+
     def keep(self) -> str:
         """Make a blob of them; its id. May be called again."""
 
@@ -57,6 +61,10 @@ class Blobs(Protocol):
 
     def touch(self, blob_id: str) -> bool:
         """Start the lifetime anew; False if there is no such blob."""
+
+    def let_go(self, staged: Staged, after_s: float) -> None:
+        """Where the place can, let what ``staged`` made a blob be swept away ``after_s`` seconds from now, unless it is
+        touched again or was one before."""
 
     def sweep(self, now: float | None = None) -> int:
         """Remove what has outlived its lifetime at ``now`` (seconds since the epoch); return how many."""

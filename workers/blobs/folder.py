@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
-from workers.blobs.contract import BlobMissing, NoRoomError
+from workers.blobs.contract import BlobMissing, NoRoomError, Staged
 
 _ID = re.compile(r"[0-9a-f]{64}")
 _DISK_IS_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -35,6 +35,11 @@ class StagedFile:
     bytes: int
     _place: Path
     _beside: Path | None
+
+    @property
+    def is_new(self) -> bool:
+        """Whether no blob had these bytes before."""
+        return self._beside is not None
 
     def keep(self) -> str:
         """Make a blob of them; its id."""
@@ -97,6 +102,13 @@ class FolderBlobs:
         except FileNotFoundError:
             return False
         return True
+
+    def let_go(self, staged: Staged, after_s: float) -> None:
+        """See :class:`workers.blobs.Blobs`."""
+        if staged.is_new:
+            with contextlib.suppress(FileNotFoundError):
+                at = self._clock() - self._lifetime_s + after_s
+                os.utime(self._place(staged.blob_id), (at, at))
 
     def sweep(self, now: float | None = None) -> int:
         """Remove what has outlived its lifetime at ``now`` (seconds since the epoch); return how many."""

@@ -46,8 +46,9 @@ class Samples:
         return self.values.dtype != np.uint8
 
 
-def decode(data: bytes, *, max_pixels: int) -> Samples:
-    """Raises PictureError with a message that continues the name of a field."""
+def decode(data: bytes, *, max_pixels: int, holes: bool = False) -> Samples:
+    """``holes``: values that are not finite, or below 0, are taken for 0. Raises PictureError with a message that
+    continues the name of a field."""
     with headers.opened(data) as picture:
         headers.check_size(picture.size, max_pixels)
         page, sizes = picture.tell(), headers.pages(picture)
@@ -57,7 +58,7 @@ def decode(data: bytes, *, max_pixels: int) -> Samples:
             picture.load()
             if picture.format in ("JPEG", "MPO") and not jpeg.is_whole(data, picture):
                 raise PictureError("is a truncated JPEG: a part of the picture is missing")
-            samples = _samples(picture, deep)
+            samples = _samples(picture, deep, holes)
     if len(sizes) > 1:
         samples = replace(samples, remarks=(*samples.remarks, _other_pages(page, sizes)))
     return samples
@@ -84,14 +85,14 @@ def _other_pages(page: int, sizes: list[tuple[int, int]]) -> str:
     return f"has {len(sizes)} pages or frames; only the first was looked at"
 
 
-def _samples(picture: Image.Image, deep: Values | None) -> Samples:
+def _samples(picture: Image.Image, deep: Values | None, holes: bool) -> Samples:
     lossy = picture.format in ("JPEG", "MPO") or (picture.format == "WEBP" and not _is_lossless(picture))
     mode, negative = picture.mode, _white_is_zero(picture)
     if mode not in _PLAIN | _WIDE | _CONVERTED.keys():
         raise PictureError(f"is in the color space {mode}, which is not read here: send gray or RGB")
     if mode in _WIDE or deep is not None:
         ImageOps.exif_transpose(picture, in_place=True)
-        values = _checked(np.asarray(picture) if deep is None else deep)
+        values = _checked(np.asarray(picture) if deep is None else deep, holes)
         return Samples(_without_sign(values, negative), None, None, lossy)
     ImageOps.exif_transpose(picture, in_place=True)
     indices = np.asarray(picture) if mode == "P" else None
@@ -166,7 +167,9 @@ def _without_sign(values: Values, white_is_zero: bool) -> Values:
     return np.asarray(full - values, values.dtype)
 
 
-def _checked(values: Values) -> Values:
+def _checked(values: Values, holes: bool) -> Values:
+    if holes:
+        values = np.where(np.isfinite(values) & (values > 0), values, 0).astype(values.dtype)
     if values.dtype == np.float32 and not np.isfinite(values).all():
         raise PictureError("has values that are not finite")
     if values.min() < 0:

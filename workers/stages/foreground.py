@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from dlo_client.contracts import DisentangleRequest, InstancesRequest, ModelUsed, TopologyRequest
 from dlo_client.contracts.foreground import ForegroundOptions, ReferenceUsed
 from numpy.typing import NDArray
 
+from models.depth.evidence import alone, combined
 from models.segmentation.effort import PASSES, look
 from models.segmentation.empty_place import weigh
 from models.segmentation.segment import ForegroundInput, foreground_mask
 from models.weights.inference import Network
+from workers.stages.depth import SeenDepth
 from workers.stages.encoding import model_used
 from workers.stages.networks import NoSuchNetworkError
 from workers.stages.outcome import InvalidInput, Tools
@@ -63,24 +65,40 @@ class Foreground:
         return [self.reference] if self.reference else []
 
 
-def read_source(request: InstancesRequest | TopologyRequest | DisentangleRequest, tools: Tools) -> Source:
+def read_source(
+    request: InstancesRequest | TopologyRequest | DisentangleRequest, tools: Tools, depth: SeenDepth | None = None
+) -> Source:
     """``image`` and ``mask`` of a request. A picture with two values is taken as the mask, unless there is another one
-    or the request names a network.
+    or the request names a network. Without both, what stands out of the ``depth`` is the mask.
 
     Raises InvalidInput naming the field.
     """
+    remarks = depth.remarks if depth else []
     if request.image is None and request.mask is None:
-        raise InvalidInput("image", "an image or a mask is needed")
-    source = Source(None, None, [])
+        return Source(None, _by_height(depth), remarks)
+    source = Source(None, None, remarks)
     if request.image is not None:
         may_be_mask = request.mask is None and request.model is None
         source = Source.of(read_picture(request.image, "image", tools, may_be_mask=may_be_mask))
+        source = replace(source, remarks=[*source.remarks, *remarks])
+    if depth is not None and source.image is not None:
+        check_size("depth", depth.depth_m.shape, "image", source.size)
     if request.mask is None:
         return source
-    mask, remarks = read_mask(request.mask, "mask", tools)
+    mask, of_mask = read_mask(request.mask, "mask", tools)
     if source.image is not None:
         check_size("mask", mask.shape, "image", source.image.shape[:2])
-    return Source(source.image, mask, [*source.remarks, *remarks])
+    if depth is not None:
+        check_size("depth", depth.depth_m.shape, "mask", mask.shape)
+    return Source(source.image, mask, [*source.remarks, *of_mask])
+
+
+def _by_height(depth: SeenDepth | None) -> NDArray[np.float32]:
+    if depth is None:
+        raise InvalidInput("image", "an image or a mask is needed, or a depth")
+    if depth.odds is None:
+        raise InvalidInput("depth", "shows no table, so nothing stands out of it: send an image or a mask, too")
+    return alone(depth.odds)
 
 
 def check_size(field: str, size: tuple[int, ...], other: str, wanted: tuple[int, ...]) -> None:
@@ -92,11 +110,16 @@ def check_size(field: str, size: tuple[int, ...], other: str, wanted: tuple[int,
 
 
 def find_foreground(
-    source: Source, tools: Tools, options: ForegroundOptions, threshold: float | None = None, view: int | None = None
+    source: Source,
+    tools: Tools,
+    options: ForegroundOptions,
+    threshold: float | None = None,
+    view: int | None = None,
+    depth: SeenDepth | None = None,
 ) -> Foreground:
     """The mask, or what the network of ``options`` sees in the picture (of the ``view``), weighed against the pictures
-    of the empty place; nothing outside the regions. The network's 8-bit form looks, where there is one, unless it is
-    to look thoroughly.
+    of the empty place and the heights of a ``depth``; nothing outside the regions. The network's 8-bit form looks,
+    where there is one, unless it is to look thoroughly.
 
     Raises InvalidInput naming ``model``, ``reference`` or ``regions``.
     """
@@ -110,6 +133,8 @@ def find_foreground(
     settings = ForegroundInput.from_manifest(network.spec.preprocess)
     probability = look(source.image, network, settings, options.effort)
     probability, used = _against_reference(source.image, probability, options, tools, view)
+    if depth is not None and depth.odds is not None:
+        probability = combined(probability, depth.odds)
     probability = within(options.regions, probability)
     applied = settings.threshold if threshold is None else threshold
     cable = foreground_mask(probability, settings, threshold)

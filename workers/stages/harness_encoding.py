@@ -19,6 +19,7 @@ from dlo_client.contracts import (
 from models.geometry.polylines import arc_lengths
 from models.topology import scene as found
 from models.topology.harness_drawing import Match
+from workers.stages.depth import curve_fields, plane
 from workers.stages.encoding import as_point, as_points
 from workers.stages.outcome import InvalidInput
 from workers.stages.seen_harness import SeenHarness
@@ -58,7 +59,7 @@ def encode(seen: SeenHarness, match: Match | None = None, drawing: HarnessDrawin
             TopologyEdge(a=a, b=b, score=round(score, 4))
             for (a, b), score in zip(topology.links.tolist(), topology.link_scores.tolist(), strict=True)
         ],
-        sections=[_section(k, s, names.get(k)) for k, s in enumerate(topology.sections)],
+        sections=[_section(k, seen, names.get(k)) for k in range(len(topology.sections))],
         branch_points=[
             BranchPoint(id=k + 1, xy=as_point(b.xy), sections=[s + 1 for s in b.sections], score=round(b.score, 4),
                         name=places.get(k))
@@ -71,12 +72,24 @@ def encode(seen: SeenHarness, match: Match | None = None, drawing: HarnessDrawin
         ],
         match=None if match is None or drawing is None else _drawing_match(match, drawing, topology),
         reference=seen.foreground.references,
+        table=plane(seen.depth),
         warnings=seen.remarks,
         models=seen.models,
     )  # fmt: skip
 
 
-def _section(k: int, section: found.Section, name: str | None) -> Section:
+def _covered(k: int, topology: found.Topology) -> list[tuple[float, float]]:
+    """Where a section lies under another strand, in shares of its length."""
+    stretches = []
+    for crossing in topology.crossings:
+        if crossing.under.section == k:
+            half = 0.75 * topology.sections[crossing.over.section].width / max(topology.sections[k].length, 1e-9)
+            stretches.append((crossing.under.u - half, crossing.under.u + half))
+    return stretches
+
+
+def _section(k: int, seen: SeenHarness, name: str | None) -> Section:
+    section = seen.topology.sections[k]
     first, last = ((b + 1 if b >= 0 else None) for b in section.branches)
     return Section(
         id=k + 1,
@@ -89,6 +102,7 @@ def _section(k: int, section: found.Section, name: str | None) -> Section:
         closed=section.closed,
         score=round(section.score, 4),
         name=name,
+        **curve_fields(seen.depth, section.xy, section.width, _covered(k, seen.topology), len(section.xy)),
     )
 
 

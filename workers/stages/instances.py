@@ -19,16 +19,19 @@ from dlo_client.contracts import (
 )
 from dlo_client.labelling.labels import label_of
 
+from models.depth.order import covered_stretches
 from models.geometry import rle
 from models.geometry.polylines import resample
 from models.instances import scene as found
 from models.instances.drawing import palette
 from models.instances.overlay import overlay
 from models.strands.stopwatch import Stopwatch
+from workers.stages.depth import SeenDepth, curve_fields, plane, read_depth
 from workers.stages.encoding import OVERLAY_SIDE, File, as_point, as_points, indexed_png, mask_png, overlay_png
 from workers.stages.foreground import read_source
 from workers.stages.outcome import Outcome, Tools
 from workers.stages.perception import Perception, perceive
+from workers.stages.tracking import track_frame
 
 _DECIMALS = 2
 _SURE = 0.8
@@ -38,7 +41,8 @@ _SURE = 0.8
 def run(request: InstancesRequest, tools: Tools) -> Outcome:
     watch = Stopwatch()
     with watch.step("decode"):
-        source = read_source(request, tools)
+        depth = read_depth(request, tools)
+        source = read_source(request, tools, depth)
     tools.progress(0.1)
     seen = perceive(
         source,
@@ -47,14 +51,19 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         threshold=request.threshold,
         method=request.method,
         params=request.params,
+        depth=depth,
     )
     tools.progress(0.8)
+    tracked = None
+    if request.previous is not None:
+        with watch.step("track"):
+            tracked = track_frame(request.previous, seen, request.time_s, depth)
     with watch.step("encode"):
         size = seen.foreground.probability.shape
         masks = rle.encode_labels(seen.scene.labels, len(seen.scene.instances))
         instances = [
-            _instance(k, item, MaskRLE(size=size, counts=counts), request.points_per_instance)
-            for k, (item, counts) in enumerate(zip(seen.scene.instances, masks, strict=True), start=1)
+            _instance(k, seen.scene, MaskRLE(size=size, counts=counts), request.points_per_instance, depth)
+            for k, counts in enumerate(masks, start=1)
         ]
         files = _files(request, seen)
     height, width = size
@@ -65,6 +74,10 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         threshold=seen.foreground.threshold,
         instances=instances,
         crossings=[_crossing(k, item) for k, item in enumerate(seen.scene.crossings, start=1)],
+        cables=tracked and tracked.cables,
+        cable_crossings=tracked and tracked.crossings,
+        track=tracked and tracked.track,
+        table=plane(depth),
         status=_status(seen.scene),
         reference=seen.foreground.references,
         warnings=[*source.remarks, *_remarks(seen)],
@@ -111,8 +124,10 @@ def _remarks(seen: Perception) -> list[str]:
     return [f"{100 * share:.3g} % of the picture is foreground, but no part of it has the shape of a cable"]
 
 
-def _instance(number: int, item: found.Instance, mask: MaskRLE, points: int | None) -> Instance:
+def _instance(number: int, scene: found.Scene, mask: MaskRLE, points: int | None, depth: SeenDepth | None) -> Instance:
+    item = scene.instances[number - 1]
     centerline = item.centerline_xy if points is None else resample(item.centerline_xy, points)
+    covered = covered_stretches(scene, number)
     return Instance(
         id=number,
         score=round(item.score, 4),
@@ -128,6 +143,7 @@ def _instance(number: int, item: found.Instance, mask: MaskRLE, points: int | No
         ),
         endpoints=[Endpoint(xy=as_point(e.xy), kind=e.kind) for e in item.endpoints],
         mask_rle=mask,
+        **curve_fields(depth, item.centerline_xy, item.width_px, covered, len(centerline)),
     )
 
 

@@ -8,9 +8,11 @@ from dlo_client.contracts import ModelUsed
 from dlo_client.contracts.foreground import ForegroundOptions
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
 
+from models.depth.order import reordered
 from models.instances.lookalikes import without_lookalikes
 from models.instances.scene import Scene
 from models.strands.stopwatch import Stopwatch
+from workers.stages.depth import SeenDepth
 from workers.stages.encoding import model_used
 from workers.stages.foreground import Foreground, Source, find_foreground
 from workers.stages.instance_methods import extract_with
@@ -21,6 +23,7 @@ from workers.stages.outcome import Tools
 class Perception:
     """What was seen in one picture, and how long each step took."""
 
+    source: Source
     scene: Scene
     foreground: Foreground
     models: list[ModelUsed]
@@ -36,17 +39,21 @@ def perceive(
     view: int | None = None,
     method: InstanceMethod = DEFAULT_METHOD,
     params: MethodParams | None = None,
+    depth: SeenDepth | None = None,
 ) -> Perception:
-    """The whole chain, for the ``view`` of several or the one picture. Raises InvalidInput as find_foreground does."""
+    """The whole chain, for the ``view`` of several or the one picture; a ``depth`` counts for the foreground and the
+    order at crossings. Raises InvalidInput as find_foreground does."""
     watch = Stopwatch()
     with watch.step("segment"):
-        foreground = find_foreground(source, tools, options, threshold, view)
+        foreground = find_foreground(source, tools, options, threshold, view, depth)
     extract, networks = extract_with(method, params, tools)
     with watch.step("instances"):
         scene = extract(foreground.cable, source.image)
+        if depth is not None:
+            scene = reordered(scene, depth.depth_m)
     if source.mask is None and source.image is not None:
         with watch.step("lookalikes"):
             scene = without_lookalikes(scene, foreground.probability, foreground.cable, source.image)
     models = [*foreground.models, *(model_used(network.spec) for network in networks)]
     timings = watch.timings_ms | {f"instances.{name}": ms for name, ms in scene.timings_ms.items()}
-    return Perception(scene, foreground, models, timings)
+    return Perception(source, scene, foreground, models, timings)

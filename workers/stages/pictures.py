@@ -17,6 +17,9 @@ from workers.pictures.photographs import rgb_of
 from workers.pictures.two_valued import why_a_mask
 from workers.stages.outcome import InvalidInput, Tools
 
+_FARTHEST_M = 100.0
+"""Of what depth cameras see."""
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -45,14 +48,19 @@ def read_mask(source: ImageSource, field: str, tools: Tools) -> tuple[NDArray[np
 
 
 def read_depth_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.float32]:
-    """Distance to the camera (H, W) in meters from 16-bit gray in millimeters; 0 is unknown.
+    """Distance to the camera (H, W) in meters from 16-bit gray in millimeters or floats in meters; NaN is unknown.
 
     Raises InvalidInput naming ``field``, also for a picture of 8 bits or of colors.
     """
-    values = _samples(source, field, tools).values
-    if values.ndim != 2 or values.dtype not in (np.uint16, np.int32):
-        raise InvalidInput(field, "should be 16-bit gray, in millimeters", "invalid_depth")
-    return np.asarray(values.astype(np.float32) / 1000, np.float32)
+    values = _samples(source, field, tools, holes=True).values
+    if values.ndim != 2 or values.dtype not in (np.uint16, np.int32, np.float32):
+        message = "should be 16-bit gray, in millimeters, or gray of floats, in meters"
+        raise InvalidInput(field, message, "invalid_depth")
+    meters = values.astype(np.float32) / (1 if values.dtype == np.float32 else 1000)
+    if meters.max() > _FARTHEST_M:
+        message = f"has distances up to {meters.max():g} m: floats are meters, not millimeters"
+        raise InvalidInput(field, message, "invalid_depth")
+    return np.asarray(np.where(meters > 0, meters, np.nan), np.float32)
 
 
 def _mask(samples: Samples, field: str) -> tuple[NDArray[np.float32], list[str]]:
@@ -67,7 +75,7 @@ def _named(field: str, remarks: list[str]) -> list[str]:
     return [f"{field}: {remark}" for remark in remarks]
 
 
-def _samples(source: ImageSource, field: str, tools: Tools) -> Samples:
+def _samples(source: ImageSource, field: str, tools: Tools, *, holes: bool = False) -> Samples:
     if not isinstance(source, ImageRef):
         raise TypeError("the service resolves parts to ids before it enqueues")
     try:
@@ -75,6 +83,6 @@ def _samples(source: ImageSource, field: str, tools: Tools) -> Samples:
     except BlobMissing as error:
         raise InvalidInput(field, "its bytes have expired: upload it again", "unknown_image") from error
     try:
-        return decode(data, max_pixels=tools.max_image_pixels)
+        return decode(data, max_pixels=tools.max_image_pixels, holes=holes)
     except PictureError as error:
         raise InvalidInput(field, str(error)) from error

@@ -14,10 +14,10 @@ from models.topology.extraction import extract
 from models.topology.order import Surface, depth_map, points
 from models.topology.scene import Topology
 from models.weights.inference import Network, default_name
+from workers.stages.depth import SeenDepth, read_depth
 from workers.stages.encoding import model_used
-from workers.stages.foreground import Foreground, Source, check_size, find_foreground, read_source
+from workers.stages.foreground import Foreground, find_foreground, read_source
 from workers.stages.outcome import Tools
-from workers.stages.pictures import read_depth_m
 
 
 @dataclass(frozen=True)
@@ -28,21 +28,23 @@ class SeenHarness:
     foreground: Foreground
     models: list[ModelUsed]
     remarks: list[str]
+    depth: SeenDepth | None
 
 
 def see_harness(request: TopologyRequest | DisentangleRequest, tools: Tools, watch: Stopwatch) -> SeenHarness:
     """Decode, find the foreground, extract the topology. Raises InvalidInput naming the field."""
     with watch.step("decode"):
-        source = read_source(request, tools)
-        surfaces = _surfaces(request, source, tools)
+        depth = read_depth(request, tools)
+        source = read_source(request, tools, depth)
+        surfaces = _surfaces(request, depth)
     tools.progress(0.1)
     with watch.step("segment"):
-        foreground = find_foreground(source, tools, request, request.threshold)
+        foreground = find_foreground(source, tools, request, request.threshold, depth=depth)
     network, classifiers = topology_networks(tools)
     models = [*foreground.models, *(model_used(n.spec) for n in (network, *classifiers))]
     with watch.step("topology"):
         topology = extract(foreground.cable, network, Classifiers(*classifiers), source.image, surfaces)
-    return SeenHarness(topology, foreground, models, source.remarks)
+    return SeenHarness(topology, foreground, models, source.remarks, depth)
 
 
 def topology_networks(tools: Tools) -> tuple[Network, list[Network]]:
@@ -52,13 +54,8 @@ def topology_networks(tools: Tools) -> tuple[Network, list[Network]]:
     ]
 
 
-def _surfaces(request: TopologyRequest | DisentangleRequest, source: Source, tools: Tools) -> list[Surface]:
-    """Depth, which is of the picture's size, and points."""
-    surfaces = []
-    if request.depth is not None:
-        depth = read_depth_m(request.depth, "depth", tools)
-        check_size("depth", depth.shape, "picture", source.size)
-        surfaces.append(depth_map(depth))
+def _surfaces(request: TopologyRequest | DisentangleRequest, depth: SeenDepth | None) -> list[Surface]:
+    surfaces = [] if depth is None else [depth_map(depth.depth_m)]
     if request.points:
         xy = np.array([p.xy for p in request.points])
         surfaces.append(points(xy, np.array([p.depth_m for p in request.points])))

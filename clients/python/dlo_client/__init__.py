@@ -34,6 +34,7 @@ from dlo_client.contracts import (
     EstimateParametersResult,
     Experience,
     FastDloParams,
+    FrameResult,
     Gripper,
     HarnessDrawing,
     ImageInfo,
@@ -67,6 +68,10 @@ from dlo_client.contracts import (
     Target,
     TopologyRequest,
     TopologyResult,
+    TrackedCable,
+    TrackInfo,
+    TrackOptions,
+    TrackState,
 )
 from dlo_client.contracts.frames import Output, OutputFrame, Plane, RobotPose, RobotPoses
 from dlo_client.contracts.recipes import CameraBody, Recipe, RecipeBody, Sample, StoredCamera
@@ -100,6 +105,7 @@ if TYPE_CHECKING:
     from dlo_client.retry import RetryPolicy
     from dlo_client.scan import CameraOnArm, Scan, ScanOptions, ScanResult
     from dlo_client.shape_control import Robot, ShapeController, ShapeOutcome
+    from dlo_client.track import AsyncTrack, Track
     from dlo_client.version import __version__
     from dlo_client.webhooks import read_webhook
 
@@ -111,6 +117,7 @@ __all__ = [
     "AsyncClient",
     "AsyncScan",
     "AsyncShapeController",
+    "AsyncTrack",
     "CameraBody",
     "CameraOnArm",
     "CameraView",
@@ -129,6 +136,7 @@ __all__ = [
     "EstimateParametersResult",
     "Experience",
     "FastDloParams",
+    "FrameResult",
     "Gone",
     "Gripper",
     "HarnessDrawing",
@@ -188,6 +196,11 @@ __all__ = [
     "Target",
     "TopologyRequest",
     "TopologyResult",
+    "Track",
+    "TrackInfo",
+    "TrackOptions",
+    "TrackState",
+    "TrackedCable",
     "Unauthorized",
     "Unavailable",
     "UnexpectedReply",
@@ -200,6 +213,8 @@ __all__ = [
 ]
 
 _LOADED_ON_USE = {
+    "AsyncTrack": "track",
+    "Track": "track",
     "APIError": "errors",
     "AsyncClient": "async_client",
     "AsyncScan": "async_loops",

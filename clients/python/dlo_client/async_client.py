@@ -12,7 +12,7 @@ from typing import ParamSpec, Self
 
 import httpx
 
-from dlo_client import calls, recipe_calls
+from dlo_client import calls, recipe_calls, track
 from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, T
 from dlo_client.connection import DEFAULT_TIMEOUT_S, POLL_PAUSE_S, base_headers, base_url
 from dlo_client.contracts import (
@@ -25,6 +25,7 @@ from dlo_client.contracts import (
     JobRequest,
     JobState,
     NetworkInfo,
+    TrackOptions,
     UploadRef,
 )
 from dlo_client.contracts.base import ResultT
@@ -35,6 +36,7 @@ from dlo_client.event_stream import EventCursor
 from dlo_client.outcomes import result_of, succeeded
 from dlo_client.pictures import Picture, Pictures
 from dlo_client.retry import Outcome, RetryPolicy
+from dlo_client.track import AsyncTrack
 
 P = ParamSpec("P")
 
@@ -85,15 +87,17 @@ class AsyncClient:
         images: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         wait: float = 0.0,
         idempotency_key: str | None = None,
     ) -> Job[ResultT]:
         """Hand in a job and return it at once, queued or running; ``wait``: seconds (at most 60) to hold the reply.
 
-        ``images``: one picture or several in order; ``mask``: the foreground. ``idempotency_key`` instead of a random
-        one: for a caller that may itself submit the same thing twice.
+        ``images``: one picture or several in order; ``mask``: the foreground; ``depth``: a depth map, encoded or as an
+        array of 16 bits in millimeters. ``idempotency_key`` instead of a random one: for a caller that may itself
+        submit the same thing twice.
         """
-        return await self._send(await _made(calls.submit, request, images, mask, wait, idempotency_key))
+        return await self._send(await _made(calls.submit, request, images, mask, wait, idempotency_key, depth))
 
     async def run(
         self,
@@ -101,13 +105,14 @@ class AsyncClient:
         image: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         timeout: float | None = None,
     ) -> ResultT:
         """The result of a request: submit, wait, insist on success.
 
         ``timeout``: seconds to wait, by default the request's own limit. Raises JobFailed, JobCancelled, WaitTimeout.
         """
-        return result_of(await self.run_job(request, image, mask=mask, timeout=timeout))
+        return result_of(await self.run_job(request, image, mask=mask, depth=depth, timeout=timeout))
 
     async def run_job(
         self,
@@ -115,13 +120,14 @@ class AsyncClient:
         image: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         timeout: float | None = None,
     ) -> Job[ResultT]:
         """As :meth:`run`, but the whole job: its files, timings and robot poses beside the result."""
         patience_s = calls.patience_s(request, timeout)
         deadline = time.monotonic() + patience_s
         held_s = min(patience_s, LONGEST_WAIT_S)
-        job = await self._send(await _made(calls.submit, request, image, mask, held_s), deadline)
+        job = await self._send(await _made(calls.submit, request, image, mask, held_s, depth=depth), deadline)
         return succeeded(await self._ended(job, deadline, patience_s))
 
     async def result(self, job: Job[ResultT], timeout: float = 60.0) -> ResultT:
@@ -260,6 +266,14 @@ class AsyncClient:
         """Whether the service can take jobs now; False also while nobody answers."""
         outcome = await self._attempt(calls.ready().build(self._http, self._timeout_s))
         return isinstance(outcome, httpx.Response) and outcome.is_success
+
+    async def track(self, options: TrackOptions | None = None) -> AsyncTrack:
+        """Begin a track: pictures in which cables keep their ids."""
+        return AsyncTrack(self, await self.send(track.begin(options)))
+
+    async def send(self, call: Call[T]) -> T:
+        """Send what :mod:`dlo_client.calls` describes, again where that may help; its answer."""
+        return await self._send(call)
 
     async def _ended(self, job: Job[ResultT], deadline: float, patience_s: float) -> Job[ResultT]:
         """The job once it has ended; at ``deadline`` WaitTimeout, after ``patience_s`` seconds in all."""

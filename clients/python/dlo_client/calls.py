@@ -49,7 +49,8 @@ GRACE_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[T]):
-    """One HTTP call: ``body`` in httpx's arguments, ``held_s`` how long the service may hold the reply."""
+    """One HTTP call: ``body`` in httpx's arguments, ``held_s`` how long the service may hold the reply;
+    ``fine``: statuses of refusals that are as good as a success."""
 
     method: str
     path: str
@@ -58,8 +59,7 @@ class Call(Generic[T]):
     headers: Mapping[str, str] = field(default_factory=dict)
     body: Mapping[str, Any] = field(default_factory=dict)
     held_s: float = 0.0
-    request_id: str = field(default_factory=lambda: uuid4().hex)
-    """The same for every attempt; the logs of the service, and of the worker that does the job, have it."""
+    fine: tuple[int, ...] = ()
 
     def build(self, http: httpx.Client | httpx.AsyncClient, timeout_s: float) -> httpx.Request:
         if http.is_closed:
@@ -68,7 +68,7 @@ class Call(Generic[T]):
             self.method,
             self.path,
             params=self.params,
-            headers={_REQUEST_ID: self.request_id, **self.headers},
+            headers=self.headers,
             timeout=httpx.Timeout(timeout_s, read=timeout_s + self.held_s),
             **self.body,
         )
@@ -77,7 +77,8 @@ class Call(Generic[T]):
         """The reply's value; raises ConnectionFailed, APIError or UnexpectedReply."""
         if isinstance(outcome, httpx.RequestError):
             raise connection_failed(outcome) from outcome
-        check(outcome)
+        if outcome.status_code not in self.fine:
+            check(outcome)
         return self.read(outcome)
 
 
@@ -92,6 +93,7 @@ def submit(
     mask: Picture | None = None,
     wait: float = 0.0,
     idempotency_key: str | None = None,
+    depth: Picture | None = None,
 ) -> Call[Job[ResultT]]:
     """JSON, or multipart when pictures come along. Without a key of the caller's it gets one of its own."""
     return Call(
@@ -100,7 +102,7 @@ def submit(
         cast(Callable[[httpx.Response], Job[ResultT]], reader(AnyJob)),
         params=wait_params(wait),
         headers={"Idempotency-Key": header_value(idempotency_key or uuid4().hex, "idempotency_key")},
-        body=_job_body(request, parts_of(images, "image"), mask),
+        body=_job_body(request, parts_of(images, "image"), mask, depth),
         held_s=wait,
     )
 
@@ -124,7 +126,7 @@ def events(job: JobOrId, after: str | None) -> Call[None]:
     resume = {"Last-Event-ID": after} if after else {}
     headers = {"Accept": "text/event-stream", **resume}
     path = f"{_job_path(job)}/events"
-    return Call("GET", path, _nothing, headers=headers, held_s=LONGEST_WAIT_S)
+    return Call("GET", path, nothing, headers=headers, held_s=LONGEST_WAIT_S)
 
 
 def file(job: JobOrId, file: FileRef | str) -> Call[bytes]:
@@ -168,7 +170,7 @@ def choose_version(name: str, version: int) -> Call[NetworkInfo]:
 
 
 def delete_network(name: str, version: int | None) -> Call[None]:
-    return Call("DELETE", _network_path(name), _nothing, params=_version(version))
+    return Call("DELETE", _network_path(name), nothing, params=_version(version))
 
 
 def unsure() -> Call[list[UnsurePicture]]:
@@ -180,11 +182,11 @@ def unsure_picture(picture: UnsurePicture) -> Call[bytes]:
 
 
 def drop_unsure(picture: UnsurePicture) -> Call[None]:
-    return Call("DELETE", f"/v1/unsure/{picture.id}", _nothing)
+    return Call("DELETE", f"/v1/unsure/{picture.id}", nothing)
 
 
 def ready() -> Call[None]:
-    return Call("GET", "/readyz", _nothing)
+    return Call("GET", "/readyz", nothing)
 
 
 def patience_s(request: JobRequest[Any], timeout: float | None) -> float:
@@ -226,7 +228,6 @@ def connection_failed(error: httpx.RequestError) -> ConnectionFailed:
     return ConnectionFailed(f"cannot reach {address}: {error or type(error).__name__}")
 
 
-_REQUEST_ID = "X-Request-ID"
 _BINARY = {"Content-Type": "application/octet-stream"}
 
 
@@ -235,7 +236,7 @@ def _refused(response: httpx.Response) -> APIError:
         problem = Problem.model_validate_json(response.content)
     except ValidationError:
         problem = _foreign_problem(response)
-    return refusal(problem, retry_after_s(response), response.headers.get(_REQUEST_ID))
+    return refusal(problem, retry_after_s(response))
 
 
 def _foreign_problem(response: httpx.Response) -> Problem:
@@ -245,7 +246,7 @@ def _foreign_problem(response: httpx.Response) -> Problem:
     return Problem(title=title, status=response.status_code, detail=detail, code="foreign_error")
 
 
-def _nothing(response: httpx.Response) -> None:
+def nothing(response: httpx.Response) -> None:
     """For a reply whose status says it all."""
 
 
@@ -285,12 +286,15 @@ def wait_params(wait: float) -> dict[str, float]:
     return {"wait": round(wait, 3)} if wait > 0 else {}
 
 
-def _job_body(request: JobRequest[Any], images: Sequence[Part], mask: Picture | None) -> dict[str, Any]:
+def _job_body(
+    request: JobRequest[Any], images: Sequence[Part], mask: Picture | None, depth: Picture | None
+) -> dict[str, Any]:
     if not isinstance(request, JobRequest):
         raise InvalidArgument("request", f"{type(request).__name__} is no request: give an InstancesRequest, …")
     parts = [("image", image) for image in images]
-    if mask is not None:
-        parts.append(("mask", part_of(mask, "mask")))
+    for name, picture in (("mask", mask), ("depth", depth)):
+        if picture is not None:
+            parts.append((name, part_of(picture, name)))
     if not parts:
         return {"json": request.model_dump(mode="json", exclude_none=True)}
     files = [(field, (name, data, "application/octet-stream")) for field, (name, data) in parts]

@@ -11,7 +11,7 @@ from typing import Self
 
 import httpx
 
-from dlo_client import calls, recipe_calls
+from dlo_client import calls, recipe_calls, track
 from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, T
 from dlo_client.connection import DEFAULT_TIMEOUT_S, POLL_PAUSE_S, base_headers, base_url
 from dlo_client.contracts import (
@@ -24,6 +24,7 @@ from dlo_client.contracts import (
     JobRequest,
     JobState,
     NetworkInfo,
+    TrackOptions,
     UploadRef,
 )
 from dlo_client.contracts.base import ResultT
@@ -34,6 +35,7 @@ from dlo_client.event_stream import EventCursor
 from dlo_client.outcomes import result_of, succeeded
 from dlo_client.pictures import Picture, Pictures
 from dlo_client.retry import Outcome, RetryPolicy
+from dlo_client.track import Track
 
 
 class Client:
@@ -84,15 +86,17 @@ class Client:
         images: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         wait: float = 0.0,
         idempotency_key: str | None = None,
     ) -> Job[ResultT]:
         """Hand in a job and return it at once, queued or running; ``wait``: seconds (at most 60) to hold the reply.
 
-        ``images``: one picture or several in order; ``mask``: the foreground. ``idempotency_key`` instead of a random
-        one: for a caller that may itself submit the same thing twice.
+        ``images``: one picture or several in order; ``mask``: the foreground; ``depth``: a depth map, encoded or as an
+        array of 16 bits in millimeters. ``idempotency_key`` instead of a random one: for a caller that may itself
+        submit the same thing twice.
         """
-        return self._send(calls.submit(request, images, mask, wait, idempotency_key))
+        return self._send(calls.submit(request, images, mask, wait, idempotency_key, depth))
 
     def run(
         self,
@@ -100,13 +104,14 @@ class Client:
         image: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         timeout: float | None = None,
     ) -> ResultT:
         """The result of a request: submit, wait, insist on success.
 
         ``timeout``: seconds to wait, by default the request's own limit. Raises JobFailed, JobCancelled, WaitTimeout.
         """
-        return result_of(self.run_job(request, image, mask=mask, timeout=timeout))
+        return result_of(self.run_job(request, image, mask=mask, depth=depth, timeout=timeout))
 
     def run_job(
         self,
@@ -114,13 +119,14 @@ class Client:
         image: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         timeout: float | None = None,
     ) -> Job[ResultT]:
         """As :meth:`run`, but the whole job: its files, timings and robot poses beside the result."""
         patience_s = calls.patience_s(request, timeout)
         deadline = time.monotonic() + patience_s
         held_s = min(patience_s, LONGEST_WAIT_S)
-        job = self._send(calls.submit(request, image, mask, held_s), deadline)
+        job = self._send(calls.submit(request, image, mask, held_s, depth=depth), deadline)
         return succeeded(self._ended(job, deadline, patience_s))
 
     def result(self, job: Job[ResultT], timeout: float = 60.0) -> ResultT:
@@ -256,6 +262,14 @@ class Client:
         """Whether the service can take jobs now; False also while nobody answers."""
         outcome = self._attempt(calls.ready().build(self._http, self._timeout_s))
         return isinstance(outcome, httpx.Response) and outcome.is_success
+
+    def track(self, options: TrackOptions | None = None) -> Track:
+        """Begin a track: pictures in which cables keep their ids."""
+        return Track(self, self.send(track.begin(options)))
+
+    def send(self, call: Call[T]) -> T:
+        """Send what :mod:`dlo_client.calls` describes, again where that may help; its answer."""
+        return self._send(call)
 
     def _ended(self, job: Job[ResultT], deadline: float, patience_s: float) -> Job[ResultT]:
         """The job once it has ended; at ``deadline`` WaitTimeout, after ``patience_s`` seconds in all."""

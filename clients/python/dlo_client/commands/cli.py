@@ -22,6 +22,7 @@ def main() -> None:
             record_commands,
             review_commands,
             shape_commands,
+            tracking_commands,
         )
         from dlo_client.commands.app import app
     except ModuleNotFoundError as error:

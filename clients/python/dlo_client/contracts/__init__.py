@@ -3,6 +3,7 @@
 from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult, LabelsInfo
 from dlo_client.contracts.base import Contract, Point, Probability
 from dlo_client.contracts.cameras import CameraInfo, CameraPose, CameraView, PinholeIntrinsics, Pose
+from dlo_client.contracts.depth import DepthGiven, MetricCenterline, TablePlane
 from dlo_client.contracts.images import BlobId, ImageInfo, ImagePart, ImageRef, ImageSource
 from dlo_client.contracts.jobs import (
     AnyJob,
@@ -106,6 +107,17 @@ from dlo_client.contracts.topology import (
     TopologyRequest,
     TopologyResult,
 )
+from dlo_client.contracts.tracking import (
+    CableCrossing,
+    CablePosition,
+    FrameResult,
+    TrackedCable,
+    TrackInfo,
+    TrackNodes,
+    TrackOptions,
+    TrackOrder,
+    TrackState,
+)
 
 __all__ = [
     "AdaptRequest",
@@ -118,6 +130,8 @@ __all__ = [
     "BlobId",
     "BranchMatch",
     "BranchPoint",
+    "CableCrossing",
+    "CablePosition",
     "CameraInfo",
     "CameraPose",
     "CameraView",
@@ -125,6 +139,7 @@ __all__ = [
     "Crossing",
     "Curve3D",
     "CurveEnd",
+    "DepthGiven",
     "DisentangleAction",
     "DisentangleRequest",
     "DisentangleResult",
@@ -138,6 +153,7 @@ __all__ = [
     "FastDloParams",
     "FieldProblem",
     "FileRef",
+    "FrameResult",
     "Gripper",
     "GripperPose",
     "HarnessDrawing",
@@ -164,6 +180,7 @@ __all__ = [
     "MaskRLE",
     "MergeCurvesRequest",
     "MergeCurvesResult",
+    "MetricCenterline",
     "ModelUsed",
     "MoveAction",
     "NetworkCard",
@@ -202,10 +219,17 @@ __all__ = [
     "Spline3",
     "StrandPosition",
     "Stroke",
+    "TablePlane",
     "Target",
     "TopologyEdge",
     "TopologyRequest",
     "TopologyResult",
+    "TrackInfo",
+    "TrackNodes",
+    "TrackOptions",
+    "TrackOrder",
+    "TrackState",
+    "TrackedCable",
     "TrackedInstance",
     "TrackedLabels",
     "UploadRef",

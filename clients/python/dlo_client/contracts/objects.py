@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from dlo_client.contracts.base import Point, Probability, Reply
+from dlo_client.contracts.depth import MetricCenterline
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,7 +59,7 @@ class SceneStatus(Reply):
     reasons: list[Reason] = Field(description="of all that is unsure, most frequent first")
 
 
-class Instance(Reply):
+class Instance(MetricCenterline):
     """One DLO as it appears in the picture."""
 
     id: int = Field(ge=1, description="from 1; also its value in instances.png")

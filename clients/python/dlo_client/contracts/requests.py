@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult
 from dlo_client.contracts.base import Probability, Reply
+from dlo_client.contracts.depth import DepthGiven, TablePlane
 from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
 from dlo_client.contracts.images import ImageSource, PictureWarnings
 from dlo_client.contracts.labelling import LabelTrackedRequest, LabelTrackedResult
@@ -33,6 +34,7 @@ from dlo_client.contracts.reconstruction import (
 )
 from dlo_client.contracts.submission import JobRequest, ModelUsed
 from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult, TopologyRequest, TopologyResult
+from dlo_client.contracts.tracking import CableCrossing, TimeSeconds, TrackedCable, TrackState
 
 
 class NoopResult(Reply):
@@ -77,18 +79,28 @@ class InstancesResult(Reply):
     threshold: Probability = Field(description="from which a pixel was foreground")
     instances: list[Instance] = Field(description="every DLO, ids from 1 in order")
     crossings: list[Crossing] = Field(description="where DLOs cross each other or themselves")
+    cables: list[TrackedCable] | None = Field(
+        default=None, description="with `previous`: every cable by its lasting id"
+    )
+    cable_crossings: list[CableCrossing] | None = Field(
+        default=None, description="with `previous`: where these cables cross, from all frames so far"
+    )
+    track: TrackState | None = Field(default=None, description="with `previous`: that of the next picture")
+    table: TablePlane | None = Field(default=None, description="with `depth`, if there is one")
     status: SceneStatus = Field(description="whether the answer can be relied on")
     reference: ReferencesUsed = Field(default_factory=list)
     warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class InstancesRequest(ForegroundOptions, JobRequest[InstancesResult]):
-    """Picture, or foreground mask, to DLO instances.
+class InstancesRequest(DepthGiven, ForegroundOptions, JobRequest[InstancesResult]):
+    """Picture, foreground mask or depth to DLO instances.
 
     With ``image`` alone the foreground network makes the mask, unless the picture is one (two values) and no
     ``model`` is named. With ``mask`` (what is not background is DLO: white, 1, 2, red) no network looks at the
-    foreground; an ``image`` beside it, of the same size, decides the order at crossings.
+    foreground; an ``image`` beside it, of the same size, decides the order at crossings. With ``depth`` and its
+    ``intrinsics`` the foreground comes from height and color together, or from height alone; the order at crossings
+    too, and every instance has its curve in meters.
     """
 
     kind: Literal["instances"] = Field(default="instances", description="of the job")
@@ -104,6 +116,13 @@ class InstancesRequest(ForegroundOptions, JobRequest[InstancesResult]):
     )
     points_per_instance: int | None = Field(
         default=None, ge=2, le=2000, description="default: one point about every 5 px"
+    )
+    previous: TrackState | None = Field(
+        default=None,
+        description="to follow cables over pictures: the `track` of the last one's result, `{}` for the first",
+    )
+    time_s: TimeSeconds | None = Field(
+        default=None, description="when the picture was taken, with `previous`; default: pictures are equally far apart"
     )
     files: list[InstanceFile] = Field(
         default=["instances", "overlay"],
@@ -125,6 +144,18 @@ class InstancesRequest(ForegroundOptions, JobRequest[InstancesResult]):
     def _one_method(self) -> InstancesRequest:
         if self.params is not None and self.params.method != self.method:
             raise ValueError(f"`params` are those of {self.params.method}, the method is {self.method}")
+        return self
+
+    @model_validator(mode="after")
+    def _depth_of_a_camera(self) -> InstancesRequest:
+        if self.depth is not None and self.intrinsics is None:
+            raise ValueError("`intrinsics` are missing: `depth` needs them")
+        return self
+
+    @model_validator(mode="after")
+    def _time_of_a_track(self) -> InstancesRequest:
+        if self.time_s is not None and self.previous is None:
+            raise ValueError("`time_s` has no meaning without `previous`: `{}` begins a track")
         return self
 
     @model_validator(mode="after")

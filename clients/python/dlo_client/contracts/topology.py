@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from dlo_client.contracts.base import Contract, Point, Probability, Reply, Taken
+from dlo_client.contracts.depth import DepthGiven, MetricCenterline, TablePlane
 from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
 from dlo_client.contracts.images import ImageSource, PictureWarnings
 from dlo_client.contracts.submission import JobRequest, ModelUsed
@@ -96,7 +97,7 @@ class SectionPlace(Reply):
     u: Probability = Field(description="share of the arc length: 0 at its first to 1 at its last point")
 
 
-class Section(Reply):
+class Section(MetricCenterline):
     """What lies between two branch-points or ends; it passes straight on over and under crossings."""
 
     id: int = Field(ge=1, description="from 1, in the order of the list")
@@ -176,19 +177,18 @@ class TopologyResult(Reply):
     crossings: list[SectionCrossing] = Field(description="ids from 1 in order")
     match: DrawingMatch | None = Field(default=None, description="against the drawing, when one was given")
     reference: ReferencesUsed = Field(default_factory=list)
+    table: TablePlane | None = Field(default=None, description="with `depth` and `intrinsics`, if there is one")
     warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class _HarnessSource(ForegroundOptions):
-    """Where the foreground comes from, and what else is seen."""
+class _HarnessSource(DepthGiven, ForegroundOptions):
+    """Where the foreground comes from, and what else is seen. ``depth`` without ``intrinsics`` only shows which section
+    is on top."""
 
     image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
     mask: ImageSource | None = Field(default=None, description="or a `mask` part; what is not background is DLO")
     threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
-    depth: ImageSource | None = Field(
-        default=None, description="16-bit gray, millimeters to the camera, 0 unknown, of the picture's size"
-    )
     points: list[SeenPoint] = Field(default_factory=list, max_length=50_000, description="or points in space")
 
     @model_validator(mode="after")
