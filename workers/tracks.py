@@ -76,7 +76,7 @@ class Tracks:
         """Begin a track; raises TracksFull."""
         track_id = uuid4().hex
         settings = self._settings
-        arguments = [settings.max_tracks, settings.track_ttl_s, track_id, owner, options]
+        arguments: list[str | float] = [settings.max_tracks, settings.track_ttl_s, track_id, owner, options]
         if not await self._open(keys=[self._keys.track(track_id), self._keys.tracks], args=arguments):
             raise TracksFull("as many tracks as there may be", _RETRY_AFTER_S)
         return await self.get(track_id)
@@ -120,8 +120,8 @@ class Tracks:
     async def drop(self, track_id: str) -> None:
         """Forget the track; nothing happens to one that is not there."""
         keys = self._keys.track(track_id), self._keys.track_held(track_id)
-        await cast(Awaitable[int], self._client.delete(*keys))
-        await cast(Awaitable[int], self._client.zrem(self._keys.tracks, track_id))
+        await self._client.delete(*keys)
+        await self._client.zrem(self._keys.tracks, track_id)
 
     async def close(self) -> None:
         await self._client.aclose()

@@ -31,7 +31,7 @@ def noisy(scene: DepthScene) -> np.ndarray:
 
 
 def errors(curve: MetricCurve, true: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(curve.points_m[:, None] - true[None], axis=2).min(1)
+    return np.asarray(np.linalg.norm(curve.points_m[:, None] - true[None], axis=2).min(1))
 
 
 def test_the_table_is_found_under_cables_noise_and_holes(scene: DepthScene, noisy: np.ndarray) -> None:

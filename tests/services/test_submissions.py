@@ -29,9 +29,10 @@ def upload(client):
 def send(client):
     """Multipart: the request, its `image` parts in order, perhaps a `mask` part."""
 
-    def send(request: dict | None, *images: bytes, mask: bytes | None = None):
+    def send(request: dict | None, *images: bytes, mask: bytes | None = None, depth: bytes | None = None):
         files = [("image", ("picture", image)) for image in images]
         files += [("mask", ("mask", mask))] if mask is not None else []
+        files += [("depth", ("depth", depth))] if depth is not None else []
         files += [("request", (None, json.dumps(request)))] if request is not None else []
         return client.post("/v1/jobs", files=files)
 
@@ -87,6 +88,15 @@ class TestAccepted:
         request = queued(send({"kind": "instances"}, samples.encoded(), mask=mask))
         assert request.image == ImageRef(**upload(samples.encoded()))
         assert request.mask == ImageRef(**upload(mask))
+
+    def test_depth_part_alone_and_beside_an_image_part(self, send, upload, queued, problem):
+        camera = {"width": 40, "height": 30, "fx": 40.0, "fy": 40.0, "cx": 19.5, "cy": 14.5}
+        depth, asked = samples.sixteen_bit_png(), {"kind": "instances", "intrinsics": camera}
+        alone, beside = queued(send(asked, depth=depth)), queued(send(asked, samples.encoded(), depth=depth))
+        assert alone.depth == beside.depth == ImageRef(**upload(depth))
+        assert (alone.image, beside.image) == (None, ImageRef(**upload(samples.encoded())))
+        problem(send({"kind": "instances"}, depth=depth), 422, "invalid_request", "request")
+        problem(send(asked, samples.encoded(samples.pixels(20, 20)), depth=depth), 422, "size_mismatch", "depth")
 
     def test_mask_alone(self, send, upload, queued):
         request = queued(send({"kind": "instances"}, mask=samples.encoded()))

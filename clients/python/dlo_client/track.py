@@ -122,7 +122,7 @@ def frame(track_id: str, given: Mapping[str, Picture | None], time_s: float | No
         raise InvalidArgument("time_s", f"{time_s!r} is no number of seconds from 0 on")
     parts = {name: part_of(picture, name) for name, picture in given.items() if picture is not None}
     body: dict[str, Any] = {"files": {name: (part.name, part.data, _BINARY) for name, part in parts.items()}}
-    params = {} if time_s is None else {"time_s": float(time_s)}
+    params: dict[str, float] = {} if time_s is None else {"time_s": float(time_s)}
     return Call("POST", f"{_path(track_id)}/frames", reader(FrameResult), params=params, body=body, held_s=_LONGEST_S)
 
 
