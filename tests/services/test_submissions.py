@@ -95,7 +95,7 @@ class TestAccepted:
         alone, beside = queued(send(asked, depth=depth)), queued(send(asked, samples.encoded(), depth=depth))
         assert alone.depth == beside.depth == ImageRef(**upload(depth))
         assert (alone.image, beside.image) == (None, ImageRef(**upload(samples.encoded())))
-        problem(send({"kind": "instances"}, depth=depth), 422, "invalid_request", "request")
+        problem(send({"kind": "instances"}, depth=depth), 422, "invalid_request", "intrinsics")
         problem(send(asked, samples.encoded(samples.pixels(20, 20)), depth=depth), 422, "size_mismatch", "depth")
 
     def test_mask_alone(self, send, upload, queued):

@@ -6,6 +6,7 @@ import json
 import threading
 import time
 
+import httpx
 import pytest
 from dlo_client.contracts import FrameResult, InstancesRequest, InstancesResult, SceneStatus, TrackInfo, TrackState
 from starlette.testclient import TestClient
@@ -301,8 +302,9 @@ class TestStream:
             pass
         assert (refused.value.code, refused.value.reason) == (1008, "unknown_track")
 
-    def test_over_a_real_server(self, address, client, track, worker):
+    def test_over_a_real_server(self, address, worker):
         """Without a package for WebSockets the server answers 404 to every stream."""
+        track = httpx.post(f"{address}/v1/tracks").json()["id"]
         with connect(f"{address.replace('http', 'ws')}/v1/tracks/{track}/stream") as stream:
             stream.send(samples.encoded())
             assert json.loads(stream.recv(timeout=60))["frame"] == 1
