@@ -30,8 +30,8 @@ def main(arguments: list[str] | None = None) -> AnyJob:
     address = f"http://127.0.0.1:{server.server_address[1]}/jobs"
     try:
         with Client(options.url) as client:
-            submitted = client.submit(InstancesRequest(webhook_url=address, files=[]), SAMPLE)
-            job = delivered.get(timeout=60)
+            submitted = client.submit(InstancesRequest(webhook_url=address, files=[], timeout_s=120), SAMPLE)
+            job = delivered.get(timeout=150)
     finally:
         server.shutdown()
         server.server_close()

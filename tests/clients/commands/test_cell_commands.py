@@ -12,12 +12,19 @@ import httpx
 import numpy as np
 import pytest
 from dlo_client.calibration import HandEye, board_pictures
-from dlo_client.commands import bridge_commands, calibration_commands, label_studio_commands  # noqa: F401  register
+from dlo_client.commands import (  # noqa: F401  they register their commands
+    bridge_commands,
+    calibration_commands,
+    label_studio_commands,
+    recipe_commands,
+)
 from dlo_client.commands.app import app
-from dlo_client.contracts.recipes import CameraBody, StoredCamera
+from dlo_client.contracts.frames import RobotPoses
+from dlo_client.contracts.recipes import CameraBody, Recipe, RecipeUsed, StoredCamera
 from typer.testing import CliRunner
 
 from tests.clients import samples
+from tests.clients.bridge.recipe_service import POSES
 
 LENS = {"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 320, "cy": 240}
 
@@ -70,6 +77,47 @@ def test_calibrate_names_what_is_missing(files):
     assert "no pose of other.png" in dlo(*arguments(files)).stderr
     (files / "flange.csv").write_text("a.png,1,2,3\n")
     assert "row 1: 7 numbers" in dlo(*arguments(files)).stderr
+
+
+def recipe_service(request: httpx.Request) -> httpx.Response:
+    """Stores, lists and runs recipe 7."""
+    made = samples.job().created_at
+    if request.url.path.startswith("/v1/cameras"):
+        yaml = "yaml" in request.headers["content-type"]
+        camera = CameraBody.model_validate({"intrinsics": LENS} if yaml else json.loads(request.content))
+        return httpx.Response(
+            200, text=StoredCamera(name="wrist", version=2, created_at=made, camera=camera).model_dump_json()
+        )
+    if request.url.path.endswith("/run"):
+        poses = RobotPoses(
+            frame="world", unit="mm", rotation="kuka_abc", of="tool", poses=POSES, warnings=["3: is not on the plane"]
+        )
+        job = samples.job(poses=poses, recipe=RecipeUsed(number=7, version=2))
+        return httpx.Response(200, text=job.model_dump_json())
+    body = json.loads(request.content) if request.method == "PUT" else {"name": "cables", "request": {"kind": "noop"}}
+    recipe = Recipe(number=7, version=2, created_at=made, **body)
+    listed = f"[{recipe.model_dump_json()}]"
+    return httpx.Response(200, text=listed if request.method == "GET" else recipe.model_dump_json())
+
+
+def test_recipes_are_stored_listed_and_run(files):
+    (files / "recipe.json").write_text(json.dumps({"name": "cables", "request": {"kind": "instances"}}))
+    (files / "a.png").write_bytes(b"picture")
+    (files / "lens.yaml").write_text("image_width: 640")
+    stored = dlo("recipe-store", 7, files / "recipe.json", network=recipe_service)
+    assert "recipe 7, version 2: cables" in stored.stdout, stored.output
+    assert "7  version   2  cables  (noop)" in dlo("recipes", network=recipe_service).stdout
+    done = dlo("recipe-run", 7, files / "a.png", network=recipe_service)
+    assert "recipe 7, version 2: 3 poses of the tool in world, mm, kuka_abc" in done.stdout
+    assert "0.25, -0.125, 0.05" in done.stdout
+    assert "left out: 3: is not on the plane" in done.stdout
+    assert (
+        dlo("camera-store", "wrist", files / "lens.yaml", network=recipe_service).stdout == "camera wrist, version 2\n"
+    )
+    (files / "camera.json").write_text(json.dumps({"intrinsics": LENS}))
+    assert "version 2" in dlo("camera-store", "wrist", files / "camera.json", network=recipe_service).stdout
+    wrong = dlo("recipe-store", 7, files / "lens.json", network=recipe_service)
+    assert (wrong.exit_code, "name: Field required" in wrong.stderr) == (1, True)
 
 
 def test_a_bridge_without_a_camera_does_not_start(tmp_path):

@@ -18,6 +18,7 @@ def main() -> None:
             label_studio_commands,
             labelling_commands,
             network_commands,
+            recipe_commands,
             reconstruction_commands,
             record_commands,
             review_commands,
