@@ -1,4 +1,5 @@
 """Label a folder, put a person's corrections over it, and make a training set of what they made right.
+With ``--adapt NAME`` the service learns from it, some minutes.
 
 The corrections stand for an export of CVAT, COCO or Label Studio (``--tool``); docs/labelling.md has the commands.
 """
@@ -19,6 +20,7 @@ def main(arguments: list[str] | None = None) -> list[str]:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url", default="http://127.0.0.1:8000")
     parser.add_argument("--pictures", type=Path, default=SAMPLES)
+    parser.add_argument("--adapt", metavar="NAME", help="also adapt the default network to the labels, under this name")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         labels, dataset = Path(folder, "labels"), Path(folder, "dataset")
@@ -28,6 +30,8 @@ def main(arguments: list[str] | None = None) -> list[str]:
             export = next(labels.rglob("*coco*.json"))
         dlo(options.url, "label-import", str(labels), str(export), "--tool", "coco")
         dlo(options.url, "label-dataset", str(labels), str(options.pictures), str(dataset))
+        if options.adapt:
+            dlo(options.url, "adapt", str(labels), "--name", options.adapt)
         return sorted(str(path.relative_to(dataset)) for path in dataset.rglob("*") if path.is_file())
 
 

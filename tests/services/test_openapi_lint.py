@@ -14,7 +14,7 @@ SUFFIXES = (
 )  # fmt: skip
 UNIT = re.compile(
     r"\b(pixels?|px|meters?|mm|m|millimeters?|seconds?|s|ms|milliseconds|radians?|rad|degrees?|bytes?|kg|N m|N s|jobs"
-    r"|share|ratio|factor|times|probability|score|confidence|certainty|cost|loss|logarithms?|unit|units|id|ids|index"
+    r"|share|percent|minutes|ratio|factor|times|probability|score|confidence|certainty|cost|loss|logarithms?|unit|units|id|ids|index"
     r"|indices|number|numbers|count|counts|how many|at most|polynomials|counted|edges?|nodes|points|hexadecimal"
     r"|version|parts?|knots|0 to 1|columns|rows|coefficients|0 for|run lengths|direction|status|attempts|from 1)\b",
     re.IGNORECASE,

@@ -19,29 +19,29 @@ class LabelsInfo(Reply):
     """A set of labelled pictures that was uploaded."""
 
     id: BlobId
-    bytes: int = Field(gt=0, description="size of the archive")
-    pictures: int = Field(ge=1, description="that have a label")
+    bytes: int = Field(gt=0, description="size of the archive, bytes")
+    pictures: int = Field(ge=1, description="how many have a label")
 
 
 class Overlap(Reply):
     """How well a network finds the cables."""
 
-    dice: Percent = Field(description="2 |found ∩ true| / (|found| + |true|) in percent, mean over the pictures")
+    dice: Percent = Field(description="share: 2 |found ∩ true| / (|found| + |true|) in percent, mean over the pictures")
 
 
 class Retained(Reply):
     """What the network still knows of other places: Dice on renders that no network is adapted on."""
 
-    before: Percent = Field(description="of the parent")
-    after: Percent = Field(description="of the adapted network")
+    before: Percent = Field(description="Dice of the parent, percent")
+    after: Percent = Field(description="Dice of the adapted network, percent")
 
 
 class AsidePicture(Reply):
     """A labelled picture that was kept aside to measure with."""
 
     name: str = Field(description="in the archive")
-    before: Percent = Field(description="Dice of the parent")
-    after: Percent = Field(description="Dice of the adapted network")
+    before: Percent = Field(description="Dice of the parent, percent")
+    after: Percent = Field(description="Dice of the adapted network, percent")
 
 
 class AdaptResult(Reply):
@@ -54,10 +54,10 @@ class AdaptResult(Reply):
     before: Overlap = Field(description="of the parent, on the pictures kept aside")
     after: Overlap = Field(description="of the adapted network, on the pictures kept aside")
     general: Retained = Field(description="on other places")
-    trained_on: int = Field(description="pictures that were learnt from")
+    trained_on: int = Field(description="how many pictures were learnt from")
     kept_aside: list[AsidePicture] = Field(description="pictures that were only measured on, the worst first")
-    kept_share: float = Field(description="of the change of the weights that learning made, how much was kept")
-    minutes: float = Field(description="of learning")
+    kept_share: float = Field(description="share of the change of the weights that was kept")
+    minutes: float = Field(description="minutes of learning")
     warnings: list[str] = Field(default_factory=list, description="what limits the result")
     models: list[ModelUsed] = Field(description="the parent")
 
@@ -75,7 +75,7 @@ class AdaptRequest(JobRequest[AdaptResult]):
     name: NetworkName = Field(description="of the network to be; a further version if there is one")
     labels: UploadRef = Field(description="as `POST /v1/labels` gave it")
     parent: ModelName | None = Field(default=None, description="network to begin from; default: the shipped default")
-    minutes: float = Field(default=8.0, ge=0.01, le=45, description="of learning, by the clock")
+    minutes: float = Field(default=8.0, ge=0.01, le=45, description="minutes of learning, by the clock")
     keep_aside: float = Field(default=0.2, ge=0.05, le=0.5, description="share of the pictures that only measures")
     use: bool = Field(default=False, description="let the name stand for it if it is accepted")
     timeout_s: float = Field(default=3600.0, gt=0, le=3600, description="from acceptance to the end of the job")

@@ -26,8 +26,8 @@ Polygon = Annotated[list[Point], Field(min_length=3, max_length=500)]
 class Regions(Contract):
     """Polygons in pixels of the upright picture: where cables can be, and where they never are."""
 
-    only: list[Polygon] = Field(default_factory=list, max_length=50, description="cables are nowhere else")
-    never: list[Polygon] = Field(default_factory=list, max_length=50, description="there are no cables there")
+    only: list[Polygon] = Field(default_factory=list, max_length=50, description="pixels; cables are nowhere else")
+    never: list[Polygon] = Field(default_factory=list, max_length=50, description="pixels; there are no cables there")
 
     @model_validator(mode="after")
     def _some(self) -> Regions:

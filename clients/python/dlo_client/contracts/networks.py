@@ -43,7 +43,7 @@ class NetworkInfo(Reply):
         description="loaded before a worker takes jobs; others are loaded by the first job that names them",
     )
     sha256: str = Field(description="of its file")
-    bytes: int = Field(description="size of its file")
+    bytes: int = Field(description="size of its file, bytes")
     parameters: int = Field(description="how many numbers were trained")
     input: str = Field(description="layout, size and normalization in words")
     origin: str = Field(description="how it was made")
@@ -112,4 +112,4 @@ class ImportNetworkRequest(JobRequest[ImportNetworkResult]):
 class VersionChoice(Contract):
     """Body of ``PUT /v1/models/{name}``."""
 
-    version: int = Field(ge=1, description="that the name stands for from now on")
+    version: int = Field(ge=1, description="version that the name stands for from now on")

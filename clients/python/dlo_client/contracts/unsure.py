@@ -16,5 +16,5 @@ class UnsurePicture(Reply):
     id: BlobId
     certainty: Probability = Field(description="lowest score of its instances and crossings; 0 where nothing was found")
     doubt: str = Field(description="what the certainty comes from, in words")
-    bytes: int = Field(ge=0, description="of the picture")
+    bytes: int = Field(ge=0, description="size of the picture, bytes")
     seen_at: datetime = Field(description="when a job looked at it")
