@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> list[str]:
         dlo(options.url, "label-import", str(labels), str(export), "--tool", "coco")
         dlo(options.url, "label-dataset", str(labels), str(options.pictures), str(dataset))
         if options.adapt:
-            dlo(options.url, "adapt", str(labels), "--name", options.adapt)
+            dlo(options.url, "adapt", str(labels), "--name", options.adapt, "--all")
         return sorted(str(path.relative_to(dataset)) for path in dataset.rglob("*") if path.is_file())
 
 
