@@ -116,11 +116,11 @@ class Composer:
                 view.setdefault("T_world_camera", poses[index if self._on_arm else 0])
 
     def _fill_picture(self, fields: dict[str, Any], poses: Sequence[Pose]) -> None:
-        """For the kinds that take the camera of their one picture."""
+        """For the kinds that take the camera of their one picture, which depth is measured with."""
         known = _fields_of(fields.get("kind"))
-        if "intrinsics" in known and fields.get("depth") is not None:
+        if "intrinsics" in known:
             fields.setdefault("intrinsics", self._intrinsics())
-        if poses and "T_world_camera" in known and "intrinsics" in fields:
+        if "T_world_camera" in known and poses:
             fields.setdefault("T_world_camera", poses[0])
 
     def _output(self, poses: Sequence[Pose]) -> dict[str, Any]:

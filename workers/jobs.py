@@ -39,7 +39,8 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
         tools.progress = _reporter(claim, ledger)
         tools.owner = ledger.owner(claim)
         outcome = stages.run(request, tools)
-        poses = robot_poses(request.output, outcome.result) if request.output else None
+        in_camera = getattr(request, "T_world_camera", None) is None
+        poses = robot_poses(request.output, outcome.result, in_camera=in_camera) if request.output else None
         files = _store(outcome, tools.blobs)
         took_ms = (time.perf_counter() - started) * 1000
         waited_ms = claim.queue_wait_ms

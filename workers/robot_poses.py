@@ -47,10 +47,13 @@ class _NowhereError(Exception):
     """A pixel that sees no place of the plane."""
 
 
-def robot_poses(output: Output, result: Any) -> RobotPoses:
-    """The places of ``result`` as ``output`` wants them; what cannot be placed is named in the warnings."""
+def robot_poses(output: Output, result: Any, *, in_camera: bool = False) -> RobotPoses:
+    """The places of ``result`` as ``output`` wants them; what cannot be placed is named in the warnings.
+
+    ``in_camera``: curves that depth gave are in the camera's frame, as the request does not place it in the world.
+    """
     warnings: list[str] = []
-    places = list(_places(output, result, warnings))
+    places = list(_places(output, result, warnings, _of_curves(output, in_camera)))
     to_frame = np.linalg.inv(_frame(output, result))
     from_tool = np.eye(4) if output.T_flange_tool is None else np.linalg.inv(np.array(output.T_flange_tool))
     poses = []
@@ -83,7 +86,12 @@ def _frame(output: Output, result: Any) -> FloatArray:
     return np.array(output.camera.T_world_camera)
 
 
-def _places(output: Output, result: Any, warnings: list[str]) -> Iterator[Place]:
+def _of_curves(output: Output, in_camera: bool) -> FloatArray:
+    """(4, 4) that takes curves of depth to the world."""
+    return np.array(output.camera.T_world_camera) if in_camera and output.camera is not None else np.eye(4)
+
+
+def _places(output: Output, result: Any, warnings: list[str], to_world: FloatArray) -> Iterator[Place]:
     match result:
         case ReconstructResult():
             for number, curve in enumerate([result.curve, *(other.curve for other in result.others)], start=1):
@@ -92,24 +100,26 @@ def _places(output: Output, result: Any, warnings: list[str]) -> Iterator[Place]
             yield from _of_curve(np.array(result.curve.points_m), 1, 1.0, output.plane)
         case InstancesResult():
             lines = [(i.id, i.score, i.centerline_xy, getattr(i, "curve_m", None)) for i in result.instances]
-            yield from _of_lines(lines, output, warnings)
+            yield from _of_lines(lines, output, warnings, to_world)
         case TopologyResult():
             lines = [(s.id, s.score, s.points_xy, getattr(s, "curve_m", None)) for s in result.sections]
-            yield from _of_lines(lines, output, warnings)
+            yield from _of_lines(lines, output, warnings, to_world)
         case DisentangleResult():
             yield from _of_turn(output, result, warnings)
         case PlanShapeResult():
             yield from _of_move(output.plane, result)
 
 
-def _of_lines(lines: Sequence[tuple[int, float, Any, Any]], output: Output, warnings: list[str]) -> Iterator[Place]:
+def _of_lines(
+    lines: Sequence[tuple[int, float, Any, Any]], output: Output, warnings: list[str], to_world: FloatArray
+) -> Iterator[Place]:
     """Three places a line: from its curve in space where depth gave one, else from its pixels."""
     for number, score, pixels, curve_m in lines:
         try:
             if curve_m is None:
                 points = _on_plane(_camera(output), output.plane, np.array(pixels, np.float64))
             else:
-                points = np.array(getattr(curve_m, "points_m", curve_m), np.float64)
+                points = np.array(curve_m, np.float64) @ to_world[:3, :3].T + to_world[:3, 3]
             yield from _of_curve(points, number, score, output.plane)
         except _NowhereError as error:
             warnings.append(f"{number}: {error}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from dlo_client.contracts import InstancesResult, PlanShapeResult, SceneStatus
@@ -111,3 +113,16 @@ def test_what_cannot_be_placed_is_refused(output, kind, word):
 def test_outputs_that_mean_nothing_are_refused(output):
     with pytest.raises(ValidationError):
         Output.model_validate(output)
+
+
+@pytest.mark.parametrize(("in_camera", "expected"), [(False, (0.0, 0.1, 0.3)), (True, (0.1, 0.1, 0.2))])
+def test_curves_of_depth_are_taken_as_they_are(in_camera, expected):
+    """In the world, or in the camera's frame where the request does not place the camera."""
+    curve = [(0.0, 0.1, 0.3), (0.1, 0.1, 0.3), (0.2, 0.1, 0.3)]
+    one = ALONG_X.instances[0]
+    deep = SimpleNamespace(id=one.id, score=one.score, centerline_xy=one.centerline_xy, curve_m=curve)
+    found = robot_poses(Output(camera=CAMERA), ALONG_X.model_copy(update={"instances": [deep]}), in_camera=in_camera)
+    assert found.poses[0].position == pytest.approx(expected)
+    bare = robot_poses(Output(), ALONG_X)
+    assert bare.poses == []
+    assert "names no camera" in bare.warnings[0]
