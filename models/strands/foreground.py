@@ -17,7 +17,8 @@ from models.geometry.arrays import BoolArray, ByteArray, Float32Array
 
 ALONG = 4.5
 """Foreground at the edge runs along it where its length is more than this times its typical depth. Lengths count less
-the more uneven the depth is: where a strand leaves at a low angle it goes from nothing to the full width."""
+the more uneven the depth is: where a strand leaves at a low angle it goes from nothing to the full width. On rendered
+scenes 2 to 6 depths are equally good (``tests.benchmarks.bench_border``)."""
 _MARGIN_PX, _MOST_MARGIN_PX = 12, 60
 """Half the margin of a narrow and of a very wide strand."""
 

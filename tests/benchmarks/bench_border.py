@@ -20,7 +20,7 @@ from models.strands import foreground
 from models.synthesis.textures import load_pool
 from models.training.instances.section_matching_scenes import TrainScene, make_scene
 
-LENGTHS = (2.0, 3.0, 4.0, 4.5, 5.0, 6.0, 8.0)
+LENGTHS = (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0)
 SIZE = (200, 300)
 NEAR_PX = 40
 
@@ -31,7 +31,7 @@ def windows(scene: TrainScene, rng: np.random.Generator, count: int = 12) -> Ite
     for k in range(count):
         free = np.array(scene.mask.shape) - SIZE
         corner = rng.integers(0, free)
-        if k % 2:
+        if k % 2 and scene.curves:
             corner[0] = np.clip(_beside_a_cable(scene, rng), 0, free[0])
         rows, columns = (slice(c, c + size) for c, size in zip(corner.tolist(), SIZE, strict=True))
         yield scene.mask[rows, columns], distances[rows, columns]
