@@ -86,6 +86,20 @@ def test_a_lost_submission_is_repeated_under_the_same_key(connect: Connect) -> N
     assert len({request.content for request in script.requests}) == 1
 
 
+def test_every_attempt_has_the_id_of_its_call_and_the_error_has_that_of_the_log(connect: Connect) -> None:
+    """A failure could not be found in the service's log: nothing that the caller knew was in it."""
+    script = Script(LOST, refusal(samples.refused(500), {"X-Request-ID": "in the log"}))
+    client = connect(script)
+    with pytest.raises(errors.ServiceFault) as caught:
+        client.submit(NoopRequest())
+    assert caught.value.request_id == "in the log"
+    first, second = (request.headers["X-Request-ID"] for request in script.requests)
+    assert first == second
+    with pytest.raises(errors.ServiceFault):
+        client.get("abc")
+    assert script.requests[-1].headers["X-Request-ID"] != first
+
+
 def test_two_submissions_have_two_keys_unless_the_caller_gives_one(connect: Connect) -> None:
     script = Script(ok(QUEUED, 202))
     client = connect(script)

@@ -60,6 +60,8 @@ class Call(Generic[T]):
     body: Mapping[str, Any] = field(default_factory=dict)
     held_s: float = 0.0
     fine: tuple[int, ...] = ()
+    request_id: str = field(default_factory=lambda: uuid4().hex)
+    """The same for every attempt; the logs of the service, and of the worker that does the job, have it."""
 
     def build(self, http: httpx.Client | httpx.AsyncClient, timeout_s: float) -> httpx.Request:
         if http.is_closed:
@@ -68,7 +70,7 @@ class Call(Generic[T]):
             self.method,
             self.path,
             params=self.params,
-            headers=self.headers,
+            headers={_REQUEST_ID: self.request_id, **self.headers},
             timeout=httpx.Timeout(timeout_s, read=timeout_s + self.held_s),
             **self.body,
         )
@@ -228,6 +230,7 @@ def connection_failed(error: httpx.RequestError) -> ConnectionFailed:
     return ConnectionFailed(f"cannot reach {address}: {error or type(error).__name__}")
 
 
+_REQUEST_ID = "X-Request-ID"
 _BINARY = {"Content-Type": "application/octet-stream"}
 
 
@@ -236,7 +239,7 @@ def _refused(response: httpx.Response) -> APIError:
         problem = Problem.model_validate_json(response.content)
     except ValidationError:
         problem = _foreign_problem(response)
-    return refusal(problem, retry_after_s(response))
+    return refusal(problem, retry_after_s(response), response.headers.get(_REQUEST_ID))
 
 
 def _foreign_problem(response: httpx.Response) -> Problem:

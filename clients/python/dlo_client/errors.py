@@ -53,12 +53,13 @@ class UnexpectedReply(DLOError):
 
 
 class APIError(DLOError):
-    """The service refused the call."""
+    """The service refused the call; its log has it under ``request_id``."""
 
-    def __init__(self, problem: Problem, retry_after_s: float | None = None) -> None:
+    def __init__(self, problem: Problem, retry_after_s: float | None = None, request_id: str | None = None) -> None:
         super().__init__(describe(problem))
         self.problem = problem
         self.retry_after_s = retry_after_s
+        self.request_id = request_id
 
 
 class InvalidRequest(APIError):
@@ -158,7 +159,7 @@ _BY_STATUS: dict[int, type[APIError]] = {
 }
 
 
-def refusal(problem: Problem, retry_after_s: float | None) -> APIError:
+def refusal(problem: Problem, retry_after_s: float | None, request_id: str | None) -> APIError:
     """The error of the tree for a problem, by its status."""
     fallback = InvalidRequest if problem.status < HTTPStatus.INTERNAL_SERVER_ERROR else ServiceFault
-    return _BY_STATUS.get(problem.status, fallback)(problem, retry_after_s)
+    return _BY_STATUS.get(problem.status, fallback)(problem, retry_after_s, request_id)
