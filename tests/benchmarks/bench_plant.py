@@ -43,12 +43,12 @@ def _summary(values: list[float]) -> Row:
 
 def stalls() -> Row:
     """Milliseconds of a no-op: as such, while children are recycled every 25 jobs, and right after a cancel."""
-    with plant(recycle_after_jobs=25) as there, _client(there) as client:
+    with plant(recycle_after_jobs=25, spare_child=True) as there, _client(there) as client:
         for _ in range(5):
             _job(client)
         recycled = [_job(client)[0] for _ in range(150)]
     cancelled = []
-    with plant() as there, _client(there) as client:
+    with plant(spare_child=True) as there, _client(there) as client:
         plain = [_job(client)[0] for _ in range(150)]
         for _ in range(5):
             time.sleep(8)  # the next child warms up

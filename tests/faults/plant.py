@@ -68,7 +68,7 @@ class Plant:
     def __init__(self, folder: Path, workers: int = 1, env: dict[str, str] | None = None, **changes: object) -> None:
         self.folder = folder
         self.queue_server = EmbeddedQueue(folder / "queue").start()
-        plain = {"log_level": "ERROR", "disk_reserve_bytes": 0} | changes
+        plain = {"log_level": "ERROR", "disk_reserve_bytes": 0, "spare_child": False} | changes
         self.settings = Settings(redis_url=self.queue_server.url, data_dir=folder / "data", **plain)
         self._port = free_port()
         self.url = f"http://127.0.0.1:{self._port}"

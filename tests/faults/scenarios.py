@@ -37,7 +37,7 @@ Path.read_bytes = read_bytes
 def kills(jobs: int, faults: int) -> Tally:
     """SIGKILL of child, worker, service and queue server in turn, at random moments, while jobs come in."""
     chance = random.Random(1)
-    with plant(workers=2) as there:
+    with plant(workers=2, spare_child=True) as there:
         before = sum(there.memory_mb().values())
         traffic = Traffic(there, jobs, pace_s=max(0.02, 2.0 * faults / jobs)).start()
         recovered = []

@@ -10,7 +10,7 @@ from tests.fuzz.__main__ import PARTS, Run, kept
 from tests.fuzz.bench import whole
 from tests.fuzz.mutations import damaged_bytes
 
-COUNTS = {"requests": 22, "damaged": 66, "pictures": 60, "schema": 40}
+COUNTS = {"requests": 22, "damaged": 66, "pictures": 60, "schema": 8}
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from redis import Redis
 
 from tests.processes import KEYS
 from workers import presence, shared_blobs
-from workers.blobs import Blobs, FolderBlobs
+from workers.blobs import Blobs, BlobsUnreachableError, FolderBlobs
 from workers.connection import connect
 
 
@@ -62,3 +62,26 @@ def test_a_folder_that_was_emptied_counts_again(queue_server, tmp_path):
     assert shared_blobs.apart(queue_server, KEYS, blobs(tmp_path)) is not None
     shared_blobs.claim(queue_server, KEYS, blobs(tmp_path))
     assert shared_blobs.apart(queue_server, KEYS, blobs(tmp_path)) is None
+
+
+class Away:
+    """A place that does not answer."""
+
+    place = "the bucket s3://pictures/"
+
+    def mark(self, *, make: bool = False) -> str | None:
+        raise BlobsUnreachableError("access denied")
+
+
+def test_a_worker_whose_place_does_not_answer_does_not_join_and_says_why(queue_server, tmp_path, monkeypatch):
+    def give_up(_: float) -> None:
+        raise TimeoutError
+
+    monkeypatch.setattr(shared_blobs.time, "sleep", give_up)
+    for _ in range(2):  # before and after a service has claimed its own place
+        with pytest.raises(TimeoutError):
+            shared_blobs.join(queue_server, KEYS, Away(), "w")
+        assert queue_server.get(KEYS.outsider) == (
+            "worker w does not join: the bucket s3://pictures/ cannot be used: access denied"
+        )
+        shared_blobs.claim(queue_server, KEYS, blobs(tmp_path))
