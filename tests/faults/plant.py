@@ -25,6 +25,8 @@ from workers.settings import Settings
 KINDS = ("child", "worker", "api", "queue")
 """What can be killed."""
 
+_READY_WITHIN_S = 600.0
+
 _UVICORN = """
 import signal, sys
 from workers.lifeline import die_with_parent
@@ -70,6 +72,7 @@ class Plant:
         self.queue_server = EmbeddedQueue(folder / "queue").start()
         plain = {"log_level": "ERROR", "disk_reserve_bytes": 0, "spare_child": False} | changes
         self.settings = Settings(redis_url=self.queue_server.url, data_dir=folder / "data", **plain)
+        self._why_not = ""
         self._port = free_port()
         self.url = f"http://127.0.0.1:{self._port}"
         base = environment(self.settings) | {"PYTHONPATH": f"{ROOT}:{ROOT / 'clients/python'}"}
@@ -80,7 +83,11 @@ class Plant:
         self.queue = JobQueue(self.settings)
 
     def __enter__(self) -> Plant:
-        wait_until(lambda: self.ready(), 240)
+        try:
+            wait_until(self.ready, _READY_WITHIN_S)
+        except AssertionError:
+            self.__exit__()
+            raise AssertionError(f"not ready within {_READY_WITHIN_S:g} s: {self._why_not}") from None
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -93,9 +100,12 @@ class Plant:
         """Whether ``/readyz`` is; starts again what has ended."""
         self.tend()
         try:
-            return httpx.get(f"{self.url}/readyz", timeout=5).status_code == 200
-        except httpx.HTTPError:
+            answer = httpx.get(f"{self.url}/readyz", timeout=5)
+        except httpx.HTTPError as error:
+            self._why_not = str(error)
             return False
+        self._why_not = answer.text
+        return answer.status_code == 200
 
     def tend(self) -> None:
         for part in (self.api, *self.workers):

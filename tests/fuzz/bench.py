@@ -1,20 +1,24 @@
-"""The whole path in one process: HTTP, queue server, a worker's work, HTTP again; and what must never come of it."""
+"""The whole path: HTTP, queue server, a worker's work, HTTP again; and what must never come of it."""
 
 from __future__ import annotations
 
 import json
+import socket
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import httpx
+import uvicorn
 from dlo_client.contracts import AnyJob, JobState, Problem
-from httpx2 import Response
 from pydantic import TypeAdapter
-from starlette.testclient import TestClient
 
 from services.app import create_app
+from services.http_protocol import BoundedHttp
 from services.settings import ServiceSettings
+from tests.processes import wait_until
 from tests.properties.judging import Bench, check_finite
 from workers import jobs
 from workers.connection import connect
@@ -28,7 +32,7 @@ _REFUSALS = (400, 408, 409, 413, 415, 422, 429, 507)
 class Whole:
     """Answers requests and does the jobs that come of them; usable by :func:`whole`."""
 
-    def __init__(self, settings: ServiceSettings, client: TestClient, folder: Path) -> None:
+    def __init__(self, settings: ServiceSettings, client: httpx.Client, folder: Path) -> None:
         self.client = client
         self.stages = Bench(folder)
         self._ledger = Ledger(connect(settings), settings)
@@ -67,7 +71,7 @@ class Whole:
         return job.state.value if job.problem is None else job.problem.code
 
 
-def _refused(answer: Response) -> str:
+def _refused(answer: httpx.Response) -> str:
     assert answer.status_code in _REFUSALS, f"{answer.status_code}: {answer.text[:300]}"
     problem = Problem.model_validate_json(answer.content)
     assert len(answer.content) < 50_000, "an answer of more than 50 kB"
@@ -80,8 +84,21 @@ def whole(folder: Path) -> Iterator[Whole]:
     """In ``folder``, with a queue server of its own."""
     with EmbeddedQueue(folder / "queue") as server:
         settings = ServiceSettings(
-            redis_url=server.url, data_dir=folder, allowed_hosts=("testserver",), max_queue_depth=100_000,
-            result_ttl_s=60, disk_reserve_bytes=0,
-        )  # fmt: skip
-        with TestClient(create_app(settings), raise_server_exceptions=False) as client:
+            redis_url=server.url, data_dir=folder, max_queue_depth=100_000, result_ttl_s=60, disk_reserve_bytes=0
+        )
+        with _served(settings) as address, httpx.Client(base_url=address, timeout=60) as client:
             yield Whole(settings, client, folder)
+
+
+@contextmanager
+def _served(settings: ServiceSettings) -> Iterator[str]:
+    """The address of the application behind a server of this process."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        config = uvicorn.Config(create_app(settings), http=BoundedHttp, log_config=None, access_log=False)
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
+        thread.start()
+        wait_until(lambda: server.started)
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+        server.should_exit = True
+        thread.join()
