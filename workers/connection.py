@@ -20,13 +20,14 @@ _SOCKET_TIMEOUT_S = LONGEST_BLOCK_MS / 1000 + 5.0
 _CONNECT_TIMEOUT_S = 2.0
 _MAX_CONNECTIONS = 4096
 _PAUSE_S = 0.25
-_CANNOT_WRITE = "MISCONF"
+_FULL_DISK = "MISCONF"
+_CANNOT_WRITE = (redis.exceptions.OutOfMemoryError, redis.ReadOnlyError)
 
 T = TypeVar("T")
 
 
 class Patience(Retry):
-    """Also waits for a server that is there and cannot write, as its disk is full."""
+    """Also waits for a server that is there and cannot write: its disk or its memory is full, or it is a replica."""
 
     def call_with_retry(self, do: Callable[..., T], *rest: Any, **named: Any) -> T:
         """See redis-py."""
@@ -35,7 +36,7 @@ class Patience(Retry):
             try:
                 return do(*arguments)
             except redis.ResponseError as error:
-                if _CANNOT_WRITE in str(error):
+                if isinstance(error, _CANNOT_WRITE) or _FULL_DISK in str(error):
                     raise redis.ConnectionError(str(error)) from error
                 raise
 

@@ -208,15 +208,16 @@ def client_gone(jobs: int, faults: int) -> Tally:
         head = f"POST /v1/jobs?wait=30 HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n"
         for _ in range(jobs):
             with socket.create_connection((host, int(port))) as connection:
+                before = there.queue.counts().get(("noop", "queued"), 0)
                 connection.sendall(head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body)
-                time.sleep(0.02)
+                wait_until(lambda before=before: there.queue.counts().get(("noop", "queued"), 0) > before, 60)
         recovery_s = probe(there)
 
         def ended() -> bool:
             counts = there.queue.counts()
             return counts.get(("noop", "succeeded"), 0) >= counts["noop", "queued"] >= jobs
 
-        wait_until(ended, 120)
+        wait_until(ended, 300)
         failed = there.queue.counts().get(("noop", "failed"), 0)
         return Tally(jobs=jobs, faults=jobs, failed=failed, worst_recovery_s=round(recovery_s, 2))
 

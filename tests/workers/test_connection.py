@@ -120,6 +120,19 @@ class TestPatience:
         patience = Patience(NoBackoff(), -1)
         assert patience.call_with_retry(self.answers(full, in_pipeline, full), lambda _: None) == "answer"
 
+    def test_a_server_whose_memory_is_full_is_waited_for(self, settings):
+        with connect(settings, patient=True) as patient, connect(settings) as impatient:
+            impatient.config_set("maxmemory", 1)
+            freed = threading.Timer(0.3, lambda: impatient.config_set("maxmemory", 0))
+            try:
+                with pytest.raises(redis.ResponseError):
+                    impatient.set("key", "value")
+                freed.start()
+                assert patient.set("key", "value")
+            finally:
+                freed.join()
+                impatient.config_set("maxmemory", 0)
+
     def test_other_refusals_are_errors(self):
         with pytest.raises(redis.ResponseError, match="WRONGTYPE"):
             Patience(NoBackoff(), -1).call_with_retry(self.answers(redis.ResponseError("WRONGTYPE")), lambda _: None)
