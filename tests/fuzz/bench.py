@@ -86,7 +86,7 @@ def whole(folder: Path) -> Iterator[Whole]:
         settings = ServiceSettings(
             redis_url=server.url, data_dir=folder, max_queue_depth=100_000, result_ttl_s=60, disk_reserve_bytes=0
         )
-        with _served(settings) as address, httpx.Client(base_url=address, timeout=60) as client:
+        with _served(settings) as address, httpx.Client(base_url=address, timeout=600) as client:
             yield Whole(settings, client, folder)
 
 
