@@ -35,3 +35,11 @@ export async function saveLabel(folder, name, label, etag) {
 /** An archive of labels in another tool's format, which the SDK writes. */
 export const exported = async (format, lines) =>
   (await api.fetch(`v1/label-exports?format=${format}`, { method: "POST", body: lines })).blob();
+
+/** The pictures that the service keeps because it was unsure of them, the least sure first; none where it keeps none. */
+export const unsurePictures = () => api.json("v1/unsure").catch(() => []);
+
+export async function unsurePicture(id) {
+  const blob = await (await api.fetch(`v1/unsure/${id}`)).blob();
+  return new File([blob], `unsure-${id.slice(0, 8)}`, { type: blob.type });
+}

@@ -6,7 +6,7 @@ import { ask } from "./bench_calls.js";
 import { drawBench } from "./bench_draw.js";
 import { keysOf } from "./bench_keys.js";
 import { fillLists } from "./bench_lists.js";
-import { exported, folders, labelOf, pictureOf, picturesOf } from "./bench_service.js";
+import { exported, folders, labelOf, pictureOf, picturesOf, unsurePicture, unsurePictures } from "./bench_service.js";
 import { labelFor, listed, sorted } from "./bench_sources.js";
 import { Sync } from "./bench_sync.js";
 import { Tools } from "./bench_tools.js";
@@ -89,6 +89,13 @@ async function openFolder(folder) {
     bench.add({ name, sha256, folder, certainty, confirmed: state === "confirmed" });
   }
   if (!bench.shown && bench.pictures.length) await show(bench.pictures[0]);
+}
+
+async function openUnsure() {
+  for (const { id } of await unsurePictures()) {
+    const file = await unsurePicture(id);
+    await take(file.name, file, [], [file.name]);
+  }
 }
 
 /** Shows a picture: its pixels at once, its label as soon as it is here. */
@@ -224,6 +231,7 @@ async function offerFolders() {
   const names = await folders();
   byId("folders").hidden = !names.length;
   byId("folder").replaceChildren(new Option(t("choose"), ""), ...names.map((name) => new Option(name, name)));
+  byId("unsure").hidden = !(await unsurePictures()).length;
   const asked = new URLSearchParams(location.search).get("folder");
   if (names.includes(asked)) {
     byId("folder").value = asked;
@@ -235,6 +243,7 @@ function listen() {
   byId("file").addEventListener("change", (event) => open([...event.target.files]));
   byId("directory").addEventListener("change", (event) => open([...event.target.files]));
   byId("folder").addEventListener("change", (event) => openFolder(event.target.value).catch(report));
+  byId("unsure").addEventListener("click", () => openUnsure().catch(report));
   byId("undo").addEventListener("click", () => bench.go(-1));
   byId("redo").addEventListener("click", () => bench.go(1));
   byId("confirm").addEventListener("click", () => confirm(false));

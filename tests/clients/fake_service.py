@@ -27,6 +27,8 @@ class FakeService:
 
     def __init__(self) -> None:
         self.finished: AnyJob = samples.instances_job()
+        self.unsure: dict[str, bytes] = {}
+        """Pictures that the service keeps because it was unsure of them."""
         self.next: list[AnyJob] = []
         """Answers to the next submissions, before those are ``finished``."""
         self.file = samples.OVERLAY
@@ -44,6 +46,8 @@ class FakeService:
             routes=[
                 Route("/", lambda _: FileResponse(VIEWER / "index.html")),
                 Route("/v1/models", self._networks),
+                Route("/v1/unsure", lambda _: JSONResponse([{"id": key} for key in self.unsure])),
+                Route("/v1/unsure/{id}", lambda request: Response(self.unsure[request.path_params["id"]])),
                 Route("/v1/label-folders", lambda _: JSONResponse({"folders": []})),
                 Route("/v1/images", self._upload, methods=["POST"]),
                 Route("/v1/images/{id}/preview", lambda _: Response(self.preview, media_type="image/png")),

@@ -204,3 +204,11 @@ def test_pictures_are_gone_through_with_the_keys_of_cvat(page: Any, tmp_path: An
     page.keyboard.press("Control+Enter")
     page.wait_for_function(wait, arg="0.png")
     assert page.inner_text("#count") == "1 of 3 confirmed, 0 changed"
+
+
+def test_what_the_service_was_unsure_of_is_there_to_be_labelled(browser: Any, service: FakeService) -> None:
+    service.unsure = {sha256(data): data for data in (png(probability()), png(255 - probability()))}
+    with opened(browser, service, BENCH) as page:
+        page.click("#unsure")
+        page.wait_for_function("document.querySelectorAll('#pictures button').length === 2")
+        page.wait_for_selector("#instances button")
