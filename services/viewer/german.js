@@ -90,7 +90,7 @@ export const GERMAN = {
   "A controller sends pictures to": "Eine Steuerung sendet Bilder an", "and gets the job; everything else is in the recipe.": "und erhält den Auftrag; alles andere steht im Rezept.", "This service has no recipes yet.": "Dieser Dienst hat noch keine Rezepte.",
   "recipe {number}, version {version}": "Rezept {number}, Version {version}", "running …": "läuft …",
 
-  "Jobs, workers and networks": "Aufträge, Worker und Netze", "Service": "Dienst", "Ready: the queue answers and a worker is warm": "Bereit: die Warteschlange antwortet, ein Worker ist warm", "Queue": "Warteschlange", "Disk": "Platte", "no worker": "kein Worker",
+  "Do": "Tun", "Jobs, workers and networks": "Aufträge, Worker und Netze", "Service": "Dienst", "Ready: the queue answers and a worker is warm": "Bereit: die Warteschlange antwortet, ein Worker ist warm", "Queue": "Warteschlange", "Disk": "Platte", "no worker": "kein Worker",
   "nothing waits": "nichts wartet", "starting": "startet", "idle": "frei", "busy": "beschäftigt", "{x} free": "{x} frei", "This service does not measure its disk.": "Dieser Dienst misst seine Platte nicht.",
   "Uploads are accepted while {x} are free": "Bilder werden angenommen, solange {x} frei sind", "Uploads are refused: less than {x} is free": "Bilder werden abgelehnt: weniger als {x} frei", "Last failures by reason": "Letzte Fehler nach Grund",
   "Reason": "Grund", "How often": "Wie oft", "Last": "Zuletzt", "Job": "Auftrag", "Jobs since the queue began": "Aufträge seit Beginn der Warteschlange", "Jobs, newest first": "Aufträge, die neuesten zuerst", "every state": "jeder Zustand", "state": "Zustand",

@@ -7,6 +7,7 @@ const CASING = "rgb(0 0 0 / 0.65)";
 const WARNING = "#ffb020";
 const SMALLEST_GAP = 7; // screen pixels, half of it
 const LINE = 2.5;
+const LIGHT = 0.18; // luminance from which black stands out better than white
 
 /** `[r, g, b]` of an instance, the same as in overlay.png and instances.png: hues a golden ratio apart. */
 export function rgb(id) {
@@ -22,6 +23,12 @@ export function rgb(id) {
 }
 
 export const color = (id) => `rgb(${rgb(id).join(" ")})`;
+
+/** Black or white, whichever is read better on the color of an instance. */
+export function inkOn(id) {
+  const [r, g, b] = rgb(id).map((value) => (value / 255) ** 2.2);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b > LIGHT ? "#000" : "#fff";
+}
 
 /** A score of one half says that nothing tells which strand is on top. */
 export const orderKnown = (crossing) => crossing.score > 0.5;
@@ -83,9 +90,11 @@ function drawCulprit(context, { instance, crossing }, result, view) {
   line.forEach((point, i) => path[i ? "lineTo" : "moveTo"](...onScreen(point, view)));
   const at = result.crossings.find(({ id }) => id === crossing);
   if (at) path.arc(...onScreen(at.xy, view), 17, 0, 2 * Math.PI);
-  context.setLineDash([3, 9]);
-  cased(context, path, WARNING, 9);
+  context.lineCap = "butt";
+  context.setLineDash([7, 5]);
+  cased(context, path, WARNING, 7);
   context.setLineDash([]);
+  context.lineCap = "round";
 }
 
 function drawCenterline(context, instance, result, view) {
@@ -129,8 +138,9 @@ function drawNumber(context, instance, result, view) {
   context.fillStyle = color(instance.id);
   context.fill(plate);
   context.lineWidth = 1;
-  context.strokeStyle = context.fillStyle = "#111";
+  context.strokeStyle = "#111";
   context.stroke(plate);
+  context.fillStyle = inkOn(instance.id);
   context.fillText(text, x, y + 0.5);
 }
 

@@ -4,11 +4,11 @@ import { api } from "./api.js";
 import { byId, download, element, onDrop, problemOf, showProblem } from "./dom.js";
 import { framesOf } from "./frames.js";
 import { t } from "./i18n.js";
-import { color } from "./overlay.js";
+import { color, inkOn } from "./overlay.js";
 import { shell } from "./shell.js";
 import { Stage } from "./stage.js";
 import { pointAt } from "./strands.js";
-import { inkOn, swatch } from "./swatches.js";
+import { swatch } from "./swatches.js";
 
 const FRAME_MS = 120;
 const page = { files: [], frames: [], results: [], at: 0, session: null, stop: null, focus: null, bitmap: null, playing: false };
