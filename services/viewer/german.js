@@ -26,7 +26,7 @@ export const GERMAN = {
   "This request as code": "Diese Anfrage als Code", "Recipe": "Rezept", "Save as a recipe": "Als Rezept sichern", "Cables": "Kabel",
   "No cable is seen": "Kein Kabel zu sehen", "Sure: every score is at least {limit}": "Sicher: jede Wertung ist mindestens {limit}",
   "Unsure: a score is below {limit}": "Unsicher: eine Wertung ist unter {limit}", "none found": "keine gefunden", "closed ring": "geschlossener Ring",
-  "free": "frei", "border": "Bildrand", "hidden": "verdeckt", "branch": "Abzweig", "over": "über", "and": "und", "order unknown": "Reihenfolge unbekannt",
+  "free": "frei", "border": "Rand", "hidden": "verdeckt", "branch": "Abzweig", "over": "über", "and": "und", "order unknown": "Reihenfolge unbekannt",
   "gap": "Lücke", "cut by the border": "vom Bildrand geschnitten", "beside another": "neben einem anderen", "low contrast": "wenig Kontrast", "blurred": "unscharf",
   "{n} instances, {m} crossings": "{n} Kabel, {m} Kreuzungen", "ok": "sicher", "unsure": "unsicher", "none_found": "nichts gefunden",
   "waiting": "wartet", "queued": "wartet", "running": "läuft", "done": "fertig", "succeeded": "gelungen", "failed": "fehlgeschlagen", "cancelled": "abgebrochen",

@@ -52,10 +52,7 @@ async function run() {
   });
   try {
     for (const [k, { blob, time_s: time }] of page.frames.entries()) {
-      const body = new FormData();
-      body.append("request", JSON.stringify({ time_s: time }));
-      body.append("image", blob);
-      page.results[k] = await api.json(`v1/tracks/${id}/frames`, { method: "POST", body, signal });
+      page.results[k] = await api.json(`v1/tracks/${id}/frames?time_s=${time}`, { method: "POST", body: blob, signal });
       progress(k + 1, page.frames.length);
       await show(k);
     }
