@@ -131,6 +131,7 @@ RUN: dict[str, Any] = {
                 "properties": {
                     "image": {"type": "array", "items": _PICTURE, "description": "In order"},
                     "mask": {"type": "array", "maxItems": 1, "items": _PICTURE, "description": "Foreground"},
+                    "depth": {"type": "array", "maxItems": 1, "items": _PICTURE, "description": "Depth map"},
                     "flange": _FLANGE,
                 },
                 "additionalProperties": False,

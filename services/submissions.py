@@ -160,6 +160,8 @@ class Submissions:
             form.images.append(await self._uploads.find(image.id, field=f"images.{index}"))
         if given.mask is not None:
             form.mask = await self._uploads.find(given.mask.id, field="mask")
+        if given.depth is not None:
+            form.depth = await self._uploads.find(given.depth.id, field="depth")
 
     async def _read(self, request: Request, form: _Form) -> None:
         match media_type(request):

@@ -10,7 +10,7 @@ from starlette.testclient import TestClient
 from services import keys
 from services.app import create_app
 from services.examples import CAMERA, PICTURES, RECIPE
-from tests.services.samples import encoded
+from tests.services.samples import encoded, sixteen_bit_png
 
 INSTANCES = {"name": "cables", "request": {"kind": "instances", "files": []}}
 LENS = {"width": 40, "height": 30, "fx": 40, "fy": 40, "cx": 20, "cy": 15}
@@ -101,6 +101,7 @@ class TestRun:
             {"files": {"image": picture}},
             {"content": picture, "headers": {"content-type": "image/png"}},
             {"json": {"images": [{"id": known}]}},
+            {"files": {"image": picture, "mask": picture}},
         ]
         for form in forms:
             reply = client.post("/v1/recipes/7/run", **form)
@@ -168,6 +169,20 @@ class TestRun:
         assert output["plane"]["offset_m"] == 0.02
         assert output["camera"]["T_world_camera"][1][3] == 0.1
         assert output["T_flange_tool"][1][3] == 0.1
+
+    def test_depth_gets_the_camera(self, client, store, job_queue):
+        """Depth is measured with the camera that the recipe names; a run brings pictures alone."""
+        client.put("/v1/cameras/over", json={"intrinsics": LENS, "T_world_camera": ON_ARM["T_flange_camera"]})
+        store(7, INSTANCES | {"camera": "over"})
+        parts = {"image": encoded(), "depth": sixteen_bit_png()}
+        reply = client.post("/v1/recipes/7/run", files=parts)
+        assert reply.status_code == 202, reply.text
+        request = entry(job_queue, reply.json())
+        assert set(request["depth"]) == {"id"}
+        assert request["intrinsics"]["fx"] == 40
+        assert request["T_world_camera"][1][3] == 0.1
+        known = {"images": [request["image"]], "depth": request["depth"]}
+        assert client.post("/v1/recipes/7/run", json=known).status_code == 202
 
 
 class TestDryRun:

@@ -140,6 +140,7 @@ class AsyncClient:
         images: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         flange: Sequence[Sequence[float]] = (),
         version: int | None = None,
         timeout: float = 60.0,
@@ -147,7 +148,7 @@ class AsyncClient:
         """The ended job of a stored recipe with these pictures; ``flange``: x, y, z, rotation, one a picture."""
         deadline = time.monotonic() + calls.seconds(timeout)
         held_s = min(timeout, LONGEST_WAIT_S)
-        call = await _made(recipe_calls.run, number, images, mask, flange, version, held_s)
+        call = await _made(recipe_calls.run, number, images, mask, flange, version, held_s, depth)
         return succeeded(await self._ended(await self._send(call, deadline), deadline, timeout))
 
     async def submit_recipe(
@@ -156,12 +157,13 @@ class AsyncClient:
         images: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         flange: Sequence[Sequence[float]] = (),
         version: int | None = None,
         wait: float = 0.0,
     ) -> AnyJob:
         """The job of a stored recipe with these pictures, as it is after ``wait`` seconds."""
-        return await self._send(await _made(recipe_calls.run, number, images, mask, flange, version, wait))
+        return await self._send(await _made(recipe_calls.run, number, images, mask, flange, version, wait, depth))
 
     async def store_recipe(self, number: int, recipe: RecipeBody) -> Recipe:
         """Store a recipe under a number; the next version if there is one."""

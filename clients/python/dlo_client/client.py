@@ -139,6 +139,7 @@ class Client:
         images: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         flange: Sequence[Sequence[float]] = (),
         version: int | None = None,
         timeout: float = 60.0,
@@ -146,7 +147,7 @@ class Client:
         """The ended job of a stored recipe with these pictures; ``flange``: x, y, z, rotation, one a picture."""
         deadline = time.monotonic() + calls.seconds(timeout)
         held_s = min(timeout, LONGEST_WAIT_S)
-        call = recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=held_s)
+        call = recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=held_s, depth=depth)
         return succeeded(self._ended(self._send(call, deadline), deadline, timeout))
 
     def submit_recipe(
@@ -155,12 +156,15 @@ class Client:
         images: Pictures | None = None,
         *,
         mask: Picture | None = None,
+        depth: Picture | None = None,
         flange: Sequence[Sequence[float]] = (),
         version: int | None = None,
         wait: float = 0.0,
     ) -> AnyJob:
         """The job of a stored recipe with these pictures, as it is after ``wait`` seconds."""
-        return self._send(recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=wait))
+        return self._send(
+            recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=wait, depth=depth)
+        )
 
     def store_recipe(self, number: int, recipe: RecipeBody) -> Recipe:
         """Store a recipe under a number; the next version if there is one."""

@@ -34,11 +34,14 @@ def run(
     flange: Sequence[Sequence[float]] = (),
     version: int | None = None,
     wait: float = 0.0,
+    depth: Picture | None = None,
 ) -> Call[AnyJob]:
     """A run of a recipe; ``flange``: x, y, z, rotation of each picture."""
     parts = [("image", part) for part in parts_of(images, "images")]
     if mask is not None:
         parts.append(("mask", part_of(mask, "mask")))
+    if depth is not None:
+        parts.append(("depth", part_of(depth, "depth")))
     files = [(field, (name, data, "application/octet-stream")) for field, (name, data) in parts]
     poses = [[float(number) for number in pose] for pose in flange]
     if poses:

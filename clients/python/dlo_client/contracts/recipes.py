@@ -80,6 +80,7 @@ class RunInput(Contract):
         default_factory=list, max_length=MOST_PICTURES, description="uploaded pictures, in order"
     )
     mask: ImageRef | None = Field(default=None, description="an uploaded mask")
+    depth: ImageRef | None = Field(default=None, description="an uploaded depth map")
     flange: list[FlangePose] = Field(
         default_factory=list,
         max_length=MOST_PICTURES,
