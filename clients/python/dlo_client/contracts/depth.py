@@ -40,7 +40,7 @@ class TablePlane(Reply):
     normal: Point3 = Field(description="of unit length, towards the camera")
     offset_m: Meters = Field(description="meters")
     sigma_m: float = Field(description="standard deviation of the depth's noise across it, meters")
-    share: float = Field(description="of the known depths that are on it")
+    share: float = Field(description="share of the known depths that are on it")
 
 
 class MetricCenterline(Reply):

@@ -38,7 +38,7 @@ class TrackNodes(Taken):
     xy: Annotated[list[Point], _PerNode] = Field(description="where its nodes are, or are supposed to be, pixels")
     velocity: Annotated[list[tuple[_Shift, _Shift]], _PerNode] = Field(description="of its nodes, pixels a frame")
     seen: Annotated[list[bool], _PerNode] = Field(description="which nodes are in view")
-    firm: Annotated[list[Probability], _PerNode] = Field(description="how surely the cable goes on at each node")
+    firm: Annotated[list[Probability], _PerNode] = Field(description="probability that the cable goes on at each node")
     spread: Annotated[list[_Pixels], _PerNode] = Field(description="pixels by which each node may be elsewhere")
     length_px: float = Field(gt=0, le=1e7, description="from its first to its last node")
     width_px: float = Field(gt=0, le=1e5, description="running mean")
@@ -48,10 +48,10 @@ class TrackNodes(Taken):
     state: CableState = Field(description="in the last frame")
     certainty: Probability = Field(description="that this is the cable which first had the id")
     likely: Probability = Field(description="the same of the last frame alone: a doubt that goes on counts once")
-    score: Probability = Field(description="of the instance that it was last seen as")
-    missed: int = Field(ge=0, le=10**9, description="frames since it was last seen")
-    met: int = Field(ge=0, le=10**9, description="frames in which it was seen")
-    color: tuple[float, float, float] | None = Field(default=None, description="running mean, CIE Lab")
+    score: Probability = Field(description="score of the instance that it was last seen as")
+    missed: int = Field(ge=0, le=10**9, description="how many frames since it was last seen")
+    met: int = Field(ge=0, le=10**9, description="how many frames showed it")
+    color: tuple[float, float, float] | None = Field(default=None, description="running mean, in units of CIE Lab")
 
 
 class TrackOrder(Taken):
@@ -62,14 +62,14 @@ class TrackOrder(Taken):
     over_u: Probability = Field(description="where on the upper cable, 0 to 1 by arc length")
     under_u: Probability = Field(description="where on the lower cable, 0 to 1 by arc length")
     xy: Point = Field(description="in the last frame that showed it, pixels")
-    evidence: float = Field(ge=-100, le=100, description="log odds that the order is right")
+    evidence: float = Field(ge=-100, le=100, description="log odds (no unit) that the order is right")
 
 
 class TrackState(Taken):
     """All that is known of a sequence of pictures: ``{}`` begins one."""
 
-    frame: int = Field(default=0, ge=0, le=10**9, description="frames so far")
-    next_id: CableId = Field(default=1, description="goes to the next new cable")
+    frame: int = Field(default=0, ge=0, le=10**9, description="how many frames so far")
+    next_id: CableId = Field(default=1, description="id of the next new cable")
     time_s: TimeSeconds | None = Field(default=None, description="of the last frame, if it was given")
     step_s: TimeSeconds | None = Field(default=None, description="running mean of the time between two frames")
     cables: list[TrackNodes] = Field(default_factory=list, max_length=MOST_CABLES, description="met so far")
@@ -79,7 +79,7 @@ class TrackState(Taken):
 class TrackedCable(MetricCenterline):
     """One cable in one frame; with depth, one that is in view has its curve in meters."""
 
-    id: CableId = Field(description="the same in every frame")
+    id: CableId = Field(description="id, the same in every frame")
     state: CableState = Field(
         description="`seen` (nearly) whole; `partly_covered`: some of it is out of view; `lost`: all of it is, and the "
         "centerline is where it is supposed to be; `new`: met for the first time"
@@ -96,17 +96,17 @@ class TrackedCable(MetricCenterline):
         "once more of it came into view there. A place keeps its arc length"
     )
     covered: list[tuple[Probability, Probability]] = Field(
-        description="stretches out of view, from u0 to u1 of its length: covered, or outside the picture"
+        description="stretches out of view, from share u0 to u1 of its length: covered, or outside the picture"
     )
     endpoints: list[Endpoint] = Field(description="its first and last end; none of a ring")
-    score: Probability = Field(description="of the instance that it was last seen as")
+    score: Probability = Field(description="score of the instance that it was last seen as")
 
 
 class CablePosition(Reply):
     """A place on a tracked cable."""
 
     cable: CableId = Field(description="its id")
-    u: Probability = Field(description="0 at its first to 1 at its last point, by arc length")
+    u: Probability = Field(description="share of the arc length: 0 at its first to 1 at its last point")
 
 
 class CableCrossing(Reply):
@@ -154,7 +154,7 @@ class TrackInfo(Reply):
     id: str = Field(description="32 hexadecimal digits")
     label: str | None = Field(default=None, description="as in its options")
     options: TrackOptions = Field(description="as they were sent")
-    frames: int = Field(ge=0, description="answered so far")
-    cables: int = Field(ge=0, description="known now")
+    frames: int = Field(ge=0, description="how many were answered so far")
+    cables: int = Field(ge=0, description="how many are known now")
     created_at: datetime = Field(description="begun")
     expires_at: datetime = Field(description="then it is forgotten, unless a frame comes before")
