@@ -204,7 +204,7 @@ def client_gone(jobs: int, faults: int) -> Tally:
     """Clients that hang up while they wait: their jobs end, and no connection stays open."""
     with plant() as there:
         host, port = there.url.removeprefix("http://").split(":")
-        body = b'{"kind":"noop","hold_s":0.2}'
+        body = b'{"kind":"noop","hold_s":0.2,"timeout_s":600}'
         head = f"POST /v1/jobs?wait=30 HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n"
         for _ in range(jobs):
             with socket.create_connection((host, int(port))) as connection:
@@ -215,7 +215,8 @@ def client_gone(jobs: int, faults: int) -> Tally:
 
         def ended() -> bool:
             counts = there.queue.counts()
-            return counts.get(("noop", "succeeded"), 0) >= counts["noop", "queued"] >= jobs
+            over = sum(counts.get(("noop", state), 0) for state in ("succeeded", "failed"))
+            return over >= counts["noop", "queued"] >= jobs
 
         wait_until(ended, 300)
         failed = there.queue.counts().get(("noop", "failed"), 0)
