@@ -111,10 +111,6 @@ class Settings(BaseSettings):
         return self.data_dir / "training"
 
     @property
-    def networks_dir(self) -> Path:
-        return self.data_dir / "networks"
-
-    @property
     def queue_dir(self) -> Path:
         return self.data_dir / "queue"
 

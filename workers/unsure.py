@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 
 from dlo_client.contracts.unsure import UnsurePicture
 
-from workers.networks.files import Files, FolderFiles
+from workers.networks.files import Files, open_files
 from workers.settings import Settings
 
 _NOBODY = "_"
@@ -28,7 +28,7 @@ class UnsureStore:
     @classmethod
     def of(cls, settings: Settings) -> UnsureStore:
         """The one of a service and its workers."""
-        return cls(FolderFiles(settings.data_dir / "unsure"), settings.unsure_pictures)
+        return cls(open_files(settings, "unsure"), settings.unsure_pictures)
 
     def offer(self, owner: str, picture: bytes, certainty: float, doubt: str) -> bool:
         """Keep ``picture`` if it is among those that the service was least sure of; whether it is."""

@@ -35,6 +35,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
             "photographs_workshop",
         ],
         "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
+        "adaptation": ["tests.benchmarks.bench_adaptation", str(shared)],
+        "reference": ["tests.benchmarks.bench_reference"],
         "planner": ["tests.benchmarks.bench_planner"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "chroma_key": ["tests.benchmarks.bench_chroma_key", str(shared)],

@@ -87,6 +87,7 @@ def main() -> None:
         "parent": spec.name,
         "minutes": round(report["seconds"] / 60, 1),
         "report": report,
+        "every": args.every,
         "before": measured(args.shared, parent.read_bytes(), spec, learnt, args.every),
         "after": measured(args.shared, adapted, spec, learnt, args.every),
     }

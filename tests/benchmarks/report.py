@@ -15,6 +15,7 @@ from tests.benchmarks import (
     report_training,
 )
 from tests.benchmarks.markdown import table as _table
+from tests.benchmarks.report_adaptation import adaptation, reference
 from tests.benchmarks.report_methods import methods_section, tangles_section
 from tests.benchmarks.report_photographs import photographs
 from tests.benchmarks.report_plant import faults_section, load_section, plant_section
@@ -130,6 +131,8 @@ SECTIONS: dict[str, Any] = {
     "foreground": _foreground,
     "photographs": photographs,
     "photographs_workshop": photographs,
+    "adaptation": adaptation,
+    "reference": reference,
     "instances_ewd": _instances(
         "RT-DLO on the published masks of `ewd`",
         "`masks_r101` at threshold 77. Floor: IoU ≥ 78, median ≤ 13 ms, p95 ≤ 22 ms; published 79.9, "

@@ -32,7 +32,9 @@ _ID = re.compile(r"[0-9a-f]{64}")
 _ABSENT = ("NoSuchKey", "404", "NotFound")
 _FULL = ("507", "InsufficientStorage", "XMinioStorageFull", "QuotaExceeded")
 _STAGED_FOR_S = 3600.0
-_CONFIG = Config(
+KEPT = "kept/"
+"""Below the folder of the blobs: objects that are none and have no lifetime."""
+CONFIG = Config(
     connect_timeout=2, read_timeout=20, retries={"mode": "standard", "total_max_attempts": 3}, max_pool_connections=64
 )
 
@@ -77,7 +79,7 @@ class BucketBlobs:
         """``s3://bucket/folder``."""
         parts = urlsplit(url)
         folder = parts.path.strip("/")
-        return cls(boto3.client("s3", config=_CONFIG), parts.netloc, folder and f"{folder}/", lifetime_s)
+        return cls(boto3.client("s3", config=CONFIG), parts.netloc, folder and f"{folder}/", lifetime_s)
 
     def put(self, data: bytes) -> str:
         """See :class:`workers.blobs.Blobs`."""
@@ -101,7 +103,7 @@ class BucketBlobs:
 
     def path(self, blob_id: str) -> Path | None:
         """No file holds them."""
-        with _told(blob_id):
+        with told(blob_id):
             self._client.head_object(Bucket=self._bucket, Key=self._name(blob_id))
         return None
 
@@ -124,7 +126,7 @@ class BucketBlobs:
 
     def remove(self, name: str) -> None:
         """Of an object that is not there nothing is removed."""
-        with _told(name):
+        with told(name):
             self._client.delete_object(Bucket=self._bucket, Key=name)
 
     def let_go(self, staged: Staged, after_s: float) -> None:
@@ -136,7 +138,7 @@ class BucketBlobs:
         for name, age_s in self._ages(now):
             last = name.rpartition("/")[2]
             lifetime_s = self._lifetime_s if _ID.fullmatch(last) else min(_STAGED_FOR_S, self._lifetime_s)
-            if last != "mark" and age_s > lifetime_s:
+            if last != "mark" and age_s > lifetime_s and not name.startswith(f"{self._folder}{KEPT}"):
                 self.remove(name)
                 removed += 1
         return removed
@@ -149,19 +151,19 @@ class BucketBlobs:
         except BlobMissing:
             if not make:
                 return None
-        with _told(name, but="PreconditionFailed"):  # another process was first
+        with told(name, but="PreconditionFailed"):  # another process was first
             self._client.put_object(Bucket=self._bucket, Key=name, Body=uuid4().hex.encode(), IfNoneMatch="*")
         return self._read(name).decode()
 
     def _read(self, name: str) -> bytes:
-        with _told(name):
+        with told(name):
             body: bytes = self._client.get_object(Bucket=self._bucket, Key=name)["Body"].read()
         return body
 
     def _ages(self, now: float | None) -> Iterator[tuple[str, float]]:
         """Names, and seconds since they were last written, by the server's clock unless ``now`` is given."""
         pages = self._client.get_paginator("list_objects_v2").paginate(Bucket=self._bucket, Prefix=self._folder)
-        with _told(self._folder):
+        with told(self._folder):
             for page in pages:
                 date = page["ResponseMetadata"]["HTTPHeaders"]["date"]
                 at = parsedate_to_datetime(date).timestamp() if now is None else now
@@ -174,12 +176,12 @@ class BucketBlobs:
         return f"{self._folder}{blob_id[:2]}/{blob_id}"
 
     def _write(self, name: str, data: bytes) -> None:
-        with _told(name):
+        with told(name):
             self._client.put_object(Bucket=self._bucket, Key=name, Body=data)
 
     def _copy(self, source: str, target: str, blob_id: str) -> None:
         """With new metadata, as a server refuses to copy an object onto itself without."""
-        with _told(blob_id):
+        with told(blob_id):
             self._client.copy_object(
                 Bucket=self._bucket,
                 CopySource={"Bucket": self._bucket, "Key": source},
@@ -190,7 +192,7 @@ class BucketBlobs:
 
 
 @contextmanager
-def _told(blob_id: str, but: str = "") -> Iterator[None]:
+def told(blob_id: str, but: str = "") -> Iterator[None]:
     """Errors of the server as those of blobs; one whose code is ``but`` is none."""
     try:
         yield

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
+from workers.settings import Settings
+
 
 class Files(Protocol):
     """Keys are ``folder/name``. A reader never sees half a file."""
@@ -33,6 +35,15 @@ class Files(Protocol):
 
     def locked(self, folder: str) -> contextlib.AbstractContextManager[None]:
         """Others that ask for it wait."""
+
+
+def open_files(settings: Settings, sort: str) -> Files:
+    """Where the blobs are: in the bucket, or in the folder ``sort`` of the data folder."""
+    if settings.blobs_url:
+        from workers.networks.bucket_files import BucketFiles
+
+        return BucketFiles(settings.blobs_url, sort)
+    return FolderFiles(settings.data_dir / sort)
 
 
 class FolderFiles:

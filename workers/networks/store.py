@@ -14,7 +14,7 @@ from dlo_client.contracts.base import Contract
 from dlo_client.contracts.networks import NetworkCard, NetworkVersion
 from pydantic import ValidationError
 
-from workers.networks.files import Files, FolderFiles
+from workers.networks.files import Files, open_files
 from workers.networks.package import SUFFIX, pack, unpack
 from workers.settings import Settings
 
@@ -57,7 +57,7 @@ class NetworkStore:
     @classmethod
     def of(cls, settings: Settings) -> NetworkStore:
         """The one of a service and its workers."""
-        return cls(FolderFiles(settings.networks_dir))
+        return cls(open_files(settings, "networks"))
 
     def names(self) -> list[str]:
         return [name for name in self._files.folders() if self._state(name) is not None]
