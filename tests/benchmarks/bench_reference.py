@@ -14,7 +14,6 @@ import argparse
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
@@ -48,9 +47,7 @@ def measure(count: int, places: int, seed: int) -> list[dict[str, float]]:
     other: Cell | None = None
     for cell in cells(count, places, seed):
         alone = segment(cell.picture, network, settings)
-        began = perf_counter()
         weighed = weigh(cell.picture, alone, cell.places)
-        took = perf_counter() - began
         wrong = weigh(cell.picture, alone, other.places[:1]) if other else None
         other = cell
         rows.append(
@@ -59,7 +56,6 @@ def measure(count: int, places: int, seed: int) -> list[dict[str, float]]:
                 "with": _dice(weighed.probability, cell, settings.threshold),
                 "used": float(weighed.reason is None),
                 "relied": weighed.relied,
-                "ms": 1000 * took,
                 "wrong_used": float(wrong is not None and wrong.reason is None),
             }
         )
@@ -85,7 +81,6 @@ def summary(rows: list[dict[str, float]]) -> dict[str, float]:
         "worse_by_two": int(sum(row["with"] < row["alone"] - 0.02 for row in rows)),
         "used_percent": round(100 * mean("used", rows), 1),
         "other_place_used_percent": round(100 * mean("wrong_used", rows[1:]), 1),
-        "ms": round(float(np.median([row["ms"] for row in rows])), 1),
     }
 
 

@@ -37,6 +37,5 @@ def reference(data: dict) -> str:
         "the camera moved by about 3 px. Floor on hard grounds: 5 points.\n\n"
         + table(["cells", "n", "Dice alone", "with the reference", "difference"], rows)
         + f"\nUsed in {data['used_percent']} % of the cells; pictures of another place were used in "
-        f"{data['other_place_used_percent']} %. {data['worse_by_two']} cells lost more than 2 points. "
-        f"{data['ms']} ms a picture, one thread.\n"
+        f"{data['other_place_used_percent']} %. {data['worse_by_two']} cells lost more than 2 points.\n"
     )
