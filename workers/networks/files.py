@@ -40,7 +40,7 @@ class Files(Protocol):
 def open_files(settings: Settings, sort: str) -> Files:
     """Where the blobs are: in the bucket, or in the folder ``sort`` of the data folder."""
     if settings.blobs_url:
-        from workers.networks.bucket_files import BucketFiles
+        from workers.blobs.bucket_files import BucketFiles
 
         return BucketFiles(settings.blobs_url, sort)
     return FolderFiles(settings.data_dir / sort)
