@@ -30,7 +30,7 @@ _ANGLE = 2.0
 """Cost of a direction at right angles to the cable's."""
 _COLOR, _MOTTLED, _COLOR_COST = 25.0, 2.0, 3.0
 """Lab distance that costs so much, and so many times what the color varies more on a cable that is not of one."""
-_CHANGE, _NEVER = 1.0, 1e4
+_CHANGE, _NEVER = 4.0, 1e4
 """Cost of a change of owner, where it is possible and elsewhere."""
 _NEAR_WIDTHS, _BESIDE_WIDTHS = 1.5, 2.0
 """So far from a crossing along the strand, and from another strand, the owner may change."""

@@ -23,8 +23,8 @@ from models.tracking.state import NODES, Observation, Track, TrackedCable
 T = TypeVar("T", BoolArray, ByteArray, FloatArray)
 
 _COLOR_INERTIA = 0.9
-_LEFT_OVER = 0.3
-"""An observation of which less belongs to known cables is a new one."""
+_LEFT_OVER = 0.7
+"""A stretch that nobody owns is a new cable if it is so much of its observation: shorter ones are parts of others."""
 _WIDTH_INERTIA = 0.8
 _BORDER_WIDTHS = 1.5
 """An end so near to the picture's border may be at it."""

@@ -218,16 +218,21 @@ def test_strands_met_tangled_are_told_apart_once_they_separate() -> None:
 
 
 def test_what_was_seen_alone_outweighs_a_picture_that_joins_it_wrongly() -> None:
-    track = Track()
+    """Two cables come to cross each other; then the pictures go on with the wrong strand at the crossing."""
+    x, track = np.linspace(60, 560, 200), Track()
     for t in range(14):
-        apart = 60.0 - 4 * min(t, 10)
-        a, b = lifted(200 - apart, 0.0), lifted(200 + apart, 0.0)
-        wrong = halves_changed(a, b)
-        crossing = Crossing((310.0, 200.0), StrandPosition(1, 0.5), StrandPosition(2, 0.5), 0.6)
-        shown = scene(*wrong, crossings=[crossing]) if t > 10 else scene(instance(a), instance(b))
-        track = follow(track, shown)
-    left, right, other_left, other_right = owners_of_ends(track, a, b)
-    assert (left, right, other_left, other_right) == (1, 1, 2, 2)
+        apart = 110.0 - 11 * min(t, 10)
+        a = np.column_stack([x, np.linspace(150, 250, 200) - apart])
+        b = np.column_stack([x, np.linspace(250, 150, 200) + apart])
+        shown = [instance(a), instance(b)]
+        crossings = []
+        if apart < 50:
+            u = 0.5 + apart / 100
+            crossings = [Crossing((60 + 500 * u, 200.0), StrandPosition(1, u), StrandPosition(2, u), 0.6)]
+        if t > 10:
+            shown = list(halves_changed(a, b))
+        track = follow(track, scene(*shown, crossings=crossings))
+    assert owners_of_ends(track, a, b) == [1, 1, 2, 2]
     assert len(track.cables) == 2
 
 
