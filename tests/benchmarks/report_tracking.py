@@ -15,7 +15,14 @@ def tracking(data: dict[str, Any]) -> str:
     ]
     ours = {kind: methods["ours"] for kind, methods in data["sets"].items()}
     own = [
-        [kind, m["drift_widths"], 100 * m["right_after_cover"], m["ms"], m["instances_ms"]] for kind, m in ours.items()
+        [
+            kind,
+            m["drift_widths"],
+            100 * m["right_after_cover"] if kind == "covered" else "–",
+            m["ms"],
+            m["instances_ms"],
+        ]
+        for kind, m in ours.items()
     ]
     return (
         "## Tracking\n\n`python -m tests.benchmarks.bench_tracking`: rendered clips, four cables of one look that "
