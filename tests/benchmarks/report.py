@@ -130,7 +130,6 @@ SECTIONS: dict[str, Any] = {
     "faults": faults_section,
     "foreground": _foreground,
     "photographs": photographs,
-    "photographs_workshop": photographs,
     "adaptation": adaptation,
     "reference": reference,
     "instances_ewd": _instances(
