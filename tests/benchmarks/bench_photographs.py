@@ -25,7 +25,7 @@ from models.segmentation.segment import ForegroundInput, foreground_mask
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool
 from models.training.foreground.real_pictures import kept_aside
-from models.weights.inference import Runtime, default_name, load
+from models.weights.inference import Runtime, default_name, eight_bit, load
 from tests.benchmarks.bench_foreground import pictures, score
 from tests.benchmarks.bench_instances import photos
 from tests.benchmarks.photograph_scoring import UNKNOWN, mean_shares, read_truth, score_photograph
@@ -160,10 +160,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     network = load(args.network or default_name("foreground"), Runtime(threads=1))
+    small = load(eight_bit(network.spec.name), Runtime(threads=1))
     settings = ForegroundInput.from_manifest(network.spec.preprocess)
 
     def mask(image: np.ndarray, effort: Effort) -> np.ndarray:
-        return foreground_mask(look(image, network, settings, effort), settings)
+        chosen = small if PASSES[effort].eight_bit else network
+        return foreground_mask(look(image, chosen, settings, effort), settings)
 
     if args.sheets:
         args.sheets.mkdir(parents=True, exist_ok=True)
