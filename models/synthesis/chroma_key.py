@@ -154,7 +154,7 @@ def _ranges_from(stored: dict[str, Any]) -> ScreenRanges:
 
 def _tell(ranges: ScreenRanges) -> None:
     for name, (low, high) in _bounds(ranges).items():
-        print(f"screen {name}: {low:.4g} to {high:.4g}")
+        print(f"screen {name.replace('_deg', ' (degrees)')}: {low:.4g} to {high:.4g}")
     print(f"screen share of the pictures: {ranges.share:.1%}")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from dlo_client.contracts import AdaptRequest, UploadRef
 
-from models.weights.inference import Runtime
+from models.weights.inference import Runtime, manifest
 from tests.workers.networks import tiny
 from workers import stages
 from workers.blobs import FolderBlobs
@@ -93,7 +93,7 @@ def test_labelled_pictures_become_a_network_that_requests_can_name(tools):
     assert tools.store.names() == (["cell7"] if result.accepted else [])
     if result.accepted:
         info = tools.store.info("cell7")
-        assert (info.parent, info.owner) == ("foreground_compact@1", "a")
+        assert (info.parent, info.owner) == (f"foreground_compact@{manifest()['foreground_compact'].version}", "a")
         assert tools.weights.foreground("cell7").spec.version == "1"
 
 

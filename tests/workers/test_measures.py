@@ -69,7 +69,7 @@ def test_a_job_that_never_ran_was_not_running(job_queue, claim):
 
 
 def test_the_age_of_the_oldest_job(job_queue, settings):
-    assert job_queue.oldest_s() == {"interactive": 0.0, "batch": 0.0}
+    assert job_queue.oldest_s() == {"interactive": 0.0, "batch": 0.0, "training": 0.0}
     old, _ = job_queue.submit(NoopRequest(priority="batch"))
     job_queue.submit(NoopRequest(priority="batch"))
     with connect(settings) as client:

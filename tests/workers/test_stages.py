@@ -247,7 +247,7 @@ def test_a_named_network_looks_at_every_picture_as_a_photograph(tools):
     image = put(tools, Image.fromarray(crossing_mask()))
     result = stages.run(InstancesRequest(image=image, model="foreground_compact", files=[]), tools).result
     assert [m.name for m in result.models] == ["foreground_compact_int8"]
-    assert result.warnings == []
+    assert not any("mask" in warning for warning in result.warnings)
 
 
 def test_segment_answers_a_mask_with_itself(tools):

@@ -130,6 +130,8 @@ def main() -> None:
     manifest.cache_clear()
     metrics = compare(load(args.network), load(name), pool, args.held_out)
     register(name, target, replace(card, metrics=metrics), spec.parameters)
+    of_full = {**spec.metrics, "rendered_dice": metrics["rendered_dice_fp32"]}
+    register(args.network, WEIGHTS / spec.file, replace(spec, metrics=of_full), spec.parameters)
     print(name, metrics)
 
 
