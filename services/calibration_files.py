@@ -36,7 +36,8 @@ _Loader.add_constructor(_OPENCV_MATRIX, lambda loader, node: loader.construct_ma
 def intrinsics_of(text: str, camera: str = "cam0") -> AnyIntrinsics:
     """The intrinsics of a file; ``camera`` names one of a Kalibr camchain."""
     try:
-        found = yaml.load(re.sub(r"\A%YAML:[\d.]+\s*(---)?", "", text), Loader=_Loader)
+        plain = re.sub(r"\A%YAML:[\d.]+\s*(---)?", "", text)
+        found = yaml.load(plain, Loader=_Loader)  # nosec B506: a safe loader, without aliases
     except (yaml.YAMLError, RecursionError) as error:
         raise ValueError(f"is no YAML: {' '.join(str(error).split())[:200]}") from None
     if not isinstance(found, dict):
