@@ -123,6 +123,19 @@ def masked_loss(logits: Tensor, labels: Tensor) -> Tensor:
     return bce + dice.sum() / filled.sum().clamp(min=1)
 
 
+def descend(network: torch.nn.Module, optimizer: torch.optim.Optimizer, images: Tensor, labels: Tensor) -> float:
+    """One step of the optimizer on a batch as :meth:`Mixture.batch` gives it; returns the loss."""
+    x = normalize(images).contiguous(memory_format=torch.channels_last)
+    with torch.autocast("cpu", torch.bfloat16):
+        logits = network(x)
+    loss = masked_loss(logits.float(), labels)
+    optimizer.zero_grad()
+    loss.backward()
+    torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+    optimizer.step()
+    return float(loss.detach())
+
+
 class Campaign:
     """Network, its averaged copy, optimizer and how far it has come."""
 
@@ -167,18 +180,11 @@ class Campaign:
     def train_step(self, images: Tensor, labels: Tensor) -> float:
         for group in self.optimizer.param_groups:
             group["lr"] = self.params.rate * rate_share(self.step, self.seconds / (60 * self.params.minutes))
-        x = normalize(images).contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16):
-            logits = self.network(x)
-        loss = masked_loss(logits.float(), labels)
-        self.optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
-        self.optimizer.step()
+        loss = descend(self.network, self.optimizer, images, labels)
         self.step += 1
         self.pictures += len(images)
         self._average()
-        return float(loss.detach())
+        return loss
 
     def _average(self) -> None:
         decay = min(self.params.decay, (1 + self.step) / (10 + self.step))

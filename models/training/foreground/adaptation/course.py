@@ -14,10 +14,9 @@ import torch
 from torch import nn
 
 from models.training.foreground.adaptation.sources import Batches
-from models.training.foreground.campaign import masked_loss
+from models.training.foreground.campaign import descend
 from models.training.foreground.initial import unfold
 from models.training.foreground.networks import build
-from models.training.foreground.train import normalize
 from models.training.state import take_mean
 
 _KEPT_STAGES = {"compact": 4, "dense": 2, "dense_large": 2}
@@ -70,18 +69,11 @@ class Course:
         images, labels = batches.draw(self.params.batch)
         for group in self.optimizer.param_groups:
             group["lr"] = self.params.rate * rate_share(self.share)
-        x = normalize(images).contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16):
-            logits = self.network(x)
-        loss = masked_loss(logits.float(), labels)
-        self.optimizer.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
-        self.optimizer.step()
+        loss = descend(self.network, self.optimizer, images, labels)
         self.steps += 1
         take_mean(self.average, self.network, min(self.params.decay, (1 + self.steps) / (10 + self.steps)))
         self.seconds += time.monotonic() - started
-        return float(loss.detach())
+        return loss
 
     def save(self, file: Path) -> None:
         """The file is never half written."""
