@@ -157,3 +157,9 @@ def _too_many(detail: str, after_s: float) -> ProblemError:
 Reader = Annotated[Caller, Depends(_needs("read"))]
 Submitter = Annotated[Caller, Depends(_needs("submit"))]
 Admin = Annotated[Caller, Depends(_needs("admin"))]
+
+
+def has_form_of_id(text: str) -> bool:
+    """Whether a text could be the id of a job or of a track; they are looked up only then, for they become part of
+    keys."""
+    return len(text) == 32 and set(text) <= set("0123456789abcdef")

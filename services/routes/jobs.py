@@ -12,7 +12,7 @@ from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from services import documents, waiting
-from services.access import BackendDep, Reader, Submitter
+from services.access import BackendDep, Reader, Submitter, has_form_of_id
 from services.problems import ProblemError
 from services.submitting import IdempotencyKey, Wait, answer, awaited, check_room, submitted
 from workers.queue import JobUnknown
@@ -27,8 +27,7 @@ EventId = Annotated[
 
 
 async def _job_id(job_id: Annotated[str, Path(description="as in the job")]) -> str:
-    """Ids are looked up only when they have the form of one: they become part of keys."""
-    if len(job_id) != 32 or not set(job_id) <= set("0123456789abcdef"):
+    if not has_form_of_id(job_id):
         raise JobUnknown(job_id)
     return job_id
 

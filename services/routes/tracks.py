@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response, WebSocke
 from redis.exceptions import RedisError
 
 from services import documents, frame_stream, frames
-from services.access import Backend, BackendDep, Caller, Reader, Submitter, streaming_caller
+from services.access import Backend, BackendDep, Caller, Reader, Submitter, has_form_of_id, streaming_caller
 from services.multipart import Allowed, media_type, parts, whole
 from services.problems import ProblemError, field_error
 from workers.errors import TrackUnknown
@@ -25,8 +25,7 @@ TimeS = Annotated[
 
 
 async def _track_id(track_id: Annotated[str, Path(description="as in the track")]) -> str:
-    """Ids are looked up only when they have the form of one: they become part of keys."""
-    if len(track_id) != 32 or not set(track_id) <= set("0123456789abcdef"):
+    if not has_form_of_id(track_id):
         raise TrackUnknown(track_id)
     return track_id
 
