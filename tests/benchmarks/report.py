@@ -18,7 +18,7 @@ from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_adaptation import adaptation, reference
 from tests.benchmarks.report_methods import methods_section, tangles_section
 from tests.benchmarks.report_photographs import photographs
-from tests.benchmarks.report_plant import faults_section, load_section, plant_section
+from tests.benchmarks.report_plant import bridge_section, faults_section, load_section, plant_section
 
 HEAD = """# Measured
 
@@ -126,6 +126,7 @@ def _instances(title: str, asked: str) -> Any:
 SECTIONS: dict[str, Any] = {
     "http": _http,
     "plant": plant_section,
+    "bridge": bridge_section,
     "load": load_section,
     "faults": faults_section,
     "foreground": _foreground,

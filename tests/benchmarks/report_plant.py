@@ -27,6 +27,16 @@ def plant_section(data: dict[str, Any]) -> str:
     )
 
 
+def bridge_section(data: dict[str, Any]) -> str:
+    """A recipe by a controller beside the same over REST."""
+    row = [data[name] for name in ("rounds", "rest_ms", "tcp_ms", "added_ms", "error_ms")]
+    return (
+        "## A recipe over TCP\n\n`python -m tests.benchmarks.bench_bridge`: trigger and result by `dlo bridge`, and "
+        "the same recipe and picture over REST, in turn; medians. Floor: 3 ms more, aim 1 ms.\n\n"
+        + table(["rounds", "REST ms", "TCP ms", "TCP adds ms", "standard error ms"], [row])
+    )
+
+
 def load_section(data: dict[str, Any]) -> str:
     """Open-loop load, and what memory did meanwhile."""
     rows = [
