@@ -6,6 +6,9 @@ from workers import measures
 from workers.keys import Keys
 from workers.lua import filled
 
+LONGEST_KEPT_REQUEST = 8 * 1024
+"""Bytes of a request that stays in the record of an ended job, so that a recipe can be made of it."""
+
 _LIBRARY = """
 local id, keep_ms, tombstone_ms = ARGV[1], tonumber(ARGV[2]), tonumber(ARGV[3])
 local max_attempts, too_late, worker_lost = tonumber(ARGV[4]), ARGV[5], ARGV[6]
@@ -41,7 +44,8 @@ end
 local function conclude(state)
   count(state)
   measure(state)
-  redis.call('HDEL', job, 'request', 'request_blob')
+  redis.call('HDEL', job, 'request_blob')
+  if #(get('request') or '') > @longest_kept@ then redis.call('HDEL', job, 'request') end
   redis.call('SREM', '@owned@' .. (get('owner') or ''), id)
   set('state', state, 'ended_at', text(now), 'expires_at', text(now + keep_ms / 1000))
   withdraw()
@@ -167,6 +171,7 @@ def scripts(keys: Keys, dispatch: str) -> dict[str, str]:
         "job": keys.job(""), "alive": keys.alive(""), "events": keys.events(""), "tombstone": keys.tombstone(""),
         "owned": keys.owned(""), "waiting": keys.waiting(""), "active": keys.active, "recent": keys.recent,
         "counts": keys.counts, "webhooks": keys.webhooks, "measures": keys.measures,
+        "longest_kept": str(LONGEST_KEPT_REQUEST),
     }  # fmt: skip
     library = filled(_LIBRARY, **names) + dispatch + measures.script(keys) + filled(_ENDS, **names)
     return {name: library + filled(body, **names) for name, body in _STEPS.items()}

@@ -31,6 +31,10 @@ class QueueView:
             raise absent(self._client.exists(self._keys.tombstone(job_id)), job_id)
         return read_job(record)
 
+    def request(self, job_id: str) -> str | None:
+        """JSON of the job's request; None once it has ended, if it was long or the record is gone."""
+        return cast(str | None, self._client.hget(self._keys.job(job_id), "request")) or None
+
     def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
         """The job's events after the event id ``after``; anything that is not such an id means all of them.
 

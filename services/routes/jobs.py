@@ -7,6 +7,7 @@ from typing import Annotated
 
 from anyio import to_thread
 from dlo_client.contracts import AnyJob, JobKind, JobPage, JobState
+from dlo_client.contracts.recipes import RecipeBody
 from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
@@ -14,9 +15,11 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from services import documents, waiting
 from services.access import BackendDep, Reader, Submitter, has_form_of_id
 from services.problems import ProblemError
+from services.recipe_of_job import body_of, recipe_of_job
+from services.recipes import camera_of, recipe_of
 from services.submitting import IdempotencyKey, Wait, answer, awaited, check_room, submitted
 from workers.queue import JobUnknown
-from workers.record import JobRecord
+from workers.record import REQUEST, JobRecord
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -91,6 +94,21 @@ def list_jobs(
 async def read_job(record: Existing, backend: BackendDep, wait: Wait = 0.0) -> Response:
     """The job; with `wait`, as soon as it has ended or the seconds are over."""
     return answer(await waiting.ended(backend.waiting, record, wait))
+
+
+@router.get("/{job_id}/recipe", responses=documents.problems(403, 404, 409, 410, 429))
+def read_recipe_of_job(record: Existing, backend: BackendDep) -> RecipeBody:
+    """A recipe that repeats the job: its request without pictures, with these as samples. Of a job that a recipe made,
+    that recipe. Store it with `PUT /v1/recipes/{number}`."""
+    job = record.job
+    kept = backend.queue.recipes.get(str(job.recipe.number), job.recipe.version) if job.recipe else None
+    if kept is not None and job.recipe is not None:
+        return body_of(recipe_of(job.recipe.number, kept))
+    request = backend.queue.request(job.id)
+    if request is None:
+        raise ProblemError(409, "request_not_kept", "the request of this job was too long to be kept when it had ended")
+    cameras = [camera_of(camera) for camera in backend.queue.cameras.latest()]
+    return recipe_of_job(job, REQUEST.validate_json(request), cameras)
 
 
 @router.delete("/{job_id}", response_model=AnyJob, responses=documents.problems(403, 404, 410, 429))

@@ -1,6 +1,7 @@
 """Every step of a job's record, from every state: each is taken once, or not at all."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from threading import Barrier
 
 import pytest
@@ -12,6 +13,8 @@ from workers import problems
 from workers.connection import connect
 from workers.ledger import Ledger
 from workers.queue import JobQueue
+from workers.record import Entry
+from workers.steps import LONGEST_KEPT_REQUEST
 
 RESULT = NoopResult(held_s=0.0)
 
@@ -187,12 +190,15 @@ def test_a_finished_job_leaves_only_what_expires(settings, client):
     assert all(ttl > 0 for ttl in kept.values())
 
 
-def test_an_ended_job_no_longer_keeps_its_request(job_queue, ledger, client):
+def test_an_ended_job_no_longer_keeps_a_long_request(job_queue, ledger):
     """Ended jobs kept up to 4 MiB each in the memory of the queue server, for an hour."""
-    done, cancelled, waiting = (submit(job_queue) for _ in range(3))
-    ledger.succeed(ledger.claim(done, "w"), RESULT, [], {})
+    long = replace(Entry.of(NoopRequest()), request="{}".rjust(LONGEST_KEPT_REQUEST + 1))
+    done, cancelled, waiting = (job_queue.submit(long)[0].id for _ in range(3))
+    short = submit(job_queue, label="short")
+    for job_id in (done, short):
+        ledger.succeed(ledger.claim(job_id, "w"), RESULT, [], {})
     job_queue.cancel(cancelled)
-    assert [client.hexists(f"dlo:job:{job_id}", "request") for job_id in (done, cancelled, waiting)] == [0, 0, 1]
+    assert [job_queue.request(job_id) is not None for job_id in (done, cancelled, waiting, short)] == [0, 0, 1, 1]
 
 
 def test_a_job_that_is_tried_again_still_has_its_request(job_queue, ledger):

@@ -173,6 +173,10 @@ class AsyncClient:
         """The latest version of every recipe, by number."""
         return await self._send(recipe_calls.every())
 
+    async def recipe_of(self, job: JobOrId) -> RecipeBody:
+        """A recipe that repeats a job: its request, with its pictures as samples."""
+        return await self._send(recipe_calls.of_job(job))
+
     async def dry_run(self, number: int) -> list[AnyJob]:
         """Jobs of a recipe with its stored pictures."""
         return await self._send(recipe_calls.dry_run(number))

@@ -110,11 +110,11 @@ def submit(
 
 
 def get(job: JobOrId, wait: float = 0.0) -> Call[Job[Any]]:
-    return Call("GET", _job_path(job), reader(AnyJob), params=wait_params(wait), held_s=wait)
+    return Call("GET", job_path(job), reader(AnyJob), params=wait_params(wait), held_s=wait)
 
 
 def cancel(job: JobOrId) -> Call[AnyJob]:
-    return Call("DELETE", _job_path(job), reader(AnyJob))
+    return Call("DELETE", job_path(job), reader(AnyJob))
 
 
 def jobs(state: JobState | None, kind: JobKind | None, limit: int, cursor: str | None) -> Call[JobPage]:
@@ -127,7 +127,7 @@ def events(job: JobOrId, after: str | None) -> Call[None]:
     """The stream itself is read by the client, line by line."""
     resume = {"Last-Event-ID": after} if after else {}
     headers = {"Accept": "text/event-stream", **resume}
-    path = f"{_job_path(job)}/events"
+    path = f"{job_path(job)}/events"
     return Call("GET", path, nothing, headers=headers, held_s=LONGEST_WAIT_S)
 
 
@@ -135,7 +135,7 @@ def file(job: JobOrId, file: FileRef | str) -> Call[bytes]:
     name = file.name if isinstance(file, FileRef) else file
     if not isinstance(name, str) or not name:
         raise InvalidArgument("file", f"{file!r} is neither a file of a job nor the name of one")
-    return Call("GET", f"{_job_path(job)}/files/{quote(name, safe='')}", lambda response: response.content)
+    return Call("GET", f"{job_path(job)}/files/{quote(name, safe='')}", lambda response: response.content)
 
 
 def networks() -> Call[list[NetworkInfo]]:
@@ -267,7 +267,8 @@ def reader(kind: type[T]) -> Callable[[httpx.Response], T]:
     return read
 
 
-def _job_path(job: JobOrId) -> str:
+def job_path(job: JobOrId) -> str:
+    """Raises InvalidArgument for what is no job."""
     job_id = job.id if isinstance(job, Job) else job
     if not isinstance(job_id, str) or not job_id:
         raise InvalidArgument("job", f"{job!r} is neither a job nor the id of one")

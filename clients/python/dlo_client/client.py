@@ -174,6 +174,10 @@ class Client:
         """The latest version of every recipe, by number."""
         return self._send(recipe_calls.every())
 
+    def recipe_of(self, job: JobOrId) -> RecipeBody:
+        """A recipe that repeats a job: its request, with its pictures as samples."""
+        return self._send(recipe_calls.of_job(job))
+
     def dry_run(self, number: int) -> list[AnyJob]:
         """Jobs of a recipe with its stored pictures."""
         return self._send(recipe_calls.dry_run(number))

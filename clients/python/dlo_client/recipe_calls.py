@@ -8,7 +8,7 @@ from typing import Any
 from urllib.parse import quote
 from uuid import uuid4
 
-from dlo_client.calls import Call, reader, wait_params
+from dlo_client.calls import Call, JobOrId, job_path, reader, wait_params
 from dlo_client.contracts import AnyJob
 from dlo_client.contracts.recipes import CameraBody, Recipe, RecipeBody, StoredCamera
 from dlo_client.errors import InvalidArgument
@@ -55,6 +55,10 @@ def run(
 
 def dry_run(number: int) -> Call[list[AnyJob]]:
     return Call("POST", f"{_path(number)}/dry-run", reader(list[AnyJob]))
+
+
+def of_job(job: JobOrId) -> Call[RecipeBody]:
+    return Call("GET", f"{job_path(job)}/recipe", reader(RecipeBody))
 
 
 def store_camera(name: str, camera: CameraBody | Picture) -> Call[StoredCamera]:

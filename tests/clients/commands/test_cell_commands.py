@@ -94,6 +94,8 @@ def recipe_service(request: httpx.Request) -> httpx.Response:
         )
         job = samples.job(poses=poses, recipe=RecipeUsed(number=7, version=2))
         return httpx.Response(200, text=job.model_dump_json())
+    if request.url.path.endswith("/recipe"):
+        return httpx.Response(200, text=json.dumps({"name": "shelf", "request": {"kind": "segment"}}))
     body = json.loads(request.content) if request.method == "PUT" else {"name": "cables", "request": {"kind": "noop"}}
     recipe = Recipe(number=7, version=2, created_at=made, **body)
     listed = f"[{recipe.model_dump_json()}]"
@@ -106,6 +108,10 @@ def test_recipes_are_stored_listed_and_run(files):
     (files / "lens.yaml").write_text("image_width: 640")
     stored = dlo("recipe-store", 7, files / "recipe.json", network=recipe_service)
     assert "recipe 7, version 2: cables" in stored.stdout, stored.output
+    of_job = dlo("recipe-store", 7, "--job", "0" * 32, network=recipe_service)
+    assert "recipe 7, version 2: shelf" in of_job.stdout, of_job.output
+    neither = dlo("recipe-store", 7, network=recipe_service)
+    assert (neither.exit_code, "--job" in neither.stderr) == (2, True)
     assert "7  version   2  cables  (noop)" in dlo("recipes", network=recipe_service).stdout
     done = dlo("recipe-run", 7, files / "a.png", network=recipe_service)
     assert "recipe 7, version 2: 3 poses of the tool in world, mm, kuka_abc" in done.stdout

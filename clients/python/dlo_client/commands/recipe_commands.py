@@ -41,11 +41,20 @@ def recipes(context: typer.Context) -> None:
 def recipe_store(
     context: typer.Context,
     number: Number,
-    recipe: Annotated[Path, typer.Argument(metavar="JSON", dir_okay=False, help="name, request, camera, output.")],
+    recipe: Annotated[
+        Path | None, typer.Argument(metavar="[JSON]", dir_okay=False, help="name, request, camera, output.")
+    ] = None,
+    job: Annotated[str | None, typer.Option(metavar="ID", help="Of a job that it repeats, instead of JSON.")] = None,
 ) -> None:
     """Store a recipe; the next version if there is one."""
     client: Client = context.obj
-    stored = client.store_recipe(number, RecipeBody.model_validate_json(recipe.read_text(encoding="utf-8")))
+    if (recipe is None) == (job is None):
+        raise typer.BadParameter("give the recipe's JSON or --job, one of the two", param_hint="JSON")
+    if recipe is not None:
+        body = RecipeBody.model_validate_json(recipe.read_text(encoding="utf-8"))
+    else:
+        body = client.recipe_of(job or "")
+    stored = client.store_recipe(number, body)
     print_lines([f"recipe {stored.number}, version {stored.version}: {stored.name}"])
 
 
