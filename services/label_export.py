@@ -17,8 +17,8 @@ from pydantic import ValidationError
 
 from services.problems import ProblemError, field_error
 
-ExportFormat = Literal["coco", "coco-polygons", "cvat", "label-studio", "png", "json"]
-"""Not YOLO, which holds the pictures too: ``dlo label-export --format yolo``."""
+ExportFormat = Literal["coco", "coco-polygons", "cvat", "label-studio", "png", "yolo", "json"]
+"""YOLO's folder holds the pictures too: ``images.json`` in its archive says where each of them belongs."""
 MEDIA_TYPE = "application/zip"
 
 _AT_ONCE = 1

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
+import re
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from starlette.testclient import TestClient
 
 from services.app import create_app
 from tests.clients.labelling import drawn
+from tests.processes import ROOT
 
 NAME, TWIN = "shelf 2/a.png", "b.png"
 FOLDER = "monday"
@@ -168,6 +172,24 @@ def test_labels_leave_in_the_format_of_another_tool(client, name, tmp_path):
     (file,) = (file for file in (tmp_path / "out").rglob("*.*") if file.suffix in (".json", ".jsonl", ".xml"))
     (back,) = reader(file, Wanted(sizes={NAME: (drawn.WIDTH, drawn.HEIGHT)})).labels
     assert len(back.instances) == 3
+
+
+def test_yolo_says_where_the_pictures_belong(client):
+    lines = "\n".join(drawn.label(name).model_dump_json() for name in ("a/1.png", "b/1.jfif"))
+    answer = client.post("/v1/label-exports?format=yolo", content=lines)
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        places = json.loads(archive.read("yolo/images.json"))
+        labels = {name for name in archive.namelist() if name.endswith(".txt")}
+    assert set(places) == {"a/1.png", "b/1.jfif"}
+    assert {place.rpartition("/")[2] for place in places.values()} == {"a__1.png", "b__1.jpg"}
+    assert {f"yolo/{place.replace('images', 'labels').rpartition('.')[0]}.txt" for place in places.values()} == labels
+
+
+def test_what_an_export_needs_is_installed_with_the_service():
+    """Every export of the bench but our own answered 501 in the image."""
+    extra = tomllib.loads((ROOT / "clients/python/pyproject.toml").read_text())["project"]["optional-dependencies"]
+    pinned = re.findall(r"^([\w.-]+)==", (ROOT / "requirements/service.txt").read_text(), re.MULTILINE)
+    assert {re.split(r"[<>=~]", one)[0] for one in extra["label"]} <= set(pinned)
 
 
 def test_labels_that_are_none_are_refused(client, problem):

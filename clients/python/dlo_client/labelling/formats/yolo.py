@@ -8,6 +8,7 @@ content: one of the same bytes is on the same side, and the side does not change
 from __future__ import annotations
 
 import hashlib
+import json
 import shutil
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
@@ -34,19 +35,19 @@ def write(
     """``yolo/dataset.yaml``, ``yolo/labels/train|val/NAME.txt`` and, of ``pictures`` by name, ``yolo/images/…``.
 
     Labels whose picture is missing or cannot be read are left out; ``problems`` then gets name → why. Without
-    ``pictures`` only labels are written. What an earlier export left in these two folders is replaced.
+    ``pictures`` ``yolo/images.json`` says where each belongs, by its name. What an earlier export left in these two
+    folders is replaced.
     """
     folder = out / "yolo"
     fresh = out / ".yolo.part"
     shutil.rmtree(fresh, ignore_errors=True)
     try:
-        sides = _sides({label.name: label.sha256 or label.name for label in labels()})
-        files = told_apart(sides, _short, _long)
+        places = _places(labels)
         for label in labels():
-            place = PurePosixPath(sides[label.name], files[label.name])
+            place = places[label.name]
             try:
                 if pictures is not None:
-                    _copy(pictures.get(label.name), fresh / "images" / f"{place}{_suffix(label.name)}")
+                    _copy(pictures.get(label.name), fresh / _image(label.name, place))
             except PictureUnreadable as error:
                 (problems if problems is not None else {})[label.name] = str(error)
                 continue
@@ -62,6 +63,9 @@ def write(
     with written_whole(folder / "dataset.yaml") as file:
         val = "val" if (folder / "labels" / "val").exists() else "train"
         file.write(f"train: images/train\nval: images/{val}\nnames:\n  0: {CLASS}\n")
+    if pictures is None:
+        with written_whole(folder / "images.json") as file:
+            json.dump({name: _image(name, place) for name, place in places.items()}, file)
     return folder
 
 
@@ -75,6 +79,17 @@ def masks_of(text: str, height: int, width: int) -> list[Mask]:
             raise FormatError(f"line {number}: {error}") from error
         masks.append(fill([values * (width, height)], height, width))
     return masks
+
+
+def _places(labels: Labels) -> dict[str, PurePosixPath]:
+    """Side and file of each label, without a suffix, by its name."""
+    sides = _sides({label.name: label.sha256 or label.name for label in labels()})
+    files = told_apart(sides, _short, _long)
+    return {name: PurePosixPath(side, files[name]) for name, side in sides.items()}
+
+
+def _image(name: str, place: PurePosixPath) -> str:
+    return f"images/{place}{_suffix(name)}"
 
 
 def _sides(contents: Mapping[str, str]) -> dict[str, str]:
