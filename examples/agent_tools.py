@@ -87,17 +87,28 @@ def answer(client: Client, message: dict[str, Any]) -> dict[str, Any] | None:
 def called(client: Client, params: dict[str, Any]) -> dict[str, Any]:
     """A tool's content; an error is content too, so that the agent can mend its arguments."""
     try:
+        if params.get("name") not in TOOLS:
+            raise ValueError(f"there is no tool {params.get('name')!r}; there are: {', '.join(TOOLS)}")
         tool, _ = TOOLS[params["name"]]
         text = json.dumps(tool(client, params.get("arguments", {})))
         return {"content": [{"type": "text", "text": text}], "isError": False}
-    except (DLOError, ValidationError, KeyError, OSError) as error:
-        return {"content": [{"type": "text", "text": f"{type(error).__name__}: {error}"}], "isError": True}
+    except KeyError as error:
+        return failed(f"the argument {error} is missing")
+    except (DLOError, ValidationError, ValueError, TypeError, OSError) as error:
+        return failed(f"{type(error).__name__}: {error}")
+
+
+def failed(text: str) -> dict[str, Any]:
+    return {"content": [{"type": "text", "text": text}], "isError": True}
 
 
 def serve(client: Client, incoming: TextIO, outgoing: TextIO) -> None:
     """Until the input ends."""
-    for line in incoming:
-        reply = answer(client, json.loads(line)) if line.strip() else None
+    for line in filter(str.strip, incoming):
+        try:
+            reply = answer(client, json.loads(line))
+        except json.JSONDecodeError as error:
+            reply = {"jsonrpc": "2.0", "id": None, "error": {"code": -32700, "message": f"no JSON: {error}"}}
         if reply is not None:
             outgoing.write(json.dumps(reply) + "\n")
             outgoing.flush()

@@ -18,7 +18,7 @@ SAMPLES = Path(__file__).parent.parent / "tests" / "samples"
 def main(arguments: list[str] | None = None) -> list[str]:
     """Files of the training set."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--url", default="http://127.0.0.1:8000")
+    parser.add_argument("--url", help="default: DLO_URL, or port 8000 of this machine")
     parser.add_argument("--pictures", type=Path, default=SAMPLES)
     parser.add_argument("--adapt", metavar="NAME", help="also adapt the default network to the labels, under this name")
     options = parser.parse_args(arguments)
@@ -35,13 +35,12 @@ def main(arguments: list[str] | None = None) -> list[str]:
         return sorted(str(path.relative_to(dataset)) for path in dataset.rglob("*") if path.is_file())
 
 
-def dlo(url: str, *arguments: str) -> None:
-    """The command of that name; a failure ends the script with what it printed."""
-    command = [sys.executable, "-c", "from dlo_client.commands.cli import main; main()", "--url", url, *arguments]
-    done = subprocess.run(command, check=False, text=True, capture_output=True)
-    print(done.stdout)
-    if done.returncode:
-        raise SystemExit(done.stderr)
+def dlo(url: str | None, *arguments: str) -> None:
+    """The command of that name; a failure ends the script."""
+    where = ["--url", url] if url else []
+    command = [sys.executable, "-c", "from dlo_client.commands.cli import main; main()", *where, *arguments]
+    if subprocess.run(command, check=False).returncode:
+        sys.exit(f"dlo {arguments[0]} did not work")
 
 
 if __name__ == "__main__":

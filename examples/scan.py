@@ -56,7 +56,9 @@ def main(arguments: list[str] | None = None) -> ScanResult:
     settings: dict[str, Any] = {"optimise": "fixed", "at_most": options.sections}
     with Client(options.url) as client:
         result = Scan(client, DrawnArm(), ScanOptions(**settings)).run()
-    print(f"{result.curve.length_m:.3f} m from {len(result.sections)} sections; {'; '.join(result.ended)}")
+    print(f"{result.curve.length_m:.3f} m from {len(result.sections)} sections")
+    for end, why in zip(("ahead", "behind"), result.ended, strict=False):
+        print(f"  {end}: {why}")
     return result
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import queue
+import sys
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from threading import Thread
@@ -24,14 +25,20 @@ def main(arguments: list[str] | None = None) -> AnyJob:
     parser.add_argument("--url")
     parser.add_argument("--port", type=int, default=0, help="to listen on; 0 takes a free one")
     options = parser.parse_args(arguments)
+    secret = os.environ.get("DLO_WEBHOOK_SECRET")
+    if not secret:
+        sys.exit("set DLO_WEBHOOK_SECRET to the secret that the service signs with")
     delivered: queue.Queue[AnyJob] = queue.Queue()
-    server = HTTPServer(("127.0.0.1", options.port), receiver(delivered, os.environ["DLO_WEBHOOK_SECRET"]))
+    server = HTTPServer(("127.0.0.1", options.port), receiver(delivered, secret))
     Thread(target=server.serve_forever, daemon=True).start()
     address = f"http://127.0.0.1:{server.server_address[1]}/jobs"
     try:
         with Client(options.url) as client:
             submitted = client.submit(InstancesRequest(webhook_url=address, files=[], timeout_s=120), SAMPLE)
-            job = delivered.get(timeout=150)
+            try:
+                job = delivered.get(timeout=150)
+            except queue.Empty:
+                sys.exit(f"nothing came: job {submitted.id} is {client.get(submitted).state}")
     finally:
         server.shutdown()
         server.server_close()
@@ -46,7 +53,7 @@ def receiver(delivered: queue.Queue[AnyJob], secret: str) -> type[BaseHTTPReques
 
     class Receiver(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
-            body = self.rfile.read(int(self.headers["Content-Length"]))
+            body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
             try:
                 job = read_webhook(body, dict(self.headers), secret)
             except UnexpectedReply:

@@ -103,21 +103,27 @@ def test_agent_tools(address):
         ("tools/list", {}),
         ("tools/call", {"name": "find_cables", "arguments": {"path": str(SAMPLES / "plain.jpg")}}),
         ("tools/call", {"name": "find_cables", "arguments": {"path": "nowhere.jpg"}}),
+        ("tools/call", {"name": "find_cables", "arguments": {}}),
+        ("tools/call", {"name": "find_ropes"}),
         ("nothing", {}),
     ]
     lines = [{"jsonrpc": "2.0", "id": k, "method": name, "params": params} for k, (name, params) in enumerate(calls)]
     notified = {"jsonrpc": "2.0", "method": "notifications/initialized"}
-    incoming = io.StringIO("".join(json.dumps(line) + "\n" for line in [*lines[:1], notified, *lines[1:]]))
+    texts = [json.dumps(line) for line in [*lines[:1], notified, *lines[1:]]]
+    incoming = io.StringIO("".join(f"{text}\n" for text in [*texts, "{"]))
     outgoing = io.StringIO()
     module["main"](["--url", address], incoming, outgoing)
-    started, tools, found, missing, unknown = (json.loads(line) for line in outgoing.getvalue().splitlines())
+    replies = [json.loads(line) for line in outgoing.getvalue().splitlines()]
+    started, tools, found, missing, incomplete, no_tool, unknown, no_json = replies
     assert started["result"]["serverInfo"]["name"] == "dlo-perception"
     for tool in tools["result"]["tools"]:
         assert tool["description"]
         assert tool["inputSchema"]["type"] == "object"
     assert len(json.loads(found["result"]["content"][0]["text"])["cables"]) >= 4
     assert missing["result"]["isError"]
-    assert unknown["error"]["code"] == -32601
+    assert "'path'" in incomplete["result"]["content"][0]["text"]
+    assert "find_cables" in no_tool["result"]["content"][0]["text"]
+    assert (unknown["error"]["code"], no_json["error"]["code"]) == (-32601, -32700)
 
 
 @pytest.mark.parametrize("notebook", sorted((EXAMPLES / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)

@@ -105,7 +105,7 @@ class Section:
 
 @dataclass(frozen=True)
 class ScanResult:
-    """``sections`` in order along the cable; ``merged`` is all of them as one curve; ``ended``: why, at each end."""
+    """``sections`` in order along the cable; ``merged``: all of them as one curve; ``ended``: why, ahead and behind."""
 
     merged: MergeCurvesResult
     sections: list[Section]
