@@ -10,10 +10,11 @@ const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with 
 const FINE_LENGTH_PX = 2000; // and longer ones
 const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
 export const WEIGHTS = Object.freeze({
-  color: 0.6, probability: 0.3, edge: 2.6, // what is seen
+  color: 0.9, probability: 0.3, edge: 2.6, // what is seen
   bend: 2, swell: 3.5, prior: 1.7, // against a middle or a width that changes, and a width off the even one
   core: 0.75, beyond: 1.29, far: 2.6, // parts of the half width: surely cable; surely not, from and to
-  kinds: 16, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, // colors; cuts
+  kinds: 24, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, shade: 0.6, // colors; cuts
+  rim: 0.35, // pixels beyond the steepest step: what is cable in part is cable to who labels it
   small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.6, spread: 15, // what a person says
 });
 
@@ -81,8 +82,10 @@ function found(strip, half, pins, round, unit, o) {
   const trust = evidence.trust.map((t, i) => (far.some((pin) => pin.side && Math.abs(pin.i - i) <= 2) ? o.sure : t));
   const best = far.length ? divided(strip, evidence, even(trust), half, far, o) : free;
   const edges = { low: refined(strip, evidence, best.low, o), high: refined(strip, evidence, best.high, o) };
-  if (round === ROUNDS - 1) pull(edges, pins, o);
-  return edges;
+  if (round < ROUNDS - 1) return edges;
+  const whole = { low: edges.low.map((t) => t - o.rim), high: edges.high.map((t) => t + o.rim) };
+  pull(whole, pins, o);
+  return whole;
 }
 
 /** An edge between the samples, where the step is strongest, and smoothed; clear steps count more. */

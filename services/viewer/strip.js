@@ -5,6 +5,7 @@ import { normalAt, sample } from "./livewire.js";
 
 const KMEANS_ROUNDS = 8;
 const KMEANS_SAMPLES = 3000;
+const SHADOWS = [0.85, 0.7, 0.55]; // of the light, that is left in a shadow
 
 /** RGB or RGBA bytes as brightness and two color differences, each a Float32Array. */
 export function paint(bytes, width, height) {
@@ -68,11 +69,11 @@ function painted([light, red, yellow], at, { bytes, width, height }, x, y) {
  *  there, 0 to 1; `trust`: of every cut, low where what lies between the edges does not look like this cable. */
 export function weighed(strip, half, taught, o) {
   const { n, m, r, fine, p } = strip;
-  const kinds = sorted(strip, o.kinds);
+  const { kinds, shadows } = sorted(strip, o);
   const part = (i, k) => (Math.abs(k - r) * fine) / half[i];
   const rows = half.map((_, i) => 1 + o.teach * Math.max(0, ...taught.map((at) => Math.exp(-(((i - at) / 8) ** 2)))));
   const inside = shares(strip, kinds, o, o.inWindow, rows, (i, k) => part(i, k) < o.core);
-  const outside = shares(strip, kinds, o, o.outWindow, rows, (i, k) => part(i, k) > o.beyond && part(i, k) < o.far);
+  const outside = shares(strip, kinds, o, o.outWindow, rows, (i, k) => part(i, k) > o.beyond && part(i, k) < o.far).map(shadows);
   const gain = new Float32Array(n * m);
   const trust = new Float32Array(n);
   for (let i = 0; i < n; i += 1) {
@@ -90,24 +91,26 @@ export function weighed(strip, half, taught, o) {
   return { gain, edge: stepped(strip, o.along), trust };
 }
 
-/** The kind of color of every sample, by k-means. */
-function sorted({ n, m, colors: [light, red, yellow] }, count) {
+/** The kind of color of every sample, by k-means; and `shadows`: shares of kinds on the ground, to those where a part of
+ *  the ground lies in shadow, which darkens a color and keeps its tone. */
+function sorted({ n, m, colors: [light, red, yellow] }, { kinds: count, shade }) {
   const total = n * m;
   const stride = Math.max(1, Math.floor(total / KMEANS_SAMPLES));
   const few = Array.from({ length: Math.floor(total / stride) }, (_, i) => i * stride);
   const bright = [...few].sort((a, b) => light[a] - light[b]);
   let centers = Array.from({ length: count }, (_, k) => bright[Math.floor(((k + 0.5) * bright.length) / count)]);
   centers = centers.map((i) => [light[i], red[i], yellow[i]]);
-  const nearest = (i) => {
+  const alike = (a, b, c) => {
     let [best, least] = [0, Infinity];
     for (let k = 0; k < count; k += 1) {
       const center = centers[k];
       // Light changes along a cable more than its color does.
-      const d = (light[i] - center[0]) ** 2 + 2 * (red[i] - center[1]) ** 2 + 2 * (yellow[i] - center[2]) ** 2;
+      const d = (a - center[0]) ** 2 + 2 * (b - center[1]) ** 2 + 2 * (c - center[2]) ** 2;
       if (d < least) [best, least] = [k, d];
     }
     return best;
   };
+  const nearest = (i) => alike(light[i], red[i], yellow[i]);
   for (let round = 0; round < KMEANS_ROUNDS; round += 1) {
     const sums = centers.map(() => [0, 0, 0, 0]);
     for (const i of few) {
@@ -116,7 +119,13 @@ function sorted({ n, m, colors: [light, red, yellow] }, count) {
     }
     centers = sums.map((sum, k) => (sum[3] ? [sum[0] / sum[3], sum[1] / sum[3], sum[2] / sum[3]] : centers[k]));
   }
-  return Uint8Array.from({ length: total }, (_, i) => nearest(i));
+  const darker = centers.map((center) => SHADOWS.map((part) => alike(...center.map((value) => part * value))));
+  const shadows = (ground) => {
+    const made = ground.map((share) => (1 - shade) * share);
+    darker.forEach((kinds, k) => kinds.forEach((kind) => (made[kind] += (shade * ground[k]) / SHADOWS.length)));
+    return made;
+  };
+  return { kinds: Uint8Array.from({ length: total }, (_, i) => nearest(i)), shadows };
 }
 
 /** For every cut the shares of the kinds among the samples that `belongs` takes, within `window` cuts to either side,
