@@ -6,12 +6,14 @@ python -m tests.screenshots docs/images/pages
 from __future__ import annotations
 
 import argparse
+import io
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from tests.browser import CHROMIUM, FLAGS
@@ -46,41 +48,95 @@ def label(page: Any) -> None:
     page.wait_for_selector("#instances button")
 
 
-def nothing(page: Any) -> None:
+def tracks(page: Any) -> None:
+    """A picture that moves: the same one, cut out further and further to the right."""
+    picture = Image.open(SAMPLES / "busy.jpg")
+    files = []
+    for shift in range(3):
+        buffer = io.BytesIO()
+        picture.crop((8 * shift, 0, picture.width - 24 + 8 * shift, picture.height)).save(buffer, "JPEG")
+        files.append({"name": f"{shift}.jpg", "mimeType": "image/jpeg", "buffer": buffer.getvalue()})
+    page.set_input_files("#file", files)
+    page.wait_for_selector("#run:not([disabled])")
+    page.click("#run")
+    page.wait_for_function("document.querySelector('#at').value === '3 / 3'")
+    page.wait_for_selector("#cables button")
+    page.wait_for_selector("#progress", state="hidden")
+
+
+def recipes(page: Any) -> None:
+    """One of the job that was last."""
+    page.goto(page.url.replace("recipes", "jobs"))
+    page.click("#jobs a.button >> nth=0")
+    page.wait_for_selector("#source:not([hidden])")
+    page.fill("#name", "shelf 3")
+    page.click("#store")
+    page.wait_for_selector("#dry-run:not([disabled])")
+    page.click("#dry-run")
+    page.wait_for_selector("#cancel", state="hidden")
+
+
+def jobs(page: Any) -> None:
     page.wait_for_load_state("networkidle")
 
 
-SHOTS: list[tuple[str, str, Callable[[Any], None], tuple[int, int], str, str]] = [
-    ("pictures", "", pictures, DESKTOP, "en-US", "light"),
-    ("harness", "viewer/harness.html", harness, DESKTOP, "en-US", "light"),
-    ("label", "viewer/label.html", label, DESKTOP, "en-US", "light"),
-    ("reconstruction", "viewer/reconstruction.html", reconstruction, DESKTOP, "en-US", "dark"),
-    ("jobs", "viewer/jobs.html", nothing, DESKTOP, "en-US", "light"),
-    ("label_tablet", "viewer/label.html", label, TABLET, "de-DE", "light"),
-    ("pictures_tablet", "", pictures, TABLET, "de-DE", "dark"),
+PAGES: dict[str, tuple[str, Callable[[Any], None]]] = {
+    "pictures": ("", pictures),
+    "harness": ("viewer/harness.html", harness),
+    "reconstruction": ("viewer/reconstruction.html", reconstruction),
+    "tracks": ("viewer/tracks.html", tracks),
+    "label": ("viewer/label.html", label),
+    "jobs": ("viewer/jobs.html", jobs),
+    "recipes": ("viewer/recipes.html", recipes),
+}
+"""Path of each page, and what is done on it before it is pictured."""
+
+Shot = tuple[str, str, tuple[int, int], str, str]
+SHOTS: list[Shot] = [
+    *((name, name, DESKTOP, "en-US", "dark" if name == "reconstruction" else "light") for name in PAGES),
+    ("label_tablet", "label", TABLET, "de-DE", "light"),
+    ("pictures_tablet", "pictures", TABLET, "de-DE", "dark"),
 ]
+"""Name of the file, page, size, language, light or dark: what the documentation shows."""
+
+EVERY: list[Shot] = [
+    (f"{name}_{size[0]}_{scheme}", name, size, "de-DE" if size == TABLET else "en-US", scheme)
+    for name in PAGES
+    for size in (DESKTOP, TABLET)
+    for scheme in ("light", "dark")
+]
+"""Every page at both sizes, light and dark: to look at."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
-    parser.add_argument("names", nargs="*", help="default: all")
+    parser.add_argument("names", nargs="*", help="default: all of the documentation")
+    parser.add_argument("--every", action="store_true", help="every page at both sizes, light and dark")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as data, running_service(Path(data), workers=1) as url, browser() as opened:
-        for name, path, act, (width, height), locale, scheme in SHOTS:
-            if arguments.names and name not in arguments.names:
-                continue
-            context = opened.new_context(
-                viewport={"width": width, "height": height}, locale=locale, color_scheme=scheme, bypass_csp=True
-            )
-            page = context.new_page()
-            page.set_default_timeout(120_000)
-            page.goto(f"{url}/{path}")
-            act(page)
-            page.wait_for_timeout(500)
-            page.screenshot(path=arguments.out / f"{name}.jpg", type="jpeg", quality=80)
-            context.close()
+        for shot in EVERY if arguments.every else SHOTS:
+            if not arguments.names or shot[0] in arguments.names:
+                taken(opened, url, shot, arguments.out)
+
+
+def taken(opened: Any, url: str, shot: Shot, out: Path) -> None:
+    """A picture of one page; what its console has to say is printed."""
+    name, page_name, (width, height), locale, scheme = shot
+    path, act = PAGES[page_name]
+    context = opened.new_context(
+        viewport={"width": width, "height": height}, locale=locale, color_scheme=scheme, bypass_csp=True
+    )
+    page = context.new_page()
+    page.on("console", lambda message: print(name, message.type, message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: print(name, error))
+    page.set_default_timeout(120_000)
+    page.goto(f"{url}/{path}")
+    act(page)
+    page.wait_for_timeout(500)
+    page.screenshot(path=out / f"{name}.jpg", type="jpeg", quality=80)
+    context.close()
 
 
 @contextmanager

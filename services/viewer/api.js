@@ -1,6 +1,7 @@
 // The service over HTTP. Every refusal becomes a ProblemError with the body of the problem+json.
 
 import { events } from "./events.js";
+import { t } from "./i18n.js";
 
 const KEY = "dlo-api-key";
 const FIRST_WAIT_S = 1; // most jobs have ended by then; of the others the id is known, and they can be cancelled
@@ -99,6 +100,6 @@ async function problemOf(response) {
   try {
     return { title, errors: [], status: response.status, ...(await response.json()) };
   } catch {
-    return { title, status: response.status, detail: "The answer was not from this service.", errors: [] };
+    return { title, status: response.status, detail: t("The answer was not from this service."), errors: [] };
   }
 }

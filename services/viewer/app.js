@@ -4,6 +4,7 @@ import { api } from "./api.js";
 import { byId, copy, download, isTyping, onDrop, problemOf, showProblem } from "./dom.js";
 import { Film } from "./film.js";
 import { t } from "./i18n.js";
+import { recipeLink } from "./joblinks.js";
 import { instanceAt, labelMap } from "./masks.js";
 import { culpritsOf, draw } from "./overlay.js";
 import { clearResult, showFiles, showFocus, showResult, showTimings } from "./panels.js";
@@ -95,7 +96,7 @@ function showAnswer() {
   showResult(scene.result, hover, pin);
   byId("worst").hidden = !culpritsOf(scene.result).length;
   showTimings(scene.job.timings_ms);
-  showFiles([...(canRun() ? FILES.map((file) => `${file}.png`) : []), "result.json"], save);
+  showFiles([...(canRun() ? FILES.map((file) => `${file}.png`) : []), "result.json"], save, recipeLink(scene.job));
   canvas.setAttribute("aria-label", `${name}: ${summary(scene)}`);
 }
 

@@ -13,11 +13,12 @@ const KEPT_FIELDS = [
 export class Bench {
   pictures = [];
   shown = null;
+  unkept = 0; // changes on their way into the database
 
-  /** `changed()` is called after every change, `edited(picture)` after one of a label, `failed(error)` when the
-   *  browser keeps nothing more. */
-  constructor(changed, edited, failed) {
-    Object.assign(this, { changed, edited, failed });
+  /** `changed()` is called after every change, `edited(picture)` after one of a label, `settled()` when all is kept,
+   *  `failed(error)` when the browser keeps nothing more. */
+  constructor(changed, edited, settled, failed) {
+    Object.assign(this, { changed, edited, settled, failed });
   }
 
   /** What was kept when the page was left. */
@@ -73,8 +74,10 @@ export class Bench {
     return picture?.steps?.[picture.at] ?? null;
   }
 
+  /** Reads the steps of a picture that was kept; those that came meanwhile (the service's answer, an edit) are newer. */
   async load(picture) {
-    picture.steps ??= await steps(picture.key);
+    const read = picture.steps ?? (await steps(picture.key));
+    picture.steps ??= read;
     picture.at = Math.max(0, Math.min(picture.at, picture.steps.length - 1));
   }
 
@@ -136,7 +139,11 @@ export class Bench {
 
   #keep(picture, label = null) {
     const record = Object.fromEntries(KEPT_FIELDS.filter((name) => picture[name] !== undefined).map((name) => [name, picture[name]]));
-    keep(record, label).catch(this.failed);
+    this.unkept += 1;
+    keep(record, label).catch(this.failed).then(() => {
+      this.unkept -= 1;
+      if (!this.unkept) this.settled();
+    });
   }
 }
 

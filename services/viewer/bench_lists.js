@@ -25,7 +25,7 @@ export function fillLists({ bench, chosen, saving, show, choose, hover }) {
   byId("confirm").setAttribute("aria-pressed", String(Boolean(shown?.confirmed)));
   byId("confirm").textContent = t(shown?.confirmed ? "Confirmed" : "Confirm");
   byId("save").disabled = byId("clear").disabled = !pictures.length;
-  byId("saved").textContent = savedText(shown, saving);
+  showSaved(bench, saving);
 }
 
 /** Of thousands only those beside the one shown: a list is made anew after every edit. */
@@ -40,9 +40,10 @@ const SAVING = {
   failed: "Kept in this browser; the folder could not be reached.",
 };
 
-function savedText(shown, saving) {
-  if (!shown) return "";
-  return shown.folder ? t(SAVING[saving] ?? "") : t("Every step is kept in this browser.");
+/** Whether all that was done is kept. */
+export function showSaved({ shown, unkept }, saving) {
+  const here = unkept ? "Keeping this step …" : "Every step is kept in this browser.";
+  byId("saved").textContent = shown ? t(shown.folder ? (SAVING[saving] ?? "") : here) : "";
 }
 
 function pictureRow(picture, pressed, show) {

@@ -2,6 +2,7 @@
 // is not overwritten.
 
 import { api } from "./api.js";
+import { archiveOf, entriesOf } from "./zip.js";
 
 const path = (folder, part, name) => `v1/label-folders/${encodeURIComponent(folder)}/${part}?name=${encodeURIComponent(name)}`;
 
@@ -35,6 +36,20 @@ export async function saveLabel(folder, name, label, etag) {
 /** An archive of labels in another tool's format, which the SDK writes. */
 export const exported = async (format, lines) =>
   (await api.fetch(`v1/label-exports?format=${format}`, { method: "POST", body: lines })).blob();
+
+/** A YOLO folder with its pictures as an archive: labels from the service, and each of `pictures` (`{ name, file,
+ *  folder }`) where that puts it. */
+export async function yolo(lines, pictures) {
+  const entries = await entriesOf(await exported("yolo", lines));
+  const listed = entries.find(({ path }) => path.endsWith("/images.json"));
+  const files = entries.filter((entry) => entry !== listed).map(async ({ path, blob }) => ({ path, blob: await blob() }));
+  const root = listed.path.replace("images.json", "");
+  const images = Object.entries(JSON.parse(await (await listed.blob()).text())).map(async ([name, place]) => {
+    const { file, folder } = pictures.find((picture) => picture.name === name);
+    return { path: root + place, blob: file ?? (await pictureOf(folder, name)) };
+  });
+  return archiveOf(await Promise.all([...files, ...images]));
+}
 
 /** The pictures that the service keeps because it was unsure of them, the least sure first; none where it keeps none. */
 export const unsurePictures = () => api.json("v1/unsure").catch(() => []);

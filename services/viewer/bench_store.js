@@ -22,6 +22,7 @@ function database() {
 async function transact(mode, work, durability = "relaxed") {
   const open = (await database()).transaction([PICTURES, STEPS], mode, { durability });
   const asked = work(open.objectStore(PICTURES), open.objectStore(STEPS));
+  if (mode === "readwrite") open.commit(); // now, and not when the page's thread is idle: it may be about to be left
   return new Promise((resolve, reject) => {
     open.oncomplete = () => resolve(asked?.result);
     open.onabort = open.onerror = () => reject(open.error);

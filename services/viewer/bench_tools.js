@@ -175,8 +175,11 @@ export class Tools {
     this.#pending += 1;
     this.stage.frame.setAttribute("aria-busy", "true");
     this.#last = this.#last.then(async () => {
-      const label = this.bench.label(picture);
-      const next = await change(label);
+      let [label, next] = [null, null];
+      do { // anew, where the service's answer took the label's place meanwhile
+        label = this.bench.label(picture);
+        next = await change(label);
+      } while (this.bench.label(picture) !== label);
       if (picture === this.bench.shown) this.bench.edit(next);
     }).catch(this.failed).then(() => {
       this.#pending -= 1;

@@ -29,7 +29,7 @@ export function showProblem(problem) {
     line.append(element("code", "", field), ` ${message}`);
     box.append(line);
   }
-  if (problem.incident) box.append(element("p", "", `incident ${problem.incident}`));
+  if (problem.incident) box.append(element("p", "", t("incident {incident}", problem)));
 }
 
 /** Any error as a problem to show. */

@@ -1,5 +1,7 @@
 // The pictures of a film: files in the order of their names, or a video taken apart by the browser.
 
+import { t } from "./i18n.js";
+
 const MOST = 2000;
 
 /** `{ name, time_s, blob }` of every frame; `onFrame(done, all)` tells how far it is. */
@@ -33,6 +35,6 @@ async function takenApart(file, rate, onFrame) {
 function once(video, name) {
   return new Promise((resolve, reject) => {
     video.addEventListener(name, resolve, { once: true });
-    video.addEventListener("error", () => reject(new Error("this video cannot be read by the browser")), { once: true });
+    video.addEventListener("error", () => reject(new Error(t("this video cannot be read by the browser"))), { once: true });
   });
 }

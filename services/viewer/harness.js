@@ -4,6 +4,7 @@ import { api } from "./api.js";
 import { byId, element as part, onDrop, problemOf, showProblem } from "./dom.js";
 import { drawHarness } from "./harness_drawing.js";
 import { t } from "./i18n.js";
+import { recipeLink } from "./joblinks.js";
 import { follow, remember } from "./permalink.js";
 import { offer } from "./samples.js";
 import { shell } from "./shell.js";
@@ -89,6 +90,7 @@ function show(job) {
   byId("share").value = 0;
   byId("message").textContent = [result.message, matchText(page.topology?.match)].filter(Boolean).join(" ");
   byId("warnings").replaceChildren(...(result.warnings ?? []).map((text) => part("li", "", text)));
+  byId("after").replaceChildren(recipeLink(job) ?? "");
   fill();
   const { sections, branch_points: branches, crossings } = page.topology;
   const counts = { a: sections.length, b: branches.length, c: crossings.length };
@@ -157,6 +159,7 @@ function forget() {
   for (const name of ["status", "section-count", "branch-count", "crossing-count", "action-count"]) byId(name).value = "";
   byId("message").textContent = "";
   byId("warnings").replaceChildren();
+  byId("after").replaceChildren();
   byId("playing").hidden = true;
   place();
 }

@@ -1,6 +1,7 @@
-// From a job to the page that shows it.
+// From a job to the page that shows it, and to the recipe that repeats it.
 
 import { element } from "./dom.js";
+import { t } from "./i18n.js";
 
 const PAGES = {
   instances: "./",
@@ -9,8 +10,17 @@ const PAGES = {
   reconstruct: "viewer/reconstruction.html",
 };
 
+/** Kinds that a recipe can repeat with other pictures. */
+const WITH_PICTURES = new Set(["segment", "instances", "topology", "plan_disentangle", "reconstruct", "label_tracked", "plan_shape"]);
+
 /** A link to the page that draws this kind, or else to the job's JSON. */
 export function jobLink({ id, kind }) {
   const page = PAGES[kind];
   return element("a", "mono", id.slice(0, 8), { href: page ? `${page}?job=${id}` : `v1/jobs/${id}`, title: id });
+}
+
+/** A link to the page that makes a recipe of a finished job; null where there is none. */
+export function recipeLink({ id, kind, state }) {
+  if (state !== "succeeded" || !WITH_PICTURES.has(kind)) return null;
+  return element("a", "button", t("Make a recipe"), { href: `viewer/recipes.html?job=${id}` });
 }

@@ -4,7 +4,7 @@
 import { api } from "./api.js";
 import { button, byId, element, problemOf, showProblem } from "./dom.js";
 import { t } from "./i18n.js";
-import { jobLink } from "./joblinks.js";
+import { jobLink, recipeLink } from "./joblinks.js";
 import { byLabel, metricsOf, valueOf } from "./metrics.js";
 import { shell } from "./shell.js";
 
@@ -84,15 +84,17 @@ function jobRow(job) {
   made.append(
     link, element("td", "", job.kind), element("td", job.state === "failed" ? "unsure" : "", t(job.state) + percent),
     element("td", "", new Date(job.created_at).toLocaleString()), element("td", "number", seconds(job.created_at, job.started_at)),
-    element("td", "number", seconds(job.started_at, job.ended_at)), element("td", "", job.problem?.detail ?? ""), cancelCell(job),
+    element("td", "number", seconds(job.started_at, job.ended_at)), element("td", "", job.problem?.detail ?? ""), doCell(job),
   );
   return made;
 }
 
-function cancelCell(job) {
+/** What can be done with a job: one on its way is cancelled, one that succeeded becomes a recipe. */
+function doCell(job) {
   const cell = element("td");
-  if (job.state !== "queued" && job.state !== "running") return cell;
-  cell.append(button(t("Cancel"), () => api.cancel(job.id).then(look, (error) => showProblem(problemOf(error)))));
+  const going = job.state === "queued" || job.state === "running";
+  const act = going ? button(t("Cancel"), () => api.cancel(job.id).then(look, (error) => showProblem(problemOf(error)))) : recipeLink(job);
+  if (act) cell.append(act);
   return cell;
 }
 

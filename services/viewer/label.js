@@ -5,8 +5,8 @@ import { Bench, stateOf } from "./bench.js";
 import { ask } from "./bench_calls.js";
 import { drawBench } from "./bench_draw.js";
 import { keysOf } from "./bench_keys.js";
-import { fillLists } from "./bench_lists.js";
-import { exported, folders, labelOf, pictureOf, picturesOf, unsurePicture, unsurePictures } from "./bench_service.js";
+import { fillLists, showSaved } from "./bench_lists.js";
+import { exported, folders, labelOf, pictureOf, picturesOf, unsurePicture, unsurePictures, yolo } from "./bench_service.js";
 import { labelFor, listed, sorted } from "./bench_sources.js";
 import { Sync } from "./bench_sync.js";
 import { Tools } from "./bench_tools.js";
@@ -35,7 +35,7 @@ const TWO_FINGERS_MS = 400; // between the first and the second that zoom
 
 const canvas = byId("canvas");
 const stage = new Stage(canvas, paint, () => tools.tool === "pan" || keys.held.has(" "));
-const bench = new Bench(list, (picture) => sync.soon(picture), report);
+const bench = new Bench(list, (picture) => sync.soon(picture), () => showSaved(bench, sync.state), report);
 const sync = new Sync(bench, { conflict, changed: list, failed: report });
 const tools = new Tools(bench, stage, () => stage.later(), report);
 const queue = new Queue(analyze, list, api.cancel);
@@ -164,8 +164,9 @@ function list() {
   stage.later();
 }
 
+/** Over the picture's corner and not above it: the picture must not move under somebody's pointer. */
 function notice(text) {
-  byId("notice").hidden = !text;
+  byId("notice").parentElement.hidden = !text;
   byId("notice").textContent = text;
 }
 
@@ -199,6 +200,7 @@ async function save() {
   const format = byId("format").value;
   const own = { json: ["labels.jsonl", jsonLines], coco: ["coco.json", coco] }[format];
   if (own) download(new Blob([own[1](labels)], { type: "application/json" }), own[0]);
+  else if (format === "yolo") download(await yolo(jsonLines(labels), bench.pictures), "labels-yolo.zip");
   else download(await exported(format, jsonLines(labels)), `labels-${format}.zip`);
 }
 
@@ -240,6 +242,7 @@ async function offerFolders() {
 }
 
 function listen() {
+  addEventListener("beforeunload", (event) => bench.unkept && event.preventDefault());
   byId("file").addEventListener("change", (event) => open([...event.target.files]));
   byId("directory").addEventListener("change", (event) => open([...event.target.files]));
   byId("folder").addEventListener("change", (event) => openFolder(event.target.value).catch(report));
@@ -250,6 +253,7 @@ function listen() {
   byId("previous").addEventListener("click", () => step(-1));
   byId("following").addEventListener("click", () => step(1));
   byId("save").addEventListener("click", () => save().catch(report));
+  byId("dismiss").addEventListener("click", () => notice(""));
   byId("clear").addEventListener("click", () => clear().catch(report));
   byId("tools").addEventListener("input", ({ target }) => {
     if (target.name === "tool") {

@@ -51,14 +51,15 @@ export function showTimings(timings) {
   byId("timings").replaceChildren(...rows);
 }
 
-export function showFiles(names, onSave) {
+/** Buttons for the files, and `more` beside them. */
+export function showFiles(names, onSave, more = null) {
   const buttons = names.map((name) => {
     const button = element("button", "", name);
     button.type = "button";
     button.addEventListener("click", () => onSave(name));
     return button;
   });
-  byId("files").replaceChildren(...buttons);
+  byId("files").replaceChildren(...buttons, ...(more ? [more] : []));
 }
 
 const REASONS = {

@@ -3,6 +3,7 @@
 import { api, ProblemError } from "./api.js";
 import { byId, element as made, problemOf, showProblem } from "./dom.js";
 import { t } from "./i18n.js";
+import { recipeLink } from "./joblinks.js";
 import { address } from "./permalink.js";
 import { shell } from "./shell.js";
 import { Space } from "./space.js";
@@ -53,7 +54,7 @@ async function trySample() {
 
 async function open(job) {
   if (job.problem) throw new ProblemError(job.problem);
-  if (job.result?.kind !== "reconstruct") throw new ProblemError(wrong(`Job ${job.id} holds no reconstruction`));
+  if (job.result?.kind !== "reconstruct") throw new ProblemError(wrong(t("Job {id} holds no reconstruction", job)));
   showProblem(null);
   byId("job").value = job.id;
   if (new URLSearchParams(location.search).get("job") !== job.id) address(`?job=${job.id}`);
@@ -67,6 +68,7 @@ async function open(job) {
   const found = t("{cm} cm of cable from {n} views", { cm: (100 * result.curve.length_m).toFixed(1), n: views.length });
   byId("space").setAttribute("aria-label", found);
   showFacts(result);
+  byId("after").replaceChildren(recipeLink(job) ?? "");
   await showViews(job, views);
 }
 
@@ -76,17 +78,17 @@ function showFacts(result) {
   const mean = curve.sigma_m.reduce((sum, value) => sum + value, 0) / curve.sigma_m.length;
   const facts = {
     length: `${(1000 * curve.length_m).toFixed(1)} mm`,
-    radius: curve.radius_m === null ? "not known" : mm(curve.radius_m),
+    radius: curve.radius_m === null ? t("not known") : mm(curve.radius_m),
     "standard deviation": mm(mean),
     reprojection: `${result.reprojection_px.toFixed(2)} px`,
-    ends: result.ends.join(", "),
+    ends: result.ends.map((end) => t(end)).join(", "),
     "other cables": String(result.others.length),
   };
   if (result.overlap !== null) facts["known before"] = `${Math.round(100 * result.overlap)} %`;
   if (next) {
     facts["next baseline"] = mm(next.baseline_m);
     facts["next distance"] = `${next.delta_z_m > 0 ? "+" : ""}${mm(next.delta_z_m)}`;
-    facts["then expected"] = `${mm(next.expected_sigma_m)} (${Math.round(100 * next.gain)} % less)`;
+    facts["then expected"] = t("{x} ({n} % less)", { x: mm(next.expected_sigma_m), n: Math.round(100 * next.gain) });
   }
   const entries = Object.entries(facts).flatMap(([name, value]) => [element("dt", t(name)), element("dd", value)]);
   byId("facts").replaceChildren(...entries);
@@ -100,8 +102,8 @@ async function showViews(job, views) {
     item.tabIndex = 0;
     item.classList.toggle("dropped", view.status === "dropped");
     const image = element("img");
-    image.alt = `${view.name} with the reprojected curve`;
-    const error = view.reprojection_px === null ? view.status : `${view.reprojection_px.toFixed(2)} px`;
+    image.alt = t("{name} with the reprojected curve", view);
+    const error = view.reprojection_px === null ? t(view.status) : `${view.reprojection_px.toFixed(2)} px`;
     item.append(image, element("p", `${view.name}: ${error}`));
     if (view.reason) item.append(Object.assign(element("p", view.reason), { className: "reason" }));
     for (const [event, shown] of [["pointerenter", view], ["focus", view], ["pointerleave", null], ["blur", null]]) {
@@ -126,7 +128,7 @@ async function readCameras(file) {
   try {
     const given = JSON.parse(await file.text());
     cameras = Array.isArray(given) ? given : given.views;
-    if (!Array.isArray(cameras)) throw new Error("it holds no list");
+    if (!Array.isArray(cameras)) throw new Error(t("it holds no list"));
     cameras = cameras.map(({ image, ...camera }) => camera);
     showProblem(null);
   } catch (error) {

@@ -23,6 +23,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
     return {
         "http": ["tests.benchmarks.bench_http"],
         "plant": ["tests.benchmarks.bench_plant"],
+        "bridge": ["tests.benchmarks.bench_bridge"],
         "load": ["tests.load.__main__"],
         "faults": ["tests.faults.__main__"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
@@ -44,6 +45,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "depth": ["tests.benchmarks.bench_depth"],
         "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
         "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
+        "pages": ["tests.benchmarks.bench_pages"],
         "border": ["tests.benchmarks.bench_border"],
         "files": ["tests.benchmarks.bench_files"],
     }

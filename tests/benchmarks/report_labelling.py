@@ -84,4 +84,20 @@ def clicks(data: dict[str, Any]) -> str:
     )
 
 
-SECTIONS = {"labelling": batches, "tracked": tracked, "clicks": clicks}
+def pages(data: dict[str, Any]) -> str:
+    """What a large picture costs on the label bench."""
+    texts = {
+        "open": ("from choosing the file until a click counts", "≤ 2000", "≤ 1000"),
+        "click": ("from the key that ends a line of two clicks until its outline is drawn", "≤ 150", "≤ 50"),
+        "drag": ("from the end of a drag at an edge until the outline is drawn", "≤ 150", "≤ 50"),
+        "zoom": ("a turn of the wheel until the frame is drawn", "", ""),
+    }
+    rows = [[*text, data["median_ms"][name], _listed(data["ms"][name])] for name, text in texts.items()]
+    return (
+        "## 12 megapixels on the label bench, ms\n\n`python -m tests.benchmarks.bench_pages`: headless Chromium "
+        f"without a graphics card, medians, and every run; load of the machine meanwhile {data['load']}.\n\n"
+        + table(["", "floor", "aim", "median", "runs"], rows)
+    )
+
+
+SECTIONS = {"labelling": batches, "tracked": tracked, "clicks": clicks, "pages": pages}

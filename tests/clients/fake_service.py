@@ -13,10 +13,11 @@ import uvicorn
 from dlo_client.contracts import AnyJob, ImageInfo, JobEvent, JobState, Problem
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from services.page_frame import document
 from tests.clients import samples
 
 VIEWER = Path(__file__).parents[2] / "services" / "viewer"
@@ -44,7 +45,8 @@ class FakeService:
     def app(self) -> Starlette:
         return Starlette(
             routes=[
-                Route("/", lambda _: FileResponse(VIEWER / "index.html")),
+                Route("/", lambda _: HTMLResponse(document("index", "./"))),
+                Route("/viewer/{name}.html", lambda request: HTMLResponse(document(request.path_params["name"]))),
                 Route("/v1/models", self._networks),
                 Route("/v1/unsure", lambda _: JSONResponse([{"id": key} for key in self.unsure])),
                 Route("/v1/unsure/{id}", lambda request: Response(self.unsure[request.path_params["id"]])),

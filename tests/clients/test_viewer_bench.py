@@ -46,6 +46,8 @@ def cables(page: Any) -> int:
 
 
 def reload(page: Any) -> None:
+    """Who leaves while a step is still being kept is asked; a test waits instead."""
+    page.wait_for_selector("#saved >> text=Every step is kept")
     page.reload()
     page.wait_for_selector("body[data-ready]")
 
@@ -78,6 +80,33 @@ def test_nothing_is_lost_when_the_page_is_left(page: Any, tmp_path: Any) -> None
     assert cables(page) == 3
     page.keyboard.press("Control+Enter")
     assert len(saved(page, tmp_path).instances) == 3
+
+
+HOLD = """() => {
+    const ask = IDBObjectStore.prototype.getAll;
+    IDBObjectStore.prototype.getAll = function (...range) {
+        const asked = ask.apply(this, range);
+        const hold = () => (window.released || this.name !== "steps" ? null : (this.count().onsuccess = hold));
+        hold();
+        this.transaction.addEventListener("complete", () => setTimeout(() => (window.read = true)));
+        return asked;
+    };
+}"""
+
+
+def test_a_change_stays_when_the_database_answers_late(page: Any) -> None:
+    """What was read of a picture took the place of what had been done meanwhile: a removed cable was back."""
+    page.evaluate(HOLD)
+    take(page, "shelf.png", png(probability()))
+    page.wait_for_selector("#instances button")
+    tool(page, "delete")
+    click(page, 80, 11)
+    assert "changed" in page.inner_text("#pictures button")
+    page.evaluate("window.read = false; window.released = true")
+    page.wait_for_function("window.read")
+    page.wait_for_selector("#saved >> text=Every step is kept")
+    assert "changed" in page.inner_text("#pictures button")
+    assert cables(page) == 1
 
 
 def archive(files: dict[str, bytes]) -> bytes:

@@ -27,7 +27,7 @@ def test_the_service_has_no_networks_and_the_worker_no_pages(found, tmp_path):
     assert not (tmp_path / "service" / "models").exists()
     assert not (tmp_path / "worker" / "services").exists()
     assert list((tmp_path / "worker" / "models").rglob("*.onnx"))
-    assert (tmp_path / "service" / "services" / "viewer" / "index.html").exists()
+    assert (tmp_path / "service" / "services" / "pages" / "index.html").exists()
 
 
 def test_both_run_without_rights_and_by_their_own_entry_points(found):

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import json
+import re
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from dlo_client.contracts import MaskRLE
 from dlo_client.labelling import LabelledInstance, LabelStore, PictureLabel
 from dlo_client.labelling.store import Entry, corrected_file, draft_file, read_label
+from PIL import Image
 
 from models.geometry.rle import encode
+from services.page_frame import PAGES
 from tests.browser import NEEDS_BROWSER
 from tests.clients.browser_pages import place
 from tests.processes import ROOT, running_service, wait_until
 
 pytestmark = NEEDS_BROWSER
-VIEWER = ["harness", "reconstruction", "tracks", "label", "recipes", "jobs"]
-OURS = ["", *(f"viewer/{name}.html" for name in VIEWER)]
+OURS = ["", *(f"viewer/{name}.html" for name in PAGES)]
 SAMPLE = ROOT / "services" / "viewer" / "samples" / "plain.jpg"
 WIDTH, HEIGHT, LINE_Y = 640, 360, 30
 FOLDER = "monday"
@@ -101,6 +107,81 @@ def test_a_sample_picture_is_found_again_after_a_reload(address: str, browser: A
         page.goto(f"{address}/viewer/jobs.html")
         page.wait_for_selector("#jobs a >> nth=0")
         assert "instances" in page.inner_text("#jobs")
+    assert wrong == []
+
+
+def test_a_finished_job_becomes_a_recipe_that_is_tried(address: str, browser: Any) -> None:
+    wrong: list[str] = []
+    with opened(browser, address, wrong) as page:
+        page.goto(address)
+        page.click("#samples button")
+        page.wait_for_selector("#instances button")
+        page.click("#files >> text=Make a recipe")
+        page.wait_for_selector("#source:not([hidden])")
+        assert "with 1 of its pictures" in page.inner_text("#source")
+        page.fill("#name", "shelf")
+        for version in (1, 2):
+            page.click("#store")
+            page.wait_for_selector(f"#chosen >> text=recipe 1, version {version}")
+        page.click("#dry-run")
+        page.wait_for_selector("#outcomes >> text=succeeded")
+        assert "cables" in page.inner_text("#outcomes")
+        page.set_input_files("#pictures", SAMPLE)
+        page.click("#run")
+        page.wait_for_selector("#outcomes >> text=succeeded")
+        assert page.locator("#version option").count() == 2
+        page.fill("#body", '{"request": {"kind": "instances", "threshold": 2}}')
+        page.click("#store")
+        page.wait_for_selector("#error >> text=request.threshold")
+    assert [what for what in wrong if "422" not in what and "/v1/recipes/1" not in what] == []
+    with httpx.Client(base_url=address) as client:
+        assert client.delete("/v1/recipes/1").status_code == 204
+
+
+def test_a_film_is_tracked(address: str, browser: Any, tmp_path: Path) -> None:
+    wrong: list[str] = []
+    with opened(browser, address, wrong) as page:
+        page.goto(f"{address}/viewer/tracks.html")
+        page.set_input_files("#file", [film_frame(shift) for shift in (0, 6)])
+        page.click("#run:not([disabled])")
+        page.wait_for_selector("#at >> text=2 / 2")
+        page.wait_for_selector("#progress", state="hidden")
+        assert page.locator("#cables >> text=seen").count() >= 3
+        with page.expect_download() as download:
+            page.click("#save")
+        download.value.save_as(tmp_path / "track.jsonl")
+    frames = [json.loads(line) for line in (tmp_path / "track.jsonl").read_text().splitlines()]
+    assert len({cable["id"] for cable in frames[0]["cables"]} & {cable["id"] for cable in frames[1]["cables"]}) >= 3
+    assert wrong == []
+
+
+def film_frame(shift: int) -> dict[str, Any]:
+    """The sample picture as a camera sees it that has moved by so many pixels."""
+    picture = Image.open(SAMPLE)
+    buffer = io.BytesIO()
+    picture.crop((shift, 0, picture.width - 20 + shift, picture.height)).save(buffer, "PNG")
+    return {"name": f"{shift}.png", "mimeType": "image/png", "buffer": buffer.getvalue()}
+
+
+def test_yolo_leaves_the_bench_with_its_pictures(address: str, browser: Any, tmp_path: Path) -> None:
+    wrong: list[str] = []
+    with opened(browser, address, wrong) as page:
+        page.goto(f"{address}/viewer/label.html?folder={FOLDER}")
+        page.wait_for_selector("#instances button")
+        other = SAMPLE.with_name("busy.jpg")
+        page.set_input_files("#file", other)
+        wait_until(lambda: len(re.findall(r"certainty 0\.\d\d", page.inner_text("#pictures"))) == 2)
+        page.select_option("#format", "yolo")
+        with page.expect_download() as download:
+            page.click("#save")
+        download.value.save_as(tmp_path / "yolo.zip")
+    with zipfile.ZipFile(tmp_path / "yolo.zip") as archive:
+        assert archive.testzip() is None
+        found = {PurePosixPath(name): archive.read(name) for name in archive.namelist()}
+    pictures = {path: data for path, data in found.items() if "images" in path.parts}
+    assert {path.name: data for path, data in pictures.items()} == {p.name: p.read_bytes() for p in (SAMPLE, other)}
+    for path in pictures:
+        assert found[PurePosixPath("yolo/labels", path.parent.name, path.stem + ".txt")]
     assert wrong == []
 
 
