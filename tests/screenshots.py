@@ -65,9 +65,10 @@ def tracks(page: Any) -> None:
 
 
 def recipes(page: Any) -> None:
-    """One of the job that was last."""
-    page.goto(page.url.replace("recipes", "jobs"))
-    page.click("#jobs a.button >> nth=0")
+    """One of a job of the page of pictures."""
+    page.goto(page.url.replace("recipes", "index"))
+    page.set_input_files("#file", SAMPLES / "busy.jpg")
+    page.click("#files a.button")
     page.wait_for_selector("#source:not([hidden])")
     page.fill("#name", "shelf 3")
     page.click("#store")

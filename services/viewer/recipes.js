@@ -38,7 +38,7 @@ function emptyRow() {
 function fill({ name, request, camera, output, samples }) {
   const body = { request, ...(camera ? { camera } : {}), ...(output ? { output } : {}), ...(samples?.length ? { samples } : {}) };
   byId("name").value = name;
-  byId("body").value = JSON.stringify(body, null, 2);
+  byId("body").value = JSON.stringify(body, (_, value) => value ?? undefined, 2);
 }
 
 async function choose(recipe) {

@@ -117,6 +117,10 @@ function fill(cables) {
 const STYLE = { seen: [], partly_covered: [8, 6], lost: [2, 7], new: [] };
 
 function paint(context, { scale }) {
+  context.save();
+  context.beginPath();
+  context.rect(0, 0, stage.size.width * scale, stage.size.height * scale);
+  context.clip(); // a covered cable may be supposed to go on beyond the border
   for (const { id, state, centerline_xy: line } of page.results[page.at]?.cables ?? []) {
     const at = ([x, y]) => [(x + 0.5) * scale, (y + 0.5) * scale];
     const path = new Path2D();
@@ -130,7 +134,7 @@ function paint(context, { scale }) {
     context.setLineDash([]);
     if (line.length) plate(context, at(pointAt(line, 0.5)), id);
   }
-  context.globalAlpha = 1;
+  context.restore();
 }
 
 function plate(context, [x, y], id) {
