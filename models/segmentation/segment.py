@@ -21,6 +21,7 @@ class ForegroundInput:
     """How the network wants its picture: longest side in pixels, sides multiples of ``multiple``, values
     ``(x / 255 - mean) / std``; ``threshold`` is the one value that turns probability into a mask. A connected
     patch of that mask needs a mean probability of ``certainty`` and ``least_area`` pixels at the network's scale.
+    A picture shorter than ``long_side`` is enlarged up to ``most_enlarged`` times.
     """
 
     long_side: int
@@ -30,6 +31,7 @@ class ForegroundInput:
     threshold: float
     certainty: float
     least_area: float
+    most_enlarged: float = 1.0
 
     @classmethod
     def from_manifest(cls, preprocess: Mapping[str, Any]) -> ForegroundInput:
@@ -46,9 +48,11 @@ def segment(image: ByteArray, network: Network, settings: ForegroundInput) -> Fl
 
 def network_scale(size: tuple[int, ...], settings: ForegroundInput) -> float:
     """The rule for every ``size`` (H, W): a picture longer than ``long_side`` is reduced to it, a smaller one is
-    left as it is; a strip keeps at least ``multiple`` pixels across, as long as that is no more than 32 × ``long_side``
-    along."""
+    enlarged to it, at most ``most_enlarged`` times; a strip keeps at least ``multiple`` pixels across, as long as that
+    is no more than 32 × ``long_side`` along."""
     fit = settings.long_side / max(size)
+    if fit >= 1.0:
+        return min(settings.most_enlarged, fit)
     return min(1.0, max(fit, min(settings.multiple / min(size), 32 * fit)))
 
 

@@ -10,14 +10,16 @@ import onnxruntime
 import pytest
 import torch
 
+from models.segmentation.segment import ForegroundInput
 from models.training.foreground.adaptation.choice import Exam, Scores, best, dice, refusal
 from models.training.foreground.adaptation.course import Course, CourseParams, rate_share
 from models.training.foreground.adaptation.sources import Batches, general_set, read_own, rehearsal
 from models.training.foreground.initial import refold, unfold
 from models.training.foreground.networks import build
-from models.weights.inference import WEIGHTS
+from models.weights.inference import WEIGHTS, manifest
 
 PARENT = WEIGHTS / "foreground_compact.onnx"
+FED = ForegroundInput.from_manifest(manifest()["foreground_compact"].preprocess)
 
 
 def answer(file: bytes, x: torch.Tensor) -> np.ndarray:
@@ -79,7 +81,7 @@ def test_pictures_without_a_cable_are_nothing_to_learn_from(folder: Path) -> Non
 def test_a_batch_mixes_the_places_own_pictures_with_renders(folder: Path) -> None:
     own, renders = read_own(folder, 0.2), rehearsal((64, 96), 2)
     for share, bright in ((1.0, 1.0), (0.0, 0.0)):
-        batches = Batches(own, renders, share, 640, np.random.default_rng(0))
+        batches = Batches(own, renders, share, FED, np.random.default_rng(0))
         images, labels = batches.draw(12)
         assert images.shape == (12, 3, 64, 96)
         assert labels.shape == (12, 64, 96)
@@ -140,7 +142,7 @@ def test_an_exam_measures_every_picture(folder: Path) -> None:
 
 def test_a_course_goes_on_from_its_checkpoint_and_leaves_the_first_stages_alone(folder: Path, tmp_path: Path) -> None:
     params = CourseParams(batch=2, height=64, width=96, minutes=0.5)
-    batches = Batches(read_own(folder, 0.2), rehearsal((64, 96), 2), 0.5, 640, np.random.default_rng(0))
+    batches = Batches(read_own(folder, 0.2), rehearsal((64, 96), 2), 0.5, FED, np.random.default_rng(0))
     course = Course("compact", PARENT, params)
     first = {k: v.clone() for k, v in course.network.state_dict().items()}
     course.step(batches)

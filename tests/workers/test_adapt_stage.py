@@ -126,9 +126,10 @@ def test_the_same_request_finds_what_was_done_before_it_was_cut_off(tools, prete
         raise RuntimeError("killed")
 
     monkeypatch.setattr(adapt, "_learn", cut_off)
+    labels = archive()  # packed once: a ZIP names the time
     for more in ({}, {}, {"minutes": 0.02}):
         with pytest.raises(RuntimeError):
-            stages.run(request(tools, **more), tools)
+            stages.run(request(tools, labels, **more), tools)
     assert [there for _, there in seen] == [False, True, False]
     assert seen[0][0] == seen[1][0] != seen[2][0]
 

@@ -61,6 +61,7 @@ class Preprocess(Contract):
     """How a foreground network is fed, and how its answer becomes a mask."""
 
     long_side: int = Field(ge=32, le=4096, description="pixels; larger pictures are reduced to it")
+    most_enlarged: float = Field(default=1.0, ge=1, le=4, description="times that a smaller picture is enlarged to it")
     multiple: int = Field(ge=1, le=256, description="sides are filled up to multiples of it")
     mean: tuple[float, float, float] = Field(description="of (x / 255 - mean) / std")
     std: tuple[float, float, float] = Field(description="of (x / 255 - mean) / std")

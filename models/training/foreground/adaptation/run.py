@@ -89,7 +89,7 @@ def _learnt(folder: Path, own: Own, course: Course, fed: ForegroundInput, log: L
     params = course.params
     course.resume(folder / CHECKPOINT)
     renders = rehearsal((params.height, params.width), params.renders)
-    batches = Batches(own, renders, params.real, fed.long_side, np.random.default_rng([params.seed, course.steps]))
+    batches = Batches(own, renders, params.real, fed, np.random.default_rng([params.seed, course.steps]))
     saved = course.seconds
     while course.share < 1:
         course.step(batches)

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from models.geometry.arrays import BoolArray, ByteArray
+from models.segmentation.segment import ForegroundInput, network_scale
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
 from models.training.foreground.augmentation import Cut, Rng, cut_out, recolored
@@ -86,10 +87,10 @@ def general_set(count: int, size: tuple[int, int] = (360, 640)) -> list[tuple[By
 class Batches:
     """Batches of cuts, of which the share ``real`` is of the place's own pictures (w_r of thesis 2.7.2)."""
 
-    def __init__(self, own: Own, renders: Rehearsal, real: float, long_side: int, rng: Rng) -> None:
+    def __init__(self, own: Own, renders: Rehearsal, real: float, fed: ForegroundInput, rng: Rng) -> None:
         self._own, self._renders, self._real, self._rng = own, renders, real, rng
         size = renders.labels.shape[1], renders.labels.shape[2]
-        self._cuts = [_seen(p, size, long_side) for p in own.trains]
+        self._cuts = [_seen(p, size, fed) for p in own.trains]
         self._rendered = Cut(size, (0.8, 1.4), 0.2)
 
     def draw(self, count: int) -> tuple[Tensor, Tensor]:
@@ -106,7 +107,7 @@ class Batches:
         return cut_out(self._renders.images[k], self._renders.labels[k], self._rendered, self._rng)
 
 
-def _seen(own: Photograph, size: tuple[int, int], long_side: int) -> Cut:
+def _seen(own: Photograph, size: tuple[int, int], fed: ForegroundInput) -> Cut:
     """About the scale at which the network sees the whole picture."""
-    scale = min(1.0, long_side / max(own.labels.shape))
+    scale = network_scale(own.labels.shape, fed)
     return Cut(size, (0.65 * scale, 1.5 * scale), 0.25)
