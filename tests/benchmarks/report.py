@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,21 @@ machine with two shared cores: compare them within a run.
 
 
 def write_report(folder: Path, target: Path) -> None:
-    """Read what ``folder`` holds and write ``target``; a benchmark that has not run is named as such."""
+    """Read what ``folder`` holds and write ``target``; a benchmark that has not run there keeps its section, or is
+    named as not run."""
+    kept = _sections(target.read_text()) if target.exists() else {}
     parts = [HEAD]
     for name, section in SECTIONS.items():
         file = folder / f"{name}.json"
-        parts.append(section(json.loads(file.read_text())) if file.exists() else f"## {name}\n\nNot run.\n")
+        text = section(json.loads(file.read_text())) if file.exists() else kept.get(name, f"## {name}\n\nNot run.\n")
+        parts.append(f"<!-- {name} -->\n{text}")
     target.write_text("\n".join(parts))
+
+
+def _sections(report: str) -> dict[str, str]:
+    """The sections of an earlier report by the names in their marks."""
+    _, *parts = re.split(r"^<!-- (\w+) -->\n", report, flags=re.MULTILINE)
+    return {name: text.rstrip("\n") + "\n" for name, text in zip(parts[::2], parts[1::2], strict=True)}
 
 
 def _http(data: dict) -> str:
