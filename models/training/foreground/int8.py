@@ -1,7 +1,7 @@
 """A shipped foreground network to 8 bits: ``python -m models.training.foreground.int8 --textures PACK``.
 
-Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this repository renders.
-The last convolution, whose logits need the precision most, stays as it is.
+Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this repository renders,
+of every layer: with the last one in single precision the masks of photographs are as right, in a fifth more time.
 """
 
 from __future__ import annotations
@@ -63,7 +63,6 @@ def scenes(
 def quantize(source: Path, target: Path, settings: ForegroundInput, pool: TexturePool, count: int) -> None:
     """Write ``target``, the 8-bit network of ``source``."""
     graph = onnx.load(source).graph
-    last = [node.name for node in graph.node if node.op_type == "Conv"][-1]
     quantize_static(
         source,
         target,
@@ -73,7 +72,6 @@ def quantize(source: Path, target: Path, settings: ForegroundInput, pool: Textur
         activation_type=QuantType.QUInt8,
         weight_type=QuantType.QInt8,
         calibrate_method=CalibrationMethod.MinMax,
-        nodes_to_exclude=[last],
         extra_options={"CalibMovingAverage": True},
     )
 
