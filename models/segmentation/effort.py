@@ -1,7 +1,7 @@
 """How hard to look for the foreground: fast, normal or thorough.
 
-Fast and normal take a network's 8-bit form where there is one, fast at three quarters of the network's scale; thorough
-takes the network itself, at two scales and mirrored.
+Fast and normal take a network's 8-bit form where there is one, fast at two thirds of the network's scale; thorough
+takes the network itself, at three scales and mirrored.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class Passes:
 
 
 PASSES: Mapping[Effort, Passes] = {
-    "fast": Passes(0.75, (1.0,), mirrored=False, closer=0.0, eight_bit=True),
+    "fast": Passes(2 / 3, (1.0,), mirrored=False, closer=0.0, eight_bit=True),
     "normal": Passes(1.0, (1.0,), mirrored=False, closer=4.5, eight_bit=True),
-    "thorough": Passes(1.0, (1.0, 1.5), mirrored=True, closer=12.0, eight_bit=False),
+    "thorough": Passes(1.0, (2 / 3, 1.0, 4 / 3), mirrored=True, closer=12.0, eight_bit=False),
 }
 
 
