@@ -7,6 +7,7 @@ import { stroke } from "./outline.js";
 const SAME_PLACE_PX = 15;
 const ANCHOR_PX = 60; // between the points that stand for the clicks of a line that nobody clicked
 const SAME_CLICK_PX = 20;
+const STRETCH = 16; // pieces of a line that are looked at together
 
 /** A new instance on top of the others. */
 export function add(label, shape) {
@@ -139,16 +140,32 @@ function crossed(label) {
 function meetings(a, b) {
   const [at, bt] = [lengths(a.centerline_xy), lengths(b.centerline_xy)];
   const found = [];
-  for (let i = 1; i < at.length; i += 1) {
-    for (let j = 1; j < bt.length; j += 1) {
-      const hit = meeting(a.centerline_xy[i - 1], a.centerline_xy[i], b.centerline_xy[j - 1], b.centerline_xy[j]);
-      if (!hit) continue;
-      const u = (at[i - 1] + hit.t * (at[i] - at[i - 1])) / at.at(-1);
-      const v = (bt[j - 1] + hit.u * (bt[j] - bt[j - 1])) / bt.at(-1);
-      found.push({ xy: hit.xy.map(round), over: { instance: b.id, u: v }, under: { instance: a.id, u } });
-    }
+  for (const [i, j] of neighbors(a.centerline_xy, b.centerline_xy)) {
+    const hit = meeting(a.centerline_xy[i - 1], a.centerline_xy[i], b.centerline_xy[j - 1], b.centerline_xy[j]);
+    if (!hit) continue;
+    const u = (at[i - 1] + hit.t * (at[i] - at[i - 1])) / at.at(-1);
+    const v = (bt[j - 1] + hit.u * (bt[j] - bt[j - 1])) / bt.at(-1);
+    found.push({ xy: hit.xy.map(round), over: { instance: b.id, u: v }, under: { instance: a.id, u } });
   }
   return found;
+}
+
+/** The pieces of two lines, by the index of their second point, that are in stretches whose boxes overlap. */
+function* neighbors(one, other) {
+  for (const a of stretches(one)) {
+    for (const b of stretches(other)) {
+      if (a.left > b.right || b.left > a.right || a.top > b.bottom || b.top > a.bottom) continue;
+      for (let i = a.from; i < a.to; i += 1) for (let j = b.from; j < b.to; j += 1) yield [i, j];
+    }
+  }
+}
+
+function stretches(line) {
+  return Array.from({ length: Math.ceil((line.length - 1) / STRETCH) }, (_, k) => {
+    const [from, to] = [1 + k * STRETCH, Math.min(line.length, 1 + (k + 1) * STRETCH)];
+    const [xs, ys] = [0, 1].map((axis) => line.slice(from - 1, to).map((point) => point[axis]));
+    return { from, to, left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
+  });
 }
 
 function meeting([ax, ay], [bx, by], [cx, cy], [dx, dy]) {

@@ -34,7 +34,8 @@ export function prepare(p, width, height) {
 /** The snapped centerline along all clicks: `{ line, width }`, as `settle` gives it. `view` is a prepared map with the
  *  picture's `planes`. */
 export function trace(view, clicks) {
-  const map = { ...view, tones: clicks.map((click) => toneAt(view, click)) };
+  const prices = new Float32Array(view.width * view.height); // 0 where none was asked for yet
+  const map = { ...view, prices, tones: clicks.map((click) => toneAt(view, click)) };
   const path = [clicks[0]];
   for (let i = 1; i < clicks.length; i += 1) path.push(...cheapest(map, clicks[i - 1], clicks[i]).slice(1));
   const { line, width } = settle(map, path);
@@ -98,18 +99,20 @@ function cheapest(map, from, to) {
   const [start, goal] = [at(from), at(to)];
   const reached = new Float64Array(w * h).fill(Infinity);
   const before = new Int32Array(w * h).fill(-1);
+  const done = new Uint8Array(w * h);
   const open = new Heap();
   reached[start] = 0;
   open.push(start, 0);
   while (open.size) {
-    const [i, cost] = open.pop();
+    const i = open.pop();
     if (i === goal) break;
-    if (cost > reached[i]) continue;
+    if (done[i]) continue;
+    done[i] = 1;
     const [x, y] = [i % w, Math.floor(i / w)];
     for (const [dx, dy, length] of STEPS) {
       if (x + dx < 0 || x + dx >= w || y + dy < 0 || y + dy >= h) continue;
       const j = i + dy * w + dx;
-      const next = cost + length * price(map, x + dx + left, y + dy + top);
+      const next = reached[i] + length * price(map, x + dx + left, y + dy + top);
       if (next < reached[j]) {
         [reached[j], before[j]] = [next, i];
         open.push(j, next);
@@ -123,7 +126,8 @@ function cheapest(map, from, to) {
 
 function price(map, x, y) {
   const i = y * map.width + x;
-  return 0.05 + 3 * (1 - likely(map, i)) ** 2 + 0.6 / (1 + map.depth[i]);
+  map.prices[i] ||= 0.05 + 3 * (1 - likely(map, i)) ** 2 + 0.6 / (1 + map.depth[i]);
+  return map.prices[i];
 }
 
 /** The probability, raised where the color is that of a click, for the network misses a gray cable on gray ground, and
@@ -219,31 +223,38 @@ class Heap {
   }
 
   push(item, key) {
-    let at = this.#items.length;
+    const [items, keys] = [this.#items, this.#keys];
+    let at = items.length;
     while (at > 0) {
       const parent = (at - 1) >> 1;
-      if (this.#keys[parent] <= key) break;
-      [this.#items[at], this.#keys[at]] = [this.#items[parent], this.#keys[parent]];
+      if (keys[parent] <= key) break;
+      items[at] = items[parent];
+      keys[at] = keys[parent];
       at = parent;
     }
-    [this.#items[at], this.#keys[at]] = [item, key];
+    items[at] = item;
+    keys[at] = key;
   }
 
+  /** The item with the lowest key. */
   pop() {
-    const first = [this.#items[0], this.#keys[0]];
-    const [item, key] = [this.#items.pop(), this.#keys.pop()];
-    const count = this.#items.length;
+    const [items, keys] = [this.#items, this.#keys];
+    const first = items[0];
+    const [item, key] = [items.pop(), keys.pop()];
+    const count = items.length;
     if (!count) return first;
     let at = 0;
     for (;;) {
       let child = 2 * at + 1;
       if (child >= count) break;
-      if (child + 1 < count && this.#keys[child + 1] < this.#keys[child]) child += 1;
-      if (this.#keys[child] >= key) break;
-      [this.#items[at], this.#keys[at]] = [this.#items[child], this.#keys[child]];
+      if (child + 1 < count && keys[child + 1] < keys[child]) child += 1;
+      if (keys[child] >= key) break;
+      items[at] = items[child];
+      keys[at] = keys[child];
       at = child;
     }
-    [this.#items[at], this.#keys[at]] = [item, key];
+    items[at] = item;
+    keys[at] = key;
     return first;
   }
 }

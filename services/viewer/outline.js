@@ -7,7 +7,7 @@ import { straightened, weighed } from "./strip.js";
 
 const USUAL_PX = 10; // a cable's width where nothing is known of it
 const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
-const FINE_LENGTH_PX = 2000; // and longer ones
+const FINE_LENGTH_PX = 700; // longer ones have no more cuts, further apart
 const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
 export const WEIGHTS = Object.freeze({
   color: 0.9, probability: 0.3, edge: 2.6, // what is seen
@@ -42,8 +42,9 @@ function path(view, clicks) {
 
 /** The same about a line that is known roughly; a pull of side 0 lies somewhere on the cable. */
 export function outline(view, path, width, pulls = [], o = WEIGHTS) {
-  const unit = Math.max(1, width / FINE_WIDTH_PX, lengthOf(path) / FINE_LENGTH_PX);
-  let line = soft(resample(leaving(path, width, view), 2 * unit), 4);
+  const unit = Math.max(1, width / FINE_WIDTH_PX);
+  const apart = 2 * Math.max(unit, lengthOf(path) / FINE_LENGTH_PX);
+  let line = soft(resample(leaving(path, width, view), apart), 4);
   let half = line.map(() => width / 2);
   for (let round = 0; ; round += 1) {
     const strip = straightened(view, line, 2.2 * Math.max(...half) + 8 * unit, unit / 2);
@@ -56,7 +57,7 @@ export function outline(view, path, width, pulls = [], o = WEIGHTS) {
       return { line, low: half.map((h) => -h), high: half, normals: strip.normals, width: 2 * middle };
     }
     const [before, wide] = [line.length - 1, half];
-    line = soft(resample(line, 2 * unit), 2);
+    line = soft(resample(line, apart), 2);
     half = line.map((_, i) => wide[Math.round((i * before) / (line.length - 1))]);
   }
 }
@@ -171,60 +172,58 @@ function divided({ n, m, r, fine }, { gain, edge, trust }, even, half, pins, o) 
   const least = Math.max(2, Math.floor((0.4 * Math.min(...half)) / fine));
   const widest = Math.max(least, Math.min(r - c - 2, Math.ceil((1.9 * Math.max(...half)) / fine)));
   const [columns, rows] = [2 * c + 1, widest - least + 1];
-  const before = new Int8Array(n * columns * rows);
-  let score = new Float64Array(columns * rows);
+  const states = columns * rows;
+  const before = new Int8Array(n * states);
+  const [sums, widened, swelled] = [new Float64Array(m + 1), new Float64Array(states), new Int8Array(states)];
+  let [score, came] = [new Float64Array(states), new Float64Array(states)];
   for (let i = 0; i < n; i += 1) {
     const own = pins.filter((pin) => pin.i === i);
-    const sums = new Float64Array(m + 1);
     for (let k = 0; k < m; k += 1) sums[k + 1] = sums[k] + gain[i * m + k] * fine;
-    const [came, from] = arrived(score, columns, rows, o);
-    for (let a = 0; a < columns; a += 1) {
-      for (let b = 0; b < rows; b += 1) {
-        const [low, high] = [r + a - c - b - least, r + a - c + b + least];
-        const [first, last] = [i * m + low, i * m + high];
-        // A sample on the edge is half cable.
-        const body = sums[high + 1] - sums[low] - 0.5 * fine * (gain[first] + gain[last]);
-        let here = trust[i] * (body + o.edge * (edge[first] + edge[last]));
-        if (even) here -= o.prior * Math.abs(b + least - even[i] / fine);
-        for (const pin of own) here -= (o.firm * missed(pin, (low - r) * fine, (high - r) * fine)) / fine;
-        came[a * rows + b] += here;
-      }
+    arrived({ score, widened, swelled, came, from: before.subarray(i * states, (i + 1) * states) }, rows, o);
+    const usual = even ? even[i] / fine : 0;
+    const prior = even ? o.prior : 0;
+    for (let at = 0; at < states; at += 1) {
+      const [a, b] = [Math.floor(at / rows), at % rows];
+      const low = r + a - c - b - least;
+      const high = r + a - c + b + least;
+      const first = i * m + low;
+      const last = i * m + high;
+      // A sample on the edge is half cable.
+      const body = sums[high + 1] - sums[low] - 0.5 * fine * (gain[first] + gain[last]);
+      came[at] += trust[i] * (body + o.edge * (edge[first] + edge[last])) - prior * Math.abs(b + least - usual);
+      if (own.length) for (const pin of own) came[at] -= (o.firm * missed(pin, (low - r) * fine, (high - r) * fine)) / fine;
     }
-    before.set(from, i * columns * rows);
-    score = came;
+    [score, came] = [came, score];
   }
   const [low, high] = [new Array(n), new Array(n)];
   let at = score.indexOf(score.reduce((x, y) => Math.max(x, y), -Infinity));
   for (let i = n - 1; i >= 0; i -= 1) {
     const [middle, wide] = [Math.floor(at / rows) - c, (at % rows) + least];
     [low[i], high[i]] = [(middle - wide) * fine, (middle + wide) * fine];
-    const step = before[i * columns * rows + at];
+    const step = before[i * states + at];
     const moved = Math.round(step / 3);
     at += moved * rows + step - 3 * moved;
   }
   return { low, high };
 }
 
-/** For every state the best score of the cut before from which it can be reached, and the way there: three times the
- *  change of the middle, and that of the half width. */
-function arrived(score, columns, rows, o) {
-  const widened = Float64Array.from(score);
-  const swelled = new Int8Array(score.length);
-  for (let k = 0; k < score.length; k += 1) {
+/** For every state the best `score` of the cut before from which it can be reached, into `came`, and `from` which way:
+ *  three times the change of the middle, and that of the half width. The other buffers are for what lies between. */
+function arrived({ score, widened, swelled, came, from }, rows, { swell, bend }) {
+  const states = score.length;
+  for (let k = 0; k < states; k += 1) {
     const b = k % rows;
-    if (b > 0 && score[k - 1] - o.swell > widened[k]) [widened[k], swelled[k]] = [score[k - 1] - o.swell, -1];
-    if (b < rows - 1 && score[k + 1] - o.swell > widened[k]) [widened[k], swelled[k]] = [score[k + 1] - o.swell, 1];
+    const thinner = b > 0 ? score[k - 1] - swell : -Infinity;
+    const wider = b < rows - 1 ? score[k + 1] - swell : -Infinity;
+    widened[k] = Math.max(score[k], thinner, wider);
+    swelled[k] = widened[k] === score[k] ? 0 : widened[k] === thinner ? -1 : 1;
   }
-  const came = Float64Array.from(widened);
-  const from = Int8Array.from(swelled);
-  for (let k = 0; k < score.length; k += 1) {
-    for (const a of [-1, 1]) {
-      const other = k + a * rows;
-      if (other < 0 || other >= score.length || widened[other] - o.bend <= came[k]) continue;
-      [came[k], from[k]] = [widened[other] - o.bend, 3 * a + swelled[other]];
-    }
+  for (let k = 0; k < states; k += 1) {
+    const left = k >= rows ? widened[k - rows] - bend : -Infinity;
+    const right = k + rows < states ? widened[k + rows] - bend : -Infinity;
+    came[k] = Math.max(widened[k], left, right);
+    from[k] = came[k] === widened[k] ? swelled[k] : came[k] === left ? swelled[k - rows] - 3 : swelled[k + rows] + 3;
   }
-  return [came, from];
 }
 
 /** The straight line through the half widths, few outliers disregarded: a cable gets evenly thinner with distance. */

@@ -5,6 +5,7 @@ import { normalAt, sample } from "./livewire.js";
 
 const KMEANS_ROUNDS = 8;
 const KMEANS_SAMPLES = 3000;
+const CELLS = 128; // of two levels each, along brightness and both color differences
 const SHADOWS = [0.85, 0.7, 0.55]; // of the light, that is left in a shadow
 
 /** RGB or RGBA bytes as brightness and two color differences, each a Float32Array. */
@@ -98,34 +99,59 @@ function sorted({ n, m, colors: [light, red, yellow] }, { kinds: count, shade })
   const stride = Math.max(1, Math.floor(total / KMEANS_SAMPLES));
   const few = Array.from({ length: Math.floor(total / stride) }, (_, i) => i * stride);
   const bright = [...few].sort((a, b) => light[a] - light[b]);
-  let centers = Array.from({ length: count }, (_, k) => bright[Math.floor(((k + 0.5) * bright.length) / count)]);
-  centers = centers.map((i) => [light[i], red[i], yellow[i]]);
+  const centers = new Float64Array(3 * count);
+  for (let k = 0; k < count; k += 1) {
+    const i = bright[Math.floor(((k + 0.5) * bright.length) / count)];
+    centers.set([light[i], red[i], yellow[i]], 3 * k);
+  }
   const alike = (a, b, c) => {
-    let [best, least] = [0, Infinity];
-    for (let k = 0; k < count; k += 1) {
-      const center = centers[k];
-      // Light changes along a cable more than its color does.
-      const d = (a - center[0]) ** 2 + 2 * (b - center[1]) ** 2 + 2 * (c - center[2]) ** 2;
-      if (d < least) [best, least] = [k, d];
+    let best = 0;
+    let least = Infinity;
+    for (let at = 0; at < 3 * count; at += 3) {
+      const x = a - centers[at];
+      const y = b - centers[at + 1];
+      const z = c - centers[at + 2];
+      const d = x * x + 2 * (y * y + z * z); // light changes along a cable more than its color does
+      if (d < least) {
+        best = at;
+        least = d;
+      }
     }
-    return best;
+    return best / 3;
   };
   const nearest = (i) => alike(light[i], red[i], yellow[i]);
   for (let round = 0; round < KMEANS_ROUNDS; round += 1) {
-    const sums = centers.map(() => [0, 0, 0, 0]);
+    const [sums, counts] = [new Float64Array(3 * count), new Float64Array(count)];
     for (const i of few) {
-      const sum = sums[nearest(i)];
-      [light[i], red[i], yellow[i], 1].forEach((value, c) => (sum[c] += value));
+      const k = nearest(i);
+      counts[k] += 1;
+      sums[3 * k] += light[i];
+      sums[3 * k + 1] += red[i];
+      sums[3 * k + 2] += yellow[i];
     }
-    centers = sums.map((sum, k) => (sum[3] ? [sum[0] / sum[3], sum[1] / sum[3], sum[2] / sum[3]] : centers[k]));
+    sums.forEach((sum, at) => counts[Math.floor(at / 3)] && (centers[at] = sum / counts[Math.floor(at / 3)]));
   }
-  const darker = centers.map((center) => SHADOWS.map((part) => alike(...center.map((value) => part * value))));
+  const darker = Array.from({ length: count }, (_, k) => SHADOWS.map((part) => alike(...centers.subarray(3 * k, 3 * k + 3).map((value) => part * value))));
   const shadows = (ground) => {
     const made = ground.map((share) => (1 - shade) * share);
     darker.forEach((kinds, k) => kinds.forEach((kind) => (made[kind] += (shade * ground[k]) / SHADOWS.length)));
     return made;
   };
-  return { kinds: Uint8Array.from({ length: total }, (_, i) => nearest(i)), shadows };
+  return { kinds: named(light, red, yellow, alike), shadows };
+}
+
+/** The kind of every sample, looked for once in each cell of two levels a side: most samples have a neighbor's color. */
+function named(light, red, yellow, alike) {
+  const cells = new Uint8Array(CELLS ** 3); // a kind and one; 0 where nobody has looked
+  const cell = (value) => Math.max(0, Math.min(CELLS - 1, value >> 1));
+  const kinds = new Uint8Array(light.length);
+  for (let i = 0; i < kinds.length; i += 1) {
+    const [a, b, c] = [cell(light[i]), cell(red[i] + 128), cell(yellow[i] + 128)];
+    const at = (a * CELLS + b) * CELLS + c;
+    if (!cells[at]) cells[at] = 1 + alike(2 * a + 1, 2 * b - 127, 2 * c - 127);
+    kinds[i] = cells[at] - 1;
+  }
+  return kinds;
 }
 
 /** For every cut the shares of the kinds among the samples that `belongs` takes, within `window` cuts to either side,
