@@ -42,7 +42,8 @@ class Body:
 
 
 def body_of(topology: Topology, pivot: Pivot) -> Body | None:
-    """The body beyond a pivot, or None where it is also held elsewhere: it is part of a closed cycle."""
+    """The body beyond a pivot, or None where it is also held elsewhere (it is part of a closed cycle) or has no
+    length."""
     section = topology.sections[pivot.section]
     lengths = arc_lengths(section.xy)
     far = section.branches[1 if pivot.side > 0 else 0]
@@ -61,6 +62,8 @@ def body_of(topology: Topology, pivot: Pivot) -> Body | None:
     ends = [topology.sections[pivot.section].ends[1 if pivot.side > 0 else 0]]
     ends += [e for k in downstream for e in topology.sections[k].ends]
     center = point_at(section.xy, lengths, np.array([pivot.at]))[0]
+    if not any(len(xy) for _, xy in moving):
+        return None
     return Body(center, tuple(moving), tuple(resting), "border" in ends)
 
 

@@ -128,8 +128,9 @@ def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: flo
 
 
 def _thinned(points: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Every so many of the points, about ``_FITTED_PX`` apart, no two neighbors equal, the last one included."""
-    every = max(1, round(_FITTED_PX * (len(points) - 1) / lengths[-1]))
+    """Every so many of the points, about ``_FITTED_PX`` apart, no two neighbors equal, the last one included; of a
+    small ring, whose last point is its first, at least three."""
+    every = max(1, min(round(_FITTED_PX * (len(points) - 1) / lengths[-1]), (len(points) - 1) // 3))
     kept = np.append(np.arange(0, len(points) - 1, every), len(points) - 1)
     return points[kept[np.append(True, np.diff(lengths[kept]) > 0)]]
 

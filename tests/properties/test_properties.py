@@ -24,6 +24,7 @@ CAMERA = {"intrinsics": LENS, "T_world_camera": [[1, 0, 0, 0.2], [0, -1, 0, 0], 
 BRANCHES = [{"name": "a", "a": "p", "b": "q", "length": 1e-300}, {"name": "b", "a": "q", "b": "r", "length": 1e9}]
 TWO = [CAMERA, CAMERA | {"T_world_camera": [[1, 0, 0, 0.3], *CAMERA["T_world_camera"][1:]]}]
 VIEWS = [c | {"image": {"picture": f"slide{k}"}} for k, c in enumerate(TWO)]
+FOLDED = [0.0764, 0.4764] * 5 + [0.0764]
 FOUND = {
     "a length of 1e-300": (
         "plan_shape", {"state_m": FOLD, "target_m": LINE, "object": {"mass_kg": 0.05, "length_m": 1e-300}}
@@ -50,6 +51,29 @@ FOUND = {
         "label_tracked",
         {"views": [VIEWS[0] | {"intrinsics": LENS | {"fy": 1e-9}}],
          "strokes": [{"points_m": [[0, 0, 0.3], [0.001, 0, 0.3]], "thickness_m": 1e-300}]},
+    ),
+    "a stroke ten kilometers away": (
+        "label_tracked",
+        {"views": [{"intrinsics": {"width": 96, "height": 72, "fx": 80, "fy": 80, "cx": 40, "cy": 30},
+                    "T_world_camera": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.25], [0, 0, 0, 1]],
+                    "image": {"picture": "cable"}}],
+         "strokes": [{"points_m": [[0.0024, 0, 10000], [0.2024, 0, 10000]], "thickness_m": 0.002}],
+         "T_world_tracker": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.25], [0, 0, 0, 1]], "correct": False,
+         "measure_width": False},
+    ),
+    "a rope folded upon itself": (
+        "estimate_parameters",
+        {"history": [
+            {"before": [[x, 3.4e-226] for x in FOLDED], "after": [[x + 0.01, 0.01] for x in FOLDED],
+             "action": {"edge": 4, "dx_m": 0.0111, "dy_m": 0.05, "dtheta_rad": -0.0838}},
+            {"before": [[x, -0.0762] for x in (0.06, 0.46, 0.06, 0.46)], "after": [[0, 0], [0.4, 0]],
+             "action": {"edge": 0, "dx_m": 0, "dy_m": 0, "dtheta_rad": 0}}],
+         "object": {"mass_kg": 0.02}},
+    ),
+    "a ring of a few pixels": (
+        "instances",
+        {"image": {"picture": "checker"}, "method": "rt_dlo", "threshold": 0.5826186775714354,
+         "params": {"sampling_ratio": 0.5826186775714354, "neighbors": 3}},
     ),
 }  # fmt: skip
 """Each was an internal error, or ran into its time limit."""

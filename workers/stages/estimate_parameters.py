@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from dlo_client.contracts import EstimateParametersRequest, EstimateParametersResult
 
-from models.manipulation.dynamics import shape_distance
-from models.manipulation.parameters import estimate
+from models.manipulation.dynamics import Dynamics, shape_distance
+from models.manipulation.parameters import Estimate, History, estimate
 from models.strands.stopwatch import Stopwatch
-from workers.stages.outcome import Outcome, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.shapes import check_edges, contradictions, history_of, learned, length_of, rope_of
+
+_NO_ROPE = "holds states that no rope model can move: do nodes lie upon each other, are units right?"
 
 
 def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
@@ -20,7 +22,7 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
     history = history_of(request.history, rope.scale)
     with watch.step("estimate"):
         length = request.object.length_m
-        found = estimate(dynamics, history, rope.mass, None if length is None else length * rope.scale)
+        found = _estimated(dynamics, history, rope.mass, None if length is None else length * rope.scale)
     errors = found.error_m / rope.scale
     moved = shape_distance(history.before, history.after) / rope.scale
     result = EstimateParametersResult(
@@ -35,3 +37,14 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
         models=models,
     )
     return Outcome(result, timings_ms=watch.timings_ms)
+
+
+def _estimated(dynamics: Dynamics, history: History, mass: float, length: float | None) -> Estimate:
+    """Raises InvalidInput where the rope model leads nowhere: nodes that lie upon each other have no direction."""
+    try:
+        found = estimate(dynamics, history, mass, length)
+    except np.linalg.LinAlgError as error:
+        raise InvalidInput("history", _NO_ROPE, "invalid_history") from error
+    if not np.isfinite([found.bending, found.damping, *found.sigma, *found.error_m, *found.error_before_m]).all():
+        raise InvalidInput("history", _NO_ROPE, "invalid_history")
+    return found

@@ -122,7 +122,7 @@ def _instance(
         name=request.strokes[number].name,
         score=round(float(trust.mean()), 4),
         centerline_xy=line,
-        width_px=round(float(strand.width_px.mean()), 2),
+        width_px=max(round(float(strand.width_px.mean()), 2), 0.01),
         endpoints=ends,
         mask_rle=mask,
         offset_px=[round(float(v), 2) for v in correction.offset_px[run]],

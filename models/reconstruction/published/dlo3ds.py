@@ -186,10 +186,13 @@ def _reconstruction(
             continue
         seen = matched[used.index(k)]
         seen = seen[np.isfinite(seen).all(axis=1)]
+        if not len(seen):  # nothing of the curve was matched in this view
+            supports.append(Support("not_found", (), 0.0, float("nan")))
+            continue
         dense = views[k].camera.project(spline.at(np.linspace(0, 1, 400)))
         errors = curves.distances(np.pad(seen, ((0, 0), (0, 1))), np.pad(dense, ((0, 0), (0, 1))))
         supports.append(Support("used", (int(chosen[k] or 0),), 1.0, float(errors.mean())))
-    reprojection = float(np.mean([supports[k].reprojection_px for k in used]))
+    reprojection = float(np.mean([s.reprojection_px for s in supports if s.verdict == "used"]))
     noise = max(reprojection / _NOISE_LEFT, _LEAST_NOISE_PX)
     covariance = across(_ray_covariance(points, [views[k].camera for k in used], noise), spline.tangents(parameters))
     radius, sigma = radius_along(points, views, strands)
