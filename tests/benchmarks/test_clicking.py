@@ -104,7 +104,7 @@ def test_the_outline_follows_the_picture_and_its_width_the_cable(page: Page, tmp
     thin, _ = wave(6, 6)
     ends = {"clicks": [line[0].tolist(), line[-1].tolist()], "pulls": []}
     drawn = page.draw({**request(tmp_path, mask, thin, np.random.default_rng(1)), **ends})
-    assert overlap(drawn["mask"], mask, NOTHING) > 0.95
+    assert overlap(drawn["mask"], mask, NOTHING) > 0.93  # it lies 0.35 px outside of the drawn edge, as people label
     assert overlap(thin, mask, NOTHING) < 0.6
     width = 2 * np.array(drawn["high"])
     assert width[20] == pytest.approx(9.5, abs=1.2)

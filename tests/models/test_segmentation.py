@@ -10,7 +10,7 @@ import onnxruntime
 import pytest
 import torch
 
-from models.segmentation.segment import ForegroundInput, foreground_mask, segment
+from models.segmentation.segment import ForegroundInput, foreground_mask, network_scale, segment
 from models.synthesis.scenes import SceneParams
 from models.synthesis.textures import TexturePool, load_pool
 from models.training import export
@@ -206,17 +206,24 @@ def test_the_eight_bit_network_sees_what_the_full_one_sees():
     assert compare(full, small, load_pool(None), 6)["differing_pixels"] < 0.03
     for size in ((32, 32), (224, 320)):
         assert small(np.zeros((1, 3, *size), np.float32)).shape == (1, 1, *size)
-    assert settings.long_side == 640
+    assert (settings.long_side, settings.most_enlarged) == (960, 1.5)
 
 
-def test_quantizing_leaves_the_last_convolution_as_it_is(tmp_path):
+def test_every_convolution_is_quantized(tmp_path):
     spec = manifest()["foreground_compact"]
     settings = replace(ForegroundInput.from_manifest(spec.preprocess), long_side=128)
     quantize(WEIGHTS / spec.file, tmp_path / "small.onnx", settings, load_pool(None), 2)
     graph = onnx.load(tmp_path / "small.onnx").graph
     quantized = {o for n in graph.node if n.op_type == "DequantizeLinear" for o in n.output}
     fed = [[i in quantized for i in n.input[:2]] for n in graph.node if n.op_type == "Conv"]
-    assert fed[0] == [True, True]
-    assert fed[-1][1] is False, "its weights"
+    assert fed == [[True, True]] * len(fed)
     session = onnxruntime.InferenceSession(tmp_path / "small.onnx", providers=["CPUExecutionProvider"])
     assert session.run(None, {"input": np.zeros((1, 3, 64, 64), np.float32)})[0].shape == (1, 1, 64, 64)
+
+
+def test_a_small_picture_is_enlarged_as_far_as_the_network_wants():
+    settings = replace(SETTINGS, long_side=960, most_enlarged=1.5)
+    assert [network_scale(size, settings) for size in ((360, 640), (100, 160), (540, 960), (1080, 1920))] == [
+        1.5, 1.5, 1.0, 0.5,
+    ]  # fmt: skip
+    assert network_scale((100, 160), replace(settings, most_enlarged=1.0)) == 1.0
