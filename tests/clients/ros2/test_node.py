@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from dlo_client import InstancesRequest, TopologyRequest
+from dlo_client import FrameResult, InstancesRequest, TopologyRequest, TrackedCable
 from dlo_client.errors import ConnectionFailed
 
 from tests.clients import samples
@@ -30,6 +30,7 @@ class Service:
         self.gate = threading.Event()
         self.gate.set()
         self.away = self.closed = False
+        self.tracks: list[Track] = []
 
     def run(self, request, picture):
         self.asked.append((request, picture))
@@ -38,8 +39,36 @@ class Service:
             raise ConnectionFailed("nobody answers")
         return samples.two_cables()
 
+    def track(self, options):
+        self.tracks.append(Track(self, options))
+        return self.tracks[-1]
+
     def close(self) -> None:
         self.closed = True
+
+
+class Track:
+    """Two cables, of which the second is lost; ids 4 and 9."""
+
+    def __init__(self, service: Service, options) -> None:
+        self.service, self.options, self.times, self.ended = service, options, [], False
+
+    def frame(self, picture, time_s):
+        if self.service.away:
+            raise ConnectionFailed("nobody answers")
+        self.times.append(time_s)
+        first, second = samples.two_cables().instances
+        cables = [
+            TrackedCable(
+                id=number, state=state, certainty=0.9, centerline_xy=one.centerline_xy, length_px=90.0, width_px=6.0,
+                start_px=0.0, covered=[], endpoints=[], score=0.9,
+            )
+            for number, state, one in ((4, "seen", first), (9, "lost", second))
+        ]  # fmt: skip
+        return FrameResult.model_construct(frame=len(self.times), width=3, height=2, cables=cables, crossings=[])
+
+    def end(self) -> None:
+        self.ended = True
 
 
 @pytest.fixture
@@ -123,6 +152,36 @@ def test_services_run_jobs_on_the_newest_image(node, service):
     assert ask(None, standin.Trigger.Response()).success
     wait_until(lambda: service.asked, 10)
     assert isinstance(service.asked[0][0], TopologyRequest)
+
+
+def test_a_tracked_cable_keeps_its_id(node, service):
+    node.parameters |= {"kind": "track", "effort": "fast"}
+    activate(node)
+    results = node.publishers["~/result"].sent
+    for number in (1, 2):
+        node.subscribed["image"](image(number))
+        wait_until(lambda number=number: len(results) == number, 10)
+    (track,) = service.tracks
+    assert track.options.effort == "fast"
+    assert track.times == pytest.approx([1.0, 2.0], abs=1e-6)
+    assert [c["id"] for c in json.loads(results[1].data)["result"]["cables"]] == [4, 9]
+    wait_until(lambda: len(node.publishers["~/markers"].sent) == 2, 10)
+    _, *lines = node.publishers["~/markers"].sent[1].markers
+    assert [(line.ns, line.id) for line in lines] == [("cables", 4)]
+    node.change("deactivate")
+    assert track.ended
+
+
+def test_a_track_that_failed_is_begun_anew(node, service):
+    node.parameters["kind"] = "track"
+    activate(node)
+    service.away = True
+    node.subscribed["image"](image(1))
+    wait_until(lambda: node.logged, 10)
+    service.away = False
+    node.subscribed["image"](image(2))
+    wait_until(lambda: node.publishers["~/result"].sent, 10)
+    assert [track.ended for track in service.tracks] == [True, False]
 
 
 def test_nothing_is_looked_at_while_inactive(node, service):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from dlo_client import DisentangleResult, InstancesResult, TopologyResult
+from dlo_client import DisentangleResult, FrameResult, InstancesResult, TopologyResult
 from geometry_msgs.msg import Point
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image
@@ -55,12 +55,13 @@ def label_image(result: InstancesResult, header: Any) -> Image:
 
 
 def markers(result: Any, header: Any, m_per_px: float) -> MarkerArray:
-    """Lines of a result in the image's frame: x right, y down, ``m_per_px`` meters a pixel, z = 0; the old ones go."""
+    """Lines of a result in the image's frame: x right, y down, ``m_per_px`` meters a pixel, z = 0; the old ones go.
+    A line has the id of what it shows: a tracked cable keeps its number and color. One that is lost has no line."""
     array = MarkerArray()
     clear = _marker(header, 0, "all")
     clear.action = Marker.DELETEALL
     array.markers = [clear]
-    for number, (name, line) in enumerate(_lines(result), start=1):
+    for name, number, line in _lines(result):
         one = _marker(header, number, name)
         one.type, one.action = Marker.LINE_STRIP, Marker.ADD
         one.scale.x = 3.0 * m_per_px
@@ -70,14 +71,16 @@ def markers(result: Any, header: Any, m_per_px: float) -> MarkerArray:
     return array
 
 
-def _lines(result: Any) -> Iterator[tuple[str, Sequence[tuple[float, float]]]]:
+def _lines(result: Any) -> Iterator[tuple[str, int, Sequence[tuple[float, float]]]]:
     match result:
         case InstancesResult():
-            yield from (("centerlines", instance.centerline_xy) for instance in result.instances)
+            yield from (("centerlines", instance.id, instance.centerline_xy) for instance in result.instances)
         case TopologyResult():
-            yield from (("sections", section.points_xy) for section in result.sections)
+            yield from (("sections", section.id, section.points_xy) for section in result.sections)
         case DisentangleResult():
-            yield from (("plan", action.trajectory_xy) for action in result.actions[:1])
+            yield from (("plan", 1, action.trajectory_xy) for action in result.actions[:1])
+        case FrameResult():
+            yield from (("cables", c.id, c.centerline_xy) for c in result.cables if c.state != "lost")
 
 
 def _marker(header: Any, number: int, name: str) -> Marker:

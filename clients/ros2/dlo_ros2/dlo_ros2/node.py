@@ -3,6 +3,7 @@
 Subscribes ``image`` (sensor_msgs/Image) and ``camera_info``. Publishes ``~/result`` (std_msgs/String: the result's JSON
 with the image's stamp), ``~/markers`` (visualization_msgs/MarkerArray), ``~/labels`` (sensor_msgs/Image, ids of
 instances). Services ``~/instances``, ``~/topology``, ``~/plan_disentangle`` (std_srvs/Trigger) run on the newest image.
+With the ``kind`` ``track`` every image is the next frame of a track: cables keep their ids, and so do their markers.
 
 Strategy: a thread does the waiting for the service, so that the executor is never held up. It takes the newest image;
 those that came meanwhile are passed over. Configure opens the client, activate lets images through, deactivate stops
@@ -16,7 +17,15 @@ import threading
 from typing import Any
 
 import rclpy
-from dlo_client import Client, DisentangleRequest, DLOError, InstancesRequest, InstancesResult, TopologyRequest
+from dlo_client import (
+    Client,
+    DisentangleRequest,
+    DLOError,
+    InstancesRequest,
+    InstancesResult,
+    TopologyRequest,
+    TrackOptions,
+)
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image
@@ -31,6 +40,7 @@ REQUESTS: dict[str, Any] = {
     "topology": lambda effort: TopologyRequest(effort=effort, files=[]),
     "plan_disentangle": lambda effort: DisentangleRequest(effort=effort, files=[]),
 }
+TRACK = "track"
 PARAMETERS: dict[str, Any] = {
     "url": "http://127.0.0.1:8000",
     "api_key": "",
@@ -50,6 +60,7 @@ class DloNode(LifecycleNode):
             self.declare_parameter(name, value)
         self._open_client = open_client
         self._client: Any = None
+        self._track: Any = None
         self._active = False
         self._camera: Any = None
         self._newest: Any = None
@@ -59,8 +70,8 @@ class DloNode(LifecycleNode):
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Open the client, make publishers, subscriptions and services. Fails for a ``kind`` that is none."""
-        if self._parameter("kind") not in REQUESTS:
-            self.get_logger().error(f"kind is one of {', '.join(REQUESTS)}, not {self._parameter('kind')!r}")
+        if self._parameter("kind") not in (*REQUESTS, TRACK):
+            self.get_logger().error(f"kind is one of {', '.join(REQUESTS)}, {TRACK}, not {self._parameter('kind')!r}")
             return TransitionCallbackReturn.FAILURE
         try:
             self._client = self._open_client(self._parameter("url"), self._parameter("api_key") or None)
@@ -137,6 +148,7 @@ class DloNode(LifecycleNode):
         if self._thread is not None:
             self._thread.join(60)
             self._thread = None
+        self._end_track()
 
     def _work(self) -> None:
         while True:
@@ -150,9 +162,11 @@ class DloNode(LifecycleNode):
 
     def _run(self, kind: str, message: Any) -> None:
         try:
-            result = self._client.run(REQUESTS[kind](self._parameter("effort")), array_of(message))
+            result = self._result_of(kind, message)
         except (DLOError, UnknownEncodingError) as error:
             self.get_logger().warning(f"{kind}: {error}")
+            if kind == TRACK:  # forgotten there, or frames are missing: the next image begins another one
+                self._end_track()
             return
         stamp = message.header.stamp
         content = {
@@ -164,6 +178,24 @@ class DloNode(LifecycleNode):
         self._markers.publish(markers(result, message.header, self._parameter("m_per_px")))
         if isinstance(result, InstancesResult):
             self._labels.publish(label_image(result, message.header))
+
+    def _result_of(self, kind: str, message: Any) -> Any:
+        picture, effort = array_of(message), self._parameter("effort")
+        if kind != TRACK:
+            return self._client.run(REQUESTS[kind](effort), picture)
+        if self._track is None:
+            self._track = self._client.track(TrackOptions(effort=effort))
+        stamp = message.header.stamp
+        return self._track.frame(picture, time_s=stamp.sec + 1e-9 * stamp.nanosec)
+
+    def _end_track(self) -> None:
+        ended, self._track = self._track, None
+        if ended is None:
+            return
+        try:
+            ended.end()
+        except DLOError as error:
+            self.get_logger().warning(f"{TRACK}: {error}")
 
     def _parameter(self, name: str) -> Any:
         return self.get_parameter(name).value
