@@ -117,6 +117,19 @@ def _edges(instance: Instance, image: ByteArray) -> tuple[float, float]:
     return float(whole), float(min(1.0, inner / max(whole, 1.0)))
 
 
+_REASON_OF: dict[str, Reason] = {
+    "gap": "gap",
+    "doubt": "gap",
+    "free": "free_ends",
+    "odd_width": "odd_width",
+    "beside": "parallel",
+    "low_contrast": "low_contrast",
+    "no_image": "no_picture",
+    "short": "short",
+}
+"""What a measurement that lowers the probability stands for."""
+
+
 def instance_features(
     instances: Sequence[Instance], ends: Sequence[Sequence[Endpoint]], evidence: Evidence
 ) -> FloatArray:
@@ -149,6 +162,14 @@ def reasons_of(instance: Instance, ends: Sequence[Endpoint], evidence: Evidence,
     return tuple(reason for true, reason in found if true)
 
 
+def heaviest_reason(features: FloatArray, weights: dict[str, float]) -> tuple[Reason, ...]:
+    """That of the measurement, of one row of :func:`instance_features`, which lowers the probability most; none when
+    none does."""
+    losses = {name: features[INSTANCE_FEATURES.index(name)] * weights[name] for name in _REASON_OF}
+    worst = min(losses, key=lambda name: losses[name])
+    return (_REASON_OF[worst],) if losses[worst] < 0 else ()
+
+
 def rated(
     instances: Sequence[Instance],
     ends: Sequence[Sequence[Endpoint]],
@@ -162,7 +183,10 @@ def rated(
         return list(instances)
     out = []
     for k, (instance, score) in enumerate(zip(instances, scores.tolist(), strict=True)):
-        reasons = reasons_of(instance, ends[k], evidence, k) if score < SURE else ()
+        reasons: tuple[Reason, ...] = ()
+        if score < SURE:
+            weights = coefficients()[method]["instance"]
+            reasons = reasons_of(instance, ends[k], evidence, k) or heaviest_reason(features[k], weights)
         out.append(replace(instance, score=score, reasons=reasons))
     return out
 

@@ -9,7 +9,10 @@ from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.splines import Spline
 
 EndpointKind = Literal["free", "border", "hidden"]
-Reason = Literal["gap", "border", "parallel", "low_contrast", "blur", "lookalike"]
+Reason = Literal[
+    "gap", "border", "parallel", "low_contrast", "blur", "lookalike",
+    "free_ends", "short", "odd_width", "no_picture", "crossing", "order",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

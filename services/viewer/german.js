@@ -27,7 +27,7 @@ export const GERMAN = {
   "No cable is seen": "Kein Kabel zu sehen", "Sure: every score is at least {limit}": "Sicher: jede Wertung ist mindestens {limit}",
   "Unsure: a score is below {limit}": "Unsicher: eine Wertung ist unter {limit}", "none found": "keine gefunden", "closed ring": "geschlossener Ring",
   "free": "frei", "border": "Rand", "hidden": "verdeckt", "branch": "Abzweig", "over": "über", "and": "und", "order unknown": "Reihenfolge unbekannt",
-  "gap": "Lücke", "cut by the border": "vom Bildrand geschnitten", "beside another": "neben einem anderen", "low contrast": "wenig Kontrast", "blurred": "unscharf",
+  "gap": "Lücke", "cut by the border": "vom Bildrand geschnitten", "beside another": "neben einem anderen", "low contrast": "wenig Kontrast", "blurred": "unscharf", "may be no cable": "womöglich kein Kabel", "both ends inside the picture": "beide Enden im Bild", "short": "kurz", "of another width": "von anderer Breite", "a mask only": "nur eine Maske", "a crossing that may be none": "eine Kreuzung, die womöglich keine ist", "which one is on top": "welches oben liegt",
   "{n} instances, {m} crossings": "{n} Kabel, {m} Kreuzungen", "ok": "sicher", "unsure": "unsicher", "none_found": "nichts gefunden",
   "waiting": "wartet", "queued": "wartet", "running": "läuft", "done": "fertig", "succeeded": "gelungen", "failed": "fehlgeschlagen", "cancelled": "abgebrochen",
 

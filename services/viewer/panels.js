@@ -68,6 +68,13 @@ const REASONS = {
   parallel: "beside another",
   low_contrast: "low contrast",
   blur: "blurred",
+  lookalike: "may be no cable",
+  free_ends: "both ends inside the picture",
+  short: "short",
+  odd_width: "of another width",
+  no_picture: "a mask only",
+  crossing: "a crossing that may be none",
+  order: "which one is on top",
 };
 
 const inWords = (reasons) => reasons.map((reason) => t(REASONS[reason] ?? reason)).join(", ");

@@ -177,6 +177,17 @@ def test_a_mask_alone_gives_an_order_that_is_not_known(tools):
     assert outcome.result.models == []
 
 
+@pytest.mark.parametrize("method", ["section_matching", "rt_dlo", "fastdlo", "ariadne_plus"])
+def test_what_is_unsure_gives_a_reason(tools, method):
+    """Two clear bars of a mask, both ends of each in the picture, were ``unsure`` at 0.75 without any reason."""
+    request = InstancesRequest(mask=put(tools, Image.fromarray(crossing_mask())), method=method)
+    result = stages.run(request, tools).result
+    unsure = [i for i in result.instances if i.score < result.status.limit]
+    assert all(i.reasons for i in unsure)
+    assert {reason for i in unsure for reason in i.reasons} <= set(result.status.reasons)
+    assert "order" in result.status.reasons
+
+
 @pytest.mark.parametrize(("method", "networks"), [("section_matching", []), ("rt_dlo", ["rt_dlo_orientation"])])
 def test_the_whole_chain_from_a_picture(tools, method, networks):
     image = put(tools, Image.fromarray(crossing_picture()))

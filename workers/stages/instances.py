@@ -13,6 +13,7 @@ from dlo_client.contracts import (
     InstancesRequest,
     InstancesResult,
     MaskRLE,
+    Reason,
     SceneStatus,
     Spline,
     StrandPosition,
@@ -109,10 +110,12 @@ def _files(request: InstancesRequest, seen: Perception) -> dict[str, File]:
 def _status(scene: found.Scene) -> SceneStatus:
     unsure = [i for i in scene.instances if i.score < _SURE]
     doubtful = [c for c in scene.crossings if min(c.score, c.existence) < _SURE]
-    reasons = Counter(reason for instance in unsure for reason in instance.reasons)
+    reasons: Counter[Reason] = Counter(reason for instance in unsure for reason in instance.reasons)
+    reasons["crossing"] = sum(c.existence < _SURE for c in scene.crossings)
+    reasons["order"] = sum(c.score < _SURE for c in scene.crossings)
     code: Literal["ok", "unsure", "none_found"] = "unsure" if unsure or doubtful else "ok"
     return SceneStatus(
-        code=code if scene.instances else "none_found", limit=_SURE, reasons=[r for r, _ in reasons.most_common()]
+        code=code if scene.instances else "none_found", limit=_SURE, reasons=[r for r, n in reasons.most_common() if n]
     )
 
 

@@ -44,15 +44,22 @@ class MaskRLE(Reply):
         return mask_array(self.counts, self.size)
 
 
-Reason = Literal["gap", "border", "parallel", "low_contrast", "blur", "lookalike"]
+Reason = Literal[
+    "gap", "border", "parallel", "low_contrast", "blur", "lookalike",
+    "free_ends", "short", "odd_width", "no_picture", "crossing", "order",
+]  # fmt: skip
 """Why an answer is unsure: foreground is missing along the way (``gap``); it ends at the picture's edge near another
 one (``border``); it runs along another one without background between (``parallel``); the picture hardly tells it
-from what lies beside it (``low_contrast``); its edges are not sharp (``blur``)."""
+from what lies beside it (``low_contrast``); its edges are not sharp (``blur``); it may be something else of that shape
+(``lookalike``); no end of it is at the border, so it may be a piece of a longer one (``free_ends``); it is short beside
+the others (``short``) or of another width (``odd_width``); there is a mask only (``no_picture``). Of the whole answer
+also: whether two cross is unsure (``crossing``), or which of them is on top (``order``)."""
 
 
 class SceneStatus(Reply):
     """Whether the whole answer can be relied on. ``unsure``: some instance or crossing is less likely right than
-    ``limit``; ``none_found``: no DLO was seen. ``reasons`` are those of all unsure instances, most frequent first."""
+    ``limit``; ``none_found``: no DLO was seen. ``reasons`` are those of all unsure instances and crossings, most
+    frequent first."""
 
     code: Literal["ok", "unsure", "none_found"] = Field(description="`ok`, `unsure` or `none_found`")
     limit: Probability = Field(description="score below which an instance or crossing is unsure")
