@@ -1,8 +1,9 @@
 """Whether what was found is a cable at all: joints, handles, rods and table edges have the shape of one.
 
 One rule for every method, after it: measurements along each instance in the picture and in the network's probability go
-into a logistic model (``lookalikes.toml``, written by ``python -m models.training.instances.lookalikes``). What is
-unlikely to be a cable is left out of the scene, what may be none is doubted.
+into a logistic model (``lookalikes.toml``, written by ``python -m models.training.instances.lookalikes``). What is more
+likely no cable than one is left out of the scene; where this would leave nothing, only what is hardly one is, so that
+no picture of a cable is answered with nothing for a doubt. What may be none is doubted.
 
 Symbols: I instances, N points along them, T positions across.
 """
@@ -33,6 +34,8 @@ _ACROSS = np.array([-1.9, -0.6, -0.3, 0.0, 0.3, 0.6, 1.9])
 _BESIDE_PX = 2.0
 _LONGEST_PX = 1280
 _CERTAIN = 0.99
+EVEN = 0.5
+"""Probability at which a cable left out is as likely as a lookalike kept."""
 _LEVELS = 16.0
 
 
@@ -60,7 +63,8 @@ class Likeness(NamedTuple):
 
 @dataclass(frozen=True)
 class Calibration:
-    """``weights`` of :class:`Likeness`; ``least``: the probability below which an instance is left out."""
+    """``weights`` of :class:`Likeness`; ``least``: the probability below which an instance is left out even where
+    nothing else is found."""
 
     weights: FloatArray
     least: float
@@ -82,7 +86,8 @@ def without_lookalikes(
     rule = rule or calibration()
     cable = chance(likeness(scene, probability, mask, image).rows(), rule.weights)
     rated = tuple(_rated(i, c) for i, c in zip(scene.instances, cable.tolist(), strict=True))
-    return _only(replace(scene, instances=rated), cable >= rule.least)
+    likely = cable >= max(rule.least, EVEN)
+    return _only(replace(scene, instances=rated), likely if likely.any() else cable >= rule.least)
 
 
 def chance(rows: FloatArray, weights: FloatArray) -> FloatArray:

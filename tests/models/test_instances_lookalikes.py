@@ -60,12 +60,20 @@ def test_what_the_network_hardly_sees_is_left_out_and_the_rest_is_numbered_anew(
 
 def test_a_doubtful_one_stays_with_a_low_score_and_the_reason() -> None:
     scene, probability, mask, picture = strands()
+    probability[probability == np.float32(0.55)] = 0.8
     found = without_lookalikes(scene, probability, mask, picture, rule(0.0))
     assert len(found.instances) == 3
     doubted = [i for i in found.instances if "lookalike" in i.reasons]
     assert len(doubted) == 1
     assert abs(doubted[0].centerline_xy[:, 1].mean() - 180) < 12
     assert doubted[0].score < min(i.score for i in found.instances if "lookalike" not in i.reasons)
+
+
+def test_doubt_alone_leaves_no_picture_empty() -> None:
+    scene, probability, mask, picture = strands()
+    probability[mask] = 0.55
+    assert len(without_lookalikes(scene, probability, mask, picture, rule(0.0)).instances) == 3
+    assert not without_lookalikes(scene, probability, mask, picture, rule(0.49)).instances
 
 
 def test_nothing_changes_in_an_empty_scene() -> None:

@@ -37,7 +37,7 @@ from models.weights.inference import Network, Runtime, default_name, load
 _SEED = 771
 _SHRINKAGE = 3e-3
 _LOST = 0.02
-"""Share of the true cables that may be left out."""
+"""Share of the true cables that may be left out even where nothing else is found."""
 _TABLE = SceneParams((360, 640))
 _WORKSHOP = replace(WORKSHOP, size=(360, 640), empty_share=0.25)
 
@@ -96,6 +96,7 @@ def fit(seen: list[Seen]) -> dict[str, object]:
     weights = fit_logistic(fitted.rows / scale, fitted.cable, np.full(len(scale), _SHRINKAGE)) / scale
     least = float(np.quantile(chance(fitted.rows, weights)[fitted.cable], _LOST))
     real = chance(held.rows, weights)
+    even = max(least, lookalikes.EVEN)
     return {
         "least": round(least, 4),
         "weights": {name: round(float(w), 4) for name, w in zip(Likeness._fields, weights, strict=True)},
@@ -104,6 +105,8 @@ def fit(seen: list[Seen]) -> dict[str, object]:
             "cables": int(held.cable.sum()),
             "cables_left_out": round(float((real[held.cable] < least).mean()), 4),
             "others_left_out": round(float((real[~held.cable] < least).mean()), 4),
+            "cables_left_out_in_company": round(float((real[held.cable] < even).mean()), 4),
+            "others_left_out_in_company": round(float((real[~held.cable] < even).mean()), 4),
             "calibration_error": round(calibration_error(real, held.cable), 4),
         },
     }
