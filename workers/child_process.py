@@ -25,6 +25,9 @@ _BEGIN_WITHIN_S = 10.0
 
 _GONE_WITHIN_S = 2.0
 _NEAR_ITS_LIMIT = 0.6
+_WORN_AT = 0.5
+_SPENT_AT = 0.8
+"""Of the memory that it may take beyond what it had when it was warm: what its jobs have left behind."""
 
 
 class ChildDied(Exception):
@@ -41,6 +44,7 @@ class ChildProcess:
         self._jobs = 0
         self._rss_mb = 0.0
         self._largest_mb = 0.0
+        self._warm_mb = self._left_mb = 0.0
         self._started = self._given = 0.0
         self._begun = True
         self.networks: list[NetworkInfo] = []
@@ -61,7 +65,14 @@ class ChildProcess:
     @property
     def worn(self) -> bool:
         """Whether it has done so many jobs, or grown so large, that it should be replaced."""
-        return self._jobs >= self._settings.recycle_after_jobs or self._rss_mb > self._settings.recycle_rss_mb
+        settings = self._settings
+        large = self._rss_mb > settings.recycle_rss_mb or self._has_left(_WORN_AT)
+        return self._jobs >= settings.recycle_after_jobs or large
+
+    @property
+    def spent(self) -> bool:
+        """Whether it has grown so large that the next job, however small, may find no memory."""
+        return self._has_left(_SPENT_AT)
 
     @property
     def frozen(self) -> bool:
@@ -94,6 +105,7 @@ class ChildProcess:
             )
         self._connection = Connection(ours.detach())
         self._jobs, self._rss_mb, self._largest_mb, self._begun = 0, 0.0, 0.0, True
+        self._warm_mb = self._left_mb = 0.0
         self._started = time.monotonic()
         self._send(self._settings.model_dump_json())
 
@@ -105,6 +117,7 @@ class ChildProcess:
                     raise ChildDied(f"not warm within {_LOAD_LIMIT_S:g} s")
                 return False
             self.networks = [NetworkInfo(**network) for network in json.loads(self._receive())]
+            self._warm_mb = self._taken_mb()
             self.ready = True
         return True
 
@@ -124,8 +137,7 @@ class ChildProcess:
         until = time.monotonic() + seconds
         while self._connection is not None:
             if not self._connection.poll(max(until - time.monotonic(), 0.0)):
-                if self._process is not None:
-                    self._largest_mb = max(self._largest_mb, memory.taken_mb(self._process.pid))
+                self._largest_mb = max(self._largest_mb, self._taken_mb())
                 return False
             if self._begun:
                 return True
@@ -139,6 +151,7 @@ class ChildProcess:
     def finish(self) -> None:
         """Take its word that the job is over; raises ChildDied."""
         self._rss_mb = json.loads(self._receive())["rss_mb"]
+        self._left_mb = self._taken_mb()
         self._jobs += 1
 
     def kill(self) -> None:
@@ -152,6 +165,13 @@ class ChildProcess:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    def _has_left(self, share: float) -> bool:
+        room_mb = max(memory.limit_mb(self._settings) - self._warm_mb, 0.0)
+        return self._left_mb > self._warm_mb + share * room_mb
+
+    def _taken_mb(self) -> float:
+        return memory.taken_mb(self._process.pid) if self._process is not None else 0.0
 
     def _send(self, message: str) -> None:
         try:

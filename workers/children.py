@@ -2,7 +2,7 @@
 
 Strategy: a warm child may have to go at any moment: cancelled, killed, out of memory, worn. Loading the
 networks takes seconds; hence the next one is loaded as soon as the first is warm, and stands by. A worn child
-goes on until the next one is warm; only one that has died leaves a worker without.
+goes on until the next one is warm; only one that has died, or has no memory left, leaves a worker without.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from workers.child_process import ChildDied, ChildProcess
 from workers.settings import Settings
 
 _LOOK_S = 0.5
+_TRIES = 2
+"""A child that was killed while it loaded is started again; one that cannot load ends the worker."""
 
 log = structlog.get_logger(__name__)
 
@@ -36,17 +38,28 @@ class Children:
         self.current.kill()
         if self._next is not None:
             self.current, self._next = self._next, None
+        for left in reversed(range(_TRIES)):
+            try:
+                self._load()
+                break
+            except ChildDied as error:
+                if not left:
+                    raise
+                log.error("the child died while it warmed up; starting it again", error=str(error))
+                self.current.kill()
+        log.info("child warm")
+
+    def _load(self) -> None:
         if not self.current.alive:
             self.current.begin()
         while not self.current.warm(_LOOK_S):
             self._turn()
-        log.info("child warm")
 
     def tend(self) -> None:
         """Between jobs: see that the next child warms up, and let it take over from a worn one."""
+        if self.current.spent or (self.current.worn and not self._settings.spare_child):
+            self.current.kill()
         if not self._settings.spare_child:
-            if self.current.worn:
-                self.current.kill()
             return
         if self._next is None:
             self._next = ChildProcess(self._settings)

@@ -11,7 +11,7 @@ from dlo_client.contracts import FileRef
 from opentelemetry.trace import Span
 
 from workers import memory, problems, stages, tracing
-from workers.blobs import Blobs, BlobsUnreachableError, NoRoomError
+from workers.blobs import BlobMissing, Blobs, BlobsUnreachableError, NoRoomError
 from workers.ledger import Claim, Ledger
 from workers.record import REQUEST
 from workers.robot_poses import robot_poses
@@ -51,7 +51,7 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
     except InvalidInput as error:
         held = ledger.fail(claim, problems.invalid(error.field, error.message, error.code))
         say.info("job failed: invalid input", field=error.field, code=error.code, held=held)
-    except BlobsUnreachableError as error:
+    except (BlobsUnreachableError, BlobMissing) as error:  # what the request names is looked for by the stages
         held = ledger.fail(claim, problems.storage_unavailable())
         say.error("job failed: blobs cannot be reached", error=str(error), held=held)
     except NoRoomError as error:

@@ -85,6 +85,7 @@ class Runner:
         before = self._children.current.ready
         self._children.ready()
         self._children.tend()
+        self._children.ready()  # a child that was too worn to go on is gone now
         if not before:
             with contextlib.suppress(redis.RedisError):
                 self._announce()

@@ -126,6 +126,19 @@ class Plant:
                 self.queue_server.kill()
                 self.queue_server.start()
 
+    def cut_power(self) -> None:
+        """SIGKILL of everything."""
+        for part in (self.api, *self.workers):
+            part.process.kill()
+        self.queue_server.kill()
+        for part in (self.api, *self.workers):
+            part.process.wait()
+
+    def power_on(self) -> None:
+        """Start everything again."""
+        self.queue_server.start()
+        self.tend()
+
     def memory_mb(self) -> dict[str, float]:
         """Resident, by part, with all children."""
         parts = {"api": self.api.process.pid}

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import random
 import signal
-import socket
-import subprocess
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import httpx
-from PIL import Image
 
+from tests.faults.disks import full_disk, picture, power_loss, slow_disk, torn_log
+from tests.faults.overlay import clock, overlay
+from tests.faults.peers import client_gone, dripping_clients, dripping_receivers
 from tests.faults.plant import KINDS, Plant, plant
-from tests.faults.traffic import Tally, Traffic, all_jobs, probe
-from tests.processes import ROOT, wait_until
+from tests.faults.traffic import COUNTED, Tally, Traffic, probe
+from tests.processes import wait_until
 
 _SHIFT = "import time\n_now = time.time\ntime.time = lambda: _now() + {seconds}\n"
 _UNREADABLE = """
@@ -33,10 +29,24 @@ def read_bytes(self):
 Path.read_bytes = read_bytes
 """
 
+_LEAK = """
+import sys, time
+_sleep, _kept = time.sleep, []
+def sleep(seconds):
+    if "workers.child" in sys.orig_argv:
+        _kept.append(b"x" * (100 << 20))
+    _sleep(seconds)
+time.sleep = sleep
+"""
+_SLEEP = "import select, time\ntime.sleep = lambda seconds: select.select([], [], [], seconds)\n"
+"""The library that sets the clock breaks the call that ``sleep`` makes by itself."""
 
-def kills(jobs: int, faults: int) -> Tally:
+_DAY_S = 86_400
+
+
+def kills(jobs: int, faults: int, seed: int = 1) -> Tally:
     """SIGKILL of child, worker, service and queue server in turn, at random moments, while jobs come in."""
-    chance = random.Random(1)
+    chance = random.Random(seed)
     with plant(workers=2, spare_child=True) as there:
         before = sum(there.memory_mb().values())
         traffic = Traffic(there, jobs, pace_s=max(0.02, 2.0 * faults / jobs)).start()
@@ -49,80 +59,6 @@ def kills(jobs: int, faults: int) -> Tally:
         found.faults, found.worst_recovery_s = faults, round(max(recovered), 2)
         found.grown_mb = round(sum(there.memory_mb().values()) - before, 1)
     return found
-
-
-def power_loss(jobs: int, faults: int) -> Tally:
-    """The queue server is killed and what it wrote in its last second is cut off, as unsynced pages are."""
-    with plant() as there:
-        traffic = Traffic(there, jobs, pace_s=0.02).start()
-        sizes: list[tuple[float, int]] = []
-        while traffic.sending:
-            sizes.append((time.monotonic(), _log_of(there).stat().st_size))
-            time.sleep(0.1)
-        known = {job_id: there.queue.get(job_id).created_at for job_id in traffic._ids}
-        died = max(known.values())
-        there.queue_server.kill()
-        cut = next((size for when, size in reversed(sizes) if sizes[-1][0] - when > 1.1), 0)
-        with _log_of(there).open("r+b") as file:
-            file.truncate(max(cut - 7, 0))  # in the middle of an entry
-        there.queue_server.start()
-        recovery_s = probe(there)
-        remembered = {job.id for job in all_jobs(there)}
-        gone = [job_id for job_id in known if job_id not in remembered]
-        early = sum((died - known[job_id]).total_seconds() > 2.5 for job_id in gone)
-        note = f"{len(gone)} of the last second's jobs forgotten (appendfsync everysec), {early} older"
-        return Tally(lost=early, jobs=jobs, faults=1, worst_recovery_s=round(recovery_s, 2), note=note)
-
-
-def _log_of(there: Plant) -> Path:
-    return max((there.folder / "queue" / "appendonlydir").glob("*.incr.aof"), key=lambda file: file.name)
-
-
-def full_disk(jobs: int, faults: int) -> Tally:
-    """A small disk is filled to its last byte and freed again: refused meanwhile, nothing half-written."""
-    with _small_disk() as disk, Plant(disk) as there:
-        with httpx.Client(base_url=there.url, timeout=20) as client:
-            first = client.post("/v1/images", content=_picture(0)).status_code
-            filler = disk / "filler"
-            with contextlib.suppress(OSError), filler.open("wb", buffering=0) as file:
-                while True:
-                    file.write(bytes(65536))
-            answers = [client.post("/v1/images", content=_picture(1 + k)).status_code for k in range(jobs)]
-            filler.unlink()
-            started = time.monotonic()
-            wait_until(lambda: client.post("/v1/images", content=_picture(-1)).status_code == 201, 60)
-            recovery_s = max(time.monotonic() - started, probe(there))
-        half = [file for file in (disk / "data" / "blobs").glob("??/*") if len(file.name) != 64]
-        refused = sum(status == 507 for status in answers)
-        note = f"first {first}, {refused} of {jobs} answered 507, {len(half)} half-written"
-        wrong = (first != 201) + (jobs - refused) + len(half)
-        return Tally(jobs=jobs, faults=1, wrong=wrong, worst_recovery_s=round(recovery_s, 2), note=note)
-
-
-@contextmanager
-def _small_disk() -> Iterator[Path]:
-    """16 MiB; needs the right to mount."""
-    folder = Path(tempfile.mkdtemp(prefix="plant-disk-"))
-    command = ["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SkippedError(f"cannot mount a small disk: {done.stderr.strip()}")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=False)
-        folder.rmdir()
-
-
-def _picture(number: int) -> bytes:
-    """270 kB of noise, each number another."""
-    buffer = io.BytesIO()
-    Image.frombytes("RGB", (300, 300), random.Random(number).randbytes(270_000)).save(buffer, "BMP")
-    return buffer.getvalue()
-
-
-class SkippedError(Exception):
-    """The machine does not allow a scenario; the message names what is missing."""
 
 
 def frozen_queue(jobs: int, faults: int) -> Tally:
@@ -159,9 +95,9 @@ def full_queue(jobs: int, faults: int) -> Tally:
 
 def clock_jump(jobs: int, faults: int) -> Tally:
     """Workers and service whose clocks are a day and a half ahead: jobs and pictures live by the server's."""
-    with _overlay(_SHIFT.format(seconds=130_000)) as env, plant(env=env) as there:
+    with overlay(_SHIFT.format(seconds=130_000)) as env, plant(env=env) as there:
         with httpx.Client(base_url=there.url, timeout=20) as client:
-            image = client.post("/v1/images", content=_picture(0)).json()["id"]
+            image = client.post("/v1/images", content=picture(0)).json()["id"]
             found = Traffic(there, jobs, pace_s=0.02).start().tally()
             kept = client.post("/v1/jobs", json={"kind": "segment", "image": {"id": image}}).status_code == 202
         found.faults, found.wrong = 1, found.wrong + (not kept)
@@ -169,11 +105,25 @@ def clock_jump(jobs: int, faults: int) -> Tally:
         return found
 
 
+def clock_steps(jobs: int, faults: int) -> Tally:
+    """The clock of the whole machine is set a day on, and two days back, while jobs run: later ones are as before."""
+    with clock() as step, overlay(_SLEEP) as env, plant(env=env) as there:
+        recovered = []
+        found = Traffic(there, jobs, pace_s=0.02).start().tally()
+        for offset_s in (_DAY_S, -_DAY_S):
+            step(offset_s)
+            recovered.append(probe(there))
+            more = Traffic(there, jobs, pace_s=0.02).start().tally()
+            found = Tally(**{name: getattr(found, name) + getattr(more, name) for name in COUNTED})
+        found.faults, found.worst_recovery_s = 2, round(max(recovered), 2)
+        return found
+
+
 def unreadable_weights(jobs: int, faults: int) -> Tally:
     """A worker that cannot read its networks is never ready and does not take jobs; once it can, it does them."""
     with tempfile.TemporaryDirectory() as folder:
         allowed = Path(folder) / "allowed"
-        with _overlay(_UNREADABLE.format(allowed=str(allowed))) as env:
+        with overlay(_UNREADABLE.format(allowed=str(allowed))) as env:
             there = Plant(Path(folder) / "plant", env=env)
             try:
                 traffic = Traffic(there, jobs, pace_s=0.0).start()
@@ -192,37 +142,6 @@ def unreadable_weights(jobs: int, faults: int) -> Tally:
                 there.__exit__()
 
 
-@contextmanager
-def _overlay(program: str) -> Iterator[dict[str, str]]:
-    """The environment of processes that run ``program`` when they start."""
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "sitecustomize.py").write_text(program)
-        yield {"PYTHONPATH": f"{folder}:{ROOT}:{ROOT / 'clients/python'}"}
-
-
-def client_gone(jobs: int, faults: int) -> Tally:
-    """Clients that hang up while they wait: their jobs end, and no connection stays open."""
-    with plant() as there:
-        host, port = there.url.removeprefix("http://").split(":")
-        body = b'{"kind":"noop","hold_s":0.2,"timeout_s":600}'
-        head = f"POST /v1/jobs?wait=30 HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n"
-        for _ in range(jobs):
-            with socket.create_connection((host, int(port))) as connection:
-                before = there.queue.counts().get(("noop", "queued"), 0)
-                connection.sendall(head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body)
-                wait_until(lambda before=before: there.queue.counts().get(("noop", "queued"), 0) > before, 60)
-        recovery_s = probe(there)
-
-        def ended() -> bool:
-            counts = there.queue.counts()
-            over = sum(counts.get(("noop", state), 0) for state in ("succeeded", "failed"))
-            return over >= counts["noop", "queued"] >= jobs
-
-        wait_until(ended, 300)
-        failed = there.queue.counts().get(("noop", "failed"), 0)
-        return Tally(jobs=jobs, faults=jobs, failed=failed, worst_recovery_s=round(recovery_s, 2))
-
-
 def hanging_jobs(jobs: int, faults: int) -> Tally:
     """Jobs that never end are stopped at their time limit, and hold up the next one by no more than that."""
     with plant() as there, httpx.Client(base_url=there.url, timeout=20) as client:
@@ -237,33 +156,18 @@ def hanging_jobs(jobs: int, faults: int) -> Tally:
         return found
 
 
-def dripping_clients(jobs: int, faults: int) -> Tally:
-    """Fifty clients that send a byte a second: everybody else is served as before."""
-    with plant() as there:
-        host, port = there.url.removeprefix("http://").split(":")
-        stop = threading.Event()
-        head = f"POST /v1/jobs HTTP/1.1\r\nHost: {host}\r\nContent-Length: 100000\r\n\r\n".encode()
-
-        def drip() -> None:
-            with contextlib.suppress(OSError), socket.create_connection((host, int(port))) as connection:
-                connection.sendall(head)
-                while not stop.wait(1.0):
-                    connection.sendall(b" ")
-
-        threads = [threading.Thread(target=drip, daemon=True) for _ in range(50)]
-        for thread in threads:
-            thread.start()
-        recovery_s = probe(there)
-        found = Traffic(there, jobs, pace_s=0.02).start().tally()
-        stop.set()
-        found.faults, found.worst_recovery_s = 50, round(recovery_s, 2)
+def leaking_jobs(jobs: int, faults: int) -> Tally:
+    """Each job leaves 100 MB behind in a child that may take 2 GB: it is replaced before that, and nobody fails."""
+    with overlay(_LEAK) as env, plant(env=env, child_memory_mb=2000, spare_child=True) as there:
+        found = Traffic(there, jobs, pace_s=0.1).start().tally()
+        found.faults, found.worst_recovery_s = jobs, round(probe(there), 2)
         return found
 
 
 SCENARIOS: dict[str, Callable[[int, int], Tally]] = {
     scenario.__name__: scenario
     for scenario in (
-        kills, power_loss, full_disk, frozen_queue, full_queue, clock_jump, unreadable_weights, client_gone,
-        hanging_jobs, dripping_clients,
+        kills, power_loss, torn_log, full_disk, slow_disk, frozen_queue, full_queue, clock_jump, clock_steps,
+        unreadable_weights, client_gone, hanging_jobs, leaking_jobs, dripping_clients, dripping_receivers,
     )
 }  # fmt: skip

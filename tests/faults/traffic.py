@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from typing import Any
 from uuid import uuid4
 
 import httpx
@@ -15,6 +16,10 @@ from tests.faults.plant import Plant
 
 _PATIENCE_S = 180.0
 _TIMEOUT_S = 600.0
+
+
+COUNTED = ("lost", "doubled", "wrong", "failed", "jobs", "faults")
+"""Fields of a :class:`Tally` that add up."""
 
 
 @dataclass
@@ -43,6 +48,18 @@ class Tally:
         return not (self.lost or self.doubled or self.wrong or self.failed)
 
 
+def added(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    """Two rows of a report as one: counts added, the worst of the times and of the growth."""
+    if "jobs" not in known or "jobs" not in more:
+        return known if "jobs" in known else more
+    return {
+        "good": known["good"] and more["good"],
+        **{name: round(known[name] + more[name], 1) for name in (*COUNTED, "took_s")},
+        **{name: max(known[name], more[name]) for name in ("worst_recovery_s", "grown_mb")},
+        "note": more["note"],
+    }
+
+
 class Traffic:
     """Sends ``jobs`` no-op jobs, each of its own length, at a steady pace from a thread."""
 
@@ -50,7 +67,8 @@ class Traffic:
         self._plant = plant
         self._pace_s = pace_s
         self._holds = [0.01 + 1e-5 * k for k in range(jobs)]
-        self._ids: dict[str, float] = {}
+        self.ids: dict[str, float] = {}
+        """Of accepted jobs, and how long each holds its worker."""
         self._label = f"traffic {uuid4().hex[:8]}"
         self._thread = threading.Thread(target=self._send_all, daemon=True)
 
@@ -65,15 +83,16 @@ class Traffic:
     def _send_all(self) -> None:
         with httpx.Client(base_url=self._plant.url, timeout=20) as client:
             for hold_s in self._holds:
-                self._ids[send(client, hold_s, self._label)] = hold_s
+                self.ids[send(client, hold_s, self._label)] = hold_s
                 time.sleep(self._pace_s)
 
-    def tally(self) -> Tally:
-        """Wait for the last job to end, then count."""
+    def tally(self, sent: int | None = None) -> Tally:
+        """Wait for the last job to end, then count; ``sent``: how many should be there, by default all."""
         self._thread.join(_PATIENCE_S)
-        found = Tally(jobs=len(self._holds), lost=len(self._holds) - len(self._ids))
+        sent = len(self._holds) if sent is None else sent
+        found = Tally(jobs=sent, lost=sent - len(self.ids))
         give_up = time.monotonic() + _PATIENCE_S
-        for job_id, hold_s in self._ids.items():
+        for job_id, hold_s in self.ids.items():
             while not (job := self._plant.queue.get(job_id)).state.final and time.monotonic() < give_up:
                 self._plant.tend()
                 time.sleep(0.02)
@@ -82,7 +101,7 @@ class Traffic:
             found.failed += job.state.final and job.state != "succeeded"
             found.wrong += job.state == "succeeded" and (job.result is None or job.result.held_s != hold_s)
             found.doubled += finals > 1
-        found.doubled += sum(job.label == self._label for job in all_jobs(self._plant)) - len(self._ids)
+        found.doubled += sum(job.label == self._label for job in all_jobs(self._plant)) - len(self.ids)
         return found
 
 

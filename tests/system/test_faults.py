@@ -241,10 +241,10 @@ def test_a_worn_child_is_replaced(settings, start_worker, worn):
     settings = Settings(**settings.model_dump() | worn)
     worker, queue = start_worker(settings), JobQueue(settings)
     first = worker.child_pid()
-    for _ in range(3):
-        succeeds(queue, submit(queue))
+    ended = [succeeds(queue, submit(queue)) for _ in range(3)]
     worker.wait_ready()
     assert worker.child_pid() != first
+    assert {job.attempts for job in ended} == {1}, "the job after it was given to a child that had gone"
 
 
 def test_a_worker_ends_with_its_supervisor(settings):

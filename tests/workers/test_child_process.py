@@ -73,6 +73,24 @@ def test_a_job_that_needs_more_memory_than_a_child_may_take_is_too_large(job_que
     assert (job.state, job.problem.code) == (JobState.FAILED, "too_large")
 
 
+def test_a_child_that_keeps_half_of_its_memory_is_worn(child, job_queue, settings, monkeypatch):
+    """One that leaked was replaced at 4 GB only: with a smaller limit jobs of others failed as too large."""
+    taken_mb = iter([400.0, 601.0, 841.0])
+    monkeypatch.setattr(memory, "taken_mb", lambda _: next(taken_mb))
+    monkeypatch.setattr(memory, "limit_mb", lambda _: 1000)
+    child._warm_mb = 200.0
+    with connect(settings) as client:
+        ledger = Ledger(client, settings)
+        worn = []
+        for _ in range(3):
+            job, _ = job_queue.submit(NoopRequest())
+            child.give(ledger.claim(job.id, "w"))
+            assert child.wait(60)
+            child.finish()
+            worn.append((child.worn, child.spent))
+    assert worn == [(False, False), (True, False), (True, True)]
+
+
 def test_each_child_may_take_its_share_of_the_machine(settings):
     alone, four = (memory.limit_mb(settings.model_copy(update={"workers": n})) for n in (1, 4))
     assert alone > 100

@@ -12,9 +12,11 @@ class Child:
 
     made: list["Child"] = []
     asked = 1
+    deaths = 0
+    """How many of the next calls of :meth:`warm` find that it was killed."""
 
     def __init__(self, settings) -> None:
-        self.alive = self.ready = self.worn = self.dies = False
+        self.alive = self.ready = self.worn = self.spent = self.dies = False
         self.left = self.asked
         self.made.append(self)
 
@@ -22,7 +24,10 @@ class Child:
         self.alive = True
 
     def warm(self, wait_s: float = 0.0) -> bool:
-        if self.dies:
+        if Child.deaths:
+            Child.deaths -= 1
+            self.alive = False
+        if self.dies or not self.alive:
             raise ChildDied("unlucky")
         self.left -= 1
         self.ready = self.left <= 0
@@ -42,6 +47,7 @@ def children(settings, monkeypatch, turns):
     monkeypatch.setattr(children_module, "ChildProcess", Child)
     monkeypatch.setattr(Child, "made", [])
     monkeypatch.setattr(Child, "asked", 3)
+    monkeypatch.setattr(Child, "deaths", 0)
     return Children(settings.model_copy(update={"spare_child": True}), lambda: turns.append(1))
 
 
@@ -72,6 +78,19 @@ def test_a_child_that_was_killed_is_followed_without_a_wait(pair, turns):
     assert Child.made[2].alive
 
 
+def test_a_child_that_is_killed_while_it_warms_up_is_started_again(children, monkeypatch):
+    """It ended the worker: whoever supervises it had to start the whole process again."""
+    monkeypatch.setattr(Child, "deaths", 1)
+    children.ready()
+    assert children.current.ready
+
+
+def test_a_child_that_cannot_load_ends_the_worker(children, monkeypatch):
+    monkeypatch.setattr(Child, "deaths", 100)
+    with pytest.raises(ChildDied):
+        children.ready()
+
+
 def test_a_worn_child_goes_on_until_the_next_is_warm(children):
     children.ready()
     first = children.current
@@ -83,6 +102,18 @@ def test_a_worn_child_goes_on_until_the_next_is_warm(children):
     assert children.current is Child.made[1]
     assert children.current.ready
     assert not first.alive
+
+
+def test_a_child_without_memory_does_not_go_on_until_the_next_is_warm(children):
+    """Jobs that leaked faster than a child loads: those of others failed as too large meanwhile."""
+    children.ready()
+    first = children.current
+    first.worn = first.spent = True
+    children.tend()
+    assert not first.alive
+    children.ready()
+    assert children.current.ready
+    assert children.current is not first
 
 
 def test_a_next_child_that_dies_is_started_again(pair):

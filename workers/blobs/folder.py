@@ -1,8 +1,9 @@
 """Blobs as files in a folder.
 
 Strategy: bytes are written beside their place and renamed, so that a reader never sees half a blob; what a
-write that failed has left is removed at once. Who stages bytes decides later whether to keep them. Nothing is
-written that would leave less of the disk free than a reserve: others on the same disk have to go on.
+write that failed has left is removed at once. Who stages bytes decides later whether to keep them. A blob that is
+kept is on the disk, not only in the memory of the machine: the queue remembers its job over a loss of power. Nothing
+is written that would leave less of the disk free than a reserve: others on the same disk have to go on.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ class StagedFile:
         else:
             with contextlib.suppress(FileNotFoundError):  # kept before
                 self._beside.replace(self._place)
+                _sync(self._place.parent)
         return self.blob_id
 
     def drop(self) -> None:
@@ -160,11 +162,23 @@ class FolderBlobs:
         beside = place.with_name(f"{place.name}.{uuid4().hex}")
         try:
             self._root.mkdir(parents=True, exist_ok=True, mode=0o700)
-            place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            if not place.parent.is_dir():
+                place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+                _sync(self._root)
             beside.write_bytes(data)
+            _sync(beside)
         except OSError as error:
             beside.unlink(missing_ok=True)
             if error.errno in _DISK_IS_FULL:
                 raise NoRoomError(str(error)) from error
             raise
         return beside
+
+
+def _sync(path: Path) -> None:
+    """Wait until the disk has what was written to a file, or the names in a folder."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

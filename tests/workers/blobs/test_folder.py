@@ -1,6 +1,7 @@
 import hashlib
 import os
 import time
+from pathlib import Path
 
 import pytest
 
@@ -102,3 +103,23 @@ def test_the_reserve_stays_free(tmp_path):
 def test_nobody_else_on_the_machine_reads_them(blobs, tmp_path):
     blobs.put(b"cable")
     assert oct((tmp_path / "blobs").stat().st_mode)[-3:] == "700"
+
+
+def test_what_is_kept_is_on_the_disk_before_it_is_a_blob(blobs, tmp_path, monkeypatch):
+    """After a loss of power the queue knew jobs whose pictures were files without bytes."""
+    synced = []
+
+    def fsync(handle: int) -> None:
+        path = Path(f"/proc/self/fd/{handle}").readlink()
+        synced.append((path.relative_to(tmp_path / "blobs"), path.is_dir() or path.read_bytes()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    staged = blobs.stage(b"cable")
+    place = Path(staged.blob_id[:2])
+    (root, _), (beside, content) = synced
+    assert (root, beside.parent, content) == (Path(), place, b"cable")
+    staged.keep()
+    assert synced[2:] == [(place, True)]
+    del synced[:]
+    blobs.put(b"cable")
+    assert synced == [], "it was a blob before"
