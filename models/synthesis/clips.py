@@ -18,13 +18,15 @@ from models.synthesis.textures import TexturePool
 
 Rng = np.random.Generator
 _CONTROLS = 9
+_ARM = np.array([1.0, 0.45])
+"""Half its length and width, as parts of its size."""
 
 
 @dataclass(frozen=True)
 class ClipParams:
     """``frames`` of ``size`` (height, width) px with ``cables`` of ``width_px``; ``speed`` in widths a frame, at most;
-    ``same_look`` paints all alike. From frame ``covered`` (start, stop) on an arm lies over about ``share`` of the
-    picture's width."""
+    ``same_look`` paints all alike. In the frames ``covered`` (start, stop) an arm lies over about ``share`` of the
+    length of all cables."""
 
     size: tuple[int, int] = (360, 640)
     frames: int = 300
@@ -59,7 +61,8 @@ def render_clip(rng: Rng, params: ClipParams, pool: TexturePool) -> Iterator[Fra
     look = random_look(rng, random_color(rng), params.width_px)
     looks = [look if params.same_look else random_look(rng, random_color(rng), params.width_px) for _ in courses]
     light, noise = random_light(rng), rng.uniform(0.005, 0.02)
-    arm = rng.uniform((0.3, 0.3), (0.7, 0.7)) * params.size[::-1], rng.uniform(-np.pi, np.pi)
+    middle, angle = rng.uniform((0.3, 0.3), (0.7, 0.7)) * params.size[::-1], rng.uniform(-np.pi, np.pi)
+    arm = _arm([course.at(params.covered[0]) for course in courses], middle, angle, params)
     for t in range(params.frames):
         canvas = Canvas(ground.clone())
         curves = [course.at(t) for course in courses]
@@ -68,7 +71,7 @@ def render_clip(rng: Rng, params: ClipParams, pool: TexturePool) -> Iterator[Fra
         ]
         plan = paint_cables(canvas, painted, light, np.random.default_rng(0))
         if params.covered[0] <= t < params.covered[1]:
-            _cover(canvas, arm[0] + 20 * np.array([np.sin(0.1 * t), np.cos(0.13 * t)]), arm[1], params.share)
+            _cover(canvas, middle + 20 * np.array([np.sin(0.1 * t), np.cos(0.13 * t)]), arm, angle)
         owner = torch.tensor([0, *(p.cable + 1 for p in plan.pieces)], dtype=torch.int16)
         ids = owner[canvas.ids.long()]
         rgb = canvas.rgb + noise * torch.as_tensor(rng.standard_normal(canvas.rgb.shape, dtype=np.float32))
@@ -113,10 +116,17 @@ class _Course:
         return np.column_stack([xy, self.height_above]).astype(np.float32)
 
 
-def _cover(canvas: Canvas, at: FloatArray, angle: float, share: float) -> None:
-    half = np.array([0.5 * share * canvas.width, 0.09 * canvas.width])
-    for place in (at, at + axes(angle)[1] * 0.5 * half[1]):
-        canvas.box(place, half, angle, (0.35, 0.36, 0.4), corner=0.1 * half[1], bevel=0.3, covers=True)
+def _arm(curves: list[FloatArray], middle: FloatArray, angle: float, params: ClipParams) -> FloatArray:
+    """Half the length and width (2,) px of a box about ``middle`` that covers the share of the cables in view."""
+    points = np.concatenate(curves)[:, :2]
+    points = points[((points >= 0) & (points < params.size[::-1])).all(1)]
+    away = np.abs((points - middle) @ np.array(axes(angle)).T)
+    # A box of a given form grows until it holds the share: of each point, the size at which it is inside.
+    return np.asarray(_ARM * np.quantile((away / _ARM).max(1), params.share) if len(points) else _ARM)
+
+
+def _cover(canvas: Canvas, at: FloatArray, half: FloatArray, angle: float) -> None:
+    canvas.box(at, half, angle, (0.35, 0.36, 0.4), corner=0.1 * half[1], bevel=0.3, covers=True)
 
 
 def _seen(ids: Tensor, line: FloatArray, number: int) -> NDArray[np.bool_]:

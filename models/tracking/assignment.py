@@ -16,7 +16,8 @@ from scipy.optimize import linear_sum_assignment
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import resample
 from models.tracking.consistency import contradicting
-from models.tracking.ownership import Run, costs_of, runs, sample
+from models.tracking.course import recognised
+from models.tracking.ownership import Run, Samples, costs_of, runs
 from models.tracking.placing import Piece, piece_at, placed
 from models.tracking.regrouping import Kept, cuts, extended
 from models.tracking.sliding import slid
@@ -36,19 +37,23 @@ _SHARPNESS = 0.1
 
 
 class Match(NamedTuple):
-    """The pieces of one cable in this frame, the longest first; ``probability`` that they are this cable."""
+    """The pieces of one cable in this frame, the longest first; ``probability`` that they are this cable; ``goes_on``
+    whether a strand that no cable owns follows on it at its first and at its last end."""
 
     pieces: tuple[Piece, ...]
     probability: float
+    goes_on: tuple[bool, bool] = (False, False)
 
 
 def assign(
-    cables: Sequence[TrackedCable], expected: Sequence[FloatArray], observations: Sequence[Observation]
+    cables: Sequence[TrackedCable],
+    expected: Sequence[FloatArray],
+    observations: Sequence[Observation],
+    samples: Samples | None,
 ) -> tuple[dict[int, Match], list[Run], dict[int, Kept]]:
     """Matches by index of the cable, the runs that belong to none, and cables that should be cut first."""
-    if not observations:
+    if samples is None:
         return {}, [], {}
-    samples = sample(observations)
     costs, places = costs_of(samples, observations, cables, expected)
     for _ in range(_ROUNDS):
         found = runs(samples, observations, costs, places)
@@ -60,11 +65,12 @@ def assign(
             costs[found[k].first : found[k].stop, found[k].cable] = _FORBIDDEN
     own = {i: {k: piece for k, piece in pieces.items() if k not in refused} for i, pieces in own.items()}
     changed = cuts(found, own, cables)
-    taken = extended(found, own, cables)
+    taken, on = extended(found, own, cables)
     matches = {}
     for i, pieces in own.items():
-        longest = sorted(slid(list(pieces.values()), cables[i], expected[i]), key=lambda piece: -piece.length_px)
-        matches[i] = Match(tuple(longest), _probability(i, [found[k] for k in pieces]))
+        of_it = recognised(slid(list(pieces.values()), cables[i], expected[i]), cables[i], expected[i])
+        longest = sorted(of_it, key=lambda piece: -piece.length_px)
+        matches[i] = Match(tuple(longest), _probability(i, [found[k] for k in pieces]), ((i, 0) in on, (i, 1) in on))
     left = [run for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
     return matches, _found_again(cables, expected, matches, left), changed
 

@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray
-from models.geometry.polylines import arc_lengths
 from models.instances.scene import EndpointKind
-from models.tracking.placing import Piece
+from models.tracking.course import laid_on
+from models.tracking.extent import end_kind, revised
+from models.tracking.placing import Piece, shows_all
 from models.tracking.state import NODES, TrackedCable
 
 _GAIN = 0.6
@@ -39,32 +40,42 @@ def expected_xy(cable: TrackedCable, frames: float = 1.0) -> FloatArray:
     return np.asarray(cable.xy + frames * cable.velocity)
 
 
-def moved(cable: TrackedCable, expected: FloatArray, pieces: Sequence[Piece], frames: float = 1.0) -> TrackedCable:
-    """The cable after ``pieces`` of it were seen, so many usual frames later."""
-    cable, expected, pieces = _lengthened(cable, expected, pieces)
-    xy, seen, firm = _laid(cable, expected, pieces)
-    off = _smooth(xy - expected, seen)
+def moved(
+    cable: TrackedCable,
+    predicted: FloatArray,
+    on: FloatArray,
+    pieces: Sequence[Piece],
+    goes_on: tuple[bool, bool] = (False, False),
+    frames: float = 1.0,
+) -> TrackedCable:
+    """The cable after ``pieces`` of it were seen, so many usual frames later: it was ``predicted`` (NODES, 2) by its
+    velocity, and is ``on`` the strands of the picture; ``goes_on`` as of :func:`models.tracking.extent.revised`."""
+    cable, predicted, on, pieces = _lengthened(cable, predicted, on, pieces)
+    xy, seen, firm = _laid(cable, on, pieces)
+    off = _smooth(xy - predicted, seen)
     hidden = ~seen[:, None]
-    nodes, known = np.arange(NODES), np.flatnonzero(seen)
-    rest = (xy - expected - off)[known]
-    seam = np.stack([np.interp(nodes, known, rest[:, axis]) for axis in (0, 1)], axis=1)
-    xy = np.where(hidden, expected + off + seam, xy)
+    nodes, there = np.arange(NODES), np.flatnonzero(seen)
+    rest = (xy - predicted - off)[there]
+    seam = np.stack([np.interp(nodes, there, rest[:, axis]) for axis in (0, 1)], axis=1)
+    xy, course = laid_on(cable, np.where(hidden, predicted + off + seam, xy), seen)
     away = float(np.median(np.hypot(*off.T)))
     gain = _GAIN if away < _JUMP_WIDTHS * cable.width_px else 0.0
     velocity = (cable.velocity + gain / frames * off) * np.where(hidden, DAMPING, 1.0)
-    return replace(
+    after = replace(
         cable,
         xy=xy,
         ends=_ends(cable, pieces),
-        length_px=_length(cable, xy, seen),
+        length_px=_length(cable, pieces),
         velocity=velocity,
         seen=seen,
         firm=firm,
+        course=course,
         spread=wider(cable, seen),
         state="seen" if seen.mean() >= _WHOLE else "partly_covered",
         missed=0,
         met=cable.met + 1,
     )
+    return revised(after, pieces, goes_on)
 
 
 def wider(cable: TrackedCable, seen: BoolArray) -> FloatArray:
@@ -104,31 +115,25 @@ def _ends(cable: TrackedCable, pieces: Sequence[Piece]) -> tuple[EndpointKind, E
     first, last = cable.ends
     near = _END_WIDTHS * cable.width_px
     for piece in pieces:
-        if _end(piece, piece.u0) == "free" and piece.position[0] < near:
+        if end_kind(piece, piece.u0) == "free" and piece.position[0] < near:
             first = "free"
-        if _end(piece, piece.u1) == "free" and piece.position[-1] > cable.length_px - near:
+        if end_kind(piece, piece.u1) == "free" and piece.position[-1] > cable.length_px - near:
             last = "free"
     return first, last
 
 
-def _end(piece: Piece, u: float) -> EndpointKind:
-    """What is at the place ``u`` of the piece's observation."""
-    if u < 0.01:
-        return piece.observed.ends[0]
-    return piece.observed.ends[1] if u > 0.99 else "hidden"
-
-
-def _length(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> float:
+def _length(cable: TrackedCable, pieces: Sequence[Piece]) -> float:
     """The picture of a cable that is moved grows and shrinks a little: seen from end to end it is measured anew."""
-    if seen.mean() < _WHOLE or cable.ends != ("free", "free"):
+    whole = next((piece for piece in pieces if shows_all(piece, cable)), None)
+    if whole is None or cable.ends != ("free", "free"):
         return cable.length_px
-    change = float(arc_lengths(xy)[-1]) / cable.length_px
+    change = whole.observed.length_px / cable.length_px
     return cable.length_px * float(np.clip(change, 1 - _LENGTH_CHANGE, 1 + _LENGTH_CHANGE))
 
 
 def _lengthened(
-    cable: TrackedCable, expected: FloatArray, pieces: Sequence[Piece]
-) -> tuple[TrackedCable, FloatArray, list[Piece]]:
+    cable: TrackedCable, predicted: FloatArray, on: FloatArray, pieces: Sequence[Piece]
+) -> tuple[TrackedCable, FloatArray, FloatArray, list[Piece]]:
     """A cable whose ends were out of view is longer than it was known to be: its nodes are laid anew."""
     before = after = 0.0
     if not cable.closed and cable.ends[0] != "free":
@@ -136,18 +141,21 @@ def _lengthened(
     if not cable.closed and cable.ends[1] != "free":
         after = max(max(float(p.position[-1]) for p in pieces) - cable.length_px, 0.0)
     if before + after < cable.length_px / NODES:
-        return cable, expected, list(pieces)
+        return cable, predicted, on, list(pieces)
     length = cable.length_px + before + after
     old = np.linspace(0.0, cable.length_px, NODES) + before
     new = np.linspace(0.0, length, NODES)
-    xy, velocity, expected = (
+    xy, velocity, predicted, on = (
         np.stack([np.interp(new, old, values[:, axis]) for axis in (0, 1)], axis=1)
-        for values in (cable.xy, cable.velocity, expected)
+        for values in (cable.xy, cable.velocity, predicted, on)
     )
     spread = np.interp(new, old, cable.spread)
+    middle = 0.5 * (old[1:] + old[:-1]), 0.5 * (new[1:] + new[:-1])
+    course = np.interp(middle[1], middle[0], cable.course, left=np.nan, right=np.nan)
     firm = np.interp(new, old, cable.firm, left=0.0, right=0.0)
     shifted = [piece._replace(position=piece.position + before) for piece in pieces]
     longer = replace(
-        cable, xy=xy, velocity=velocity, spread=spread, firm=firm, length_px=length, start_px=cable.start_px - before
-    )
-    return longer, expected, shifted
+        cable, xy=xy, velocity=velocity, spread=spread, firm=firm, course=course, length_px=length,
+        start_px=cable.start_px - before,
+    )  # fmt: skip
+    return longer, predicted, on, shifted

@@ -41,12 +41,15 @@ _OF_BRIDGED = 0.1
 _OUTWARD = 0.25
 """Beyond an end that was never in view a cable goes on: distance counts this share there."""
 _OUT_OF_REACH_SPREADS = 8.0
+_INNER_WIDTHS = 3.0
+"""A place of an observation that is so far from both of its ends is not one of them."""
 
 
 class Samples(NamedTuple):
     """P places on O observations in order. ``xy``, ``direction`` (P, 2); ``along`` (P,) px from the observation's first
     point; ``of`` (P,) index of the observation; ``loose`` (P,) where a picture may go on with the wrong strand;
-    ``weight`` (P,) of its cost; ``trust`` (P,) how surely the strand before it is the one after it."""
+    ``weight`` (P,) of its cost; ``trust`` (P,) how surely the strand before it is the one after it; ``left`` (P,) where
+    one strand left the picture and another one came in: the picture joined them at its border."""
 
     xy: FloatArray
     direction: FloatArray
@@ -55,12 +58,14 @@ class Samples(NamedTuple):
     loose: BoolArray
     weight: FloatArray
     trust: FloatArray
+    left: BoolArray
 
 
 class Run(NamedTuple):
     """Samples ``first`` to ``stop`` (exclusive), of one observation, belong to the cable of index ``cable``, -1 for
     none; ``along`` (n,) px from its first point, ``xy`` (n, 2), ``place`` (n,) px along the cable; ``cost`` of each by
-    cable and, last, by none; ``trust`` (n,) as of the samples."""
+    cable and, last, by none; ``trust`` (n,) as of the samples; ``came_in`` whether what is before it left the
+    picture."""
 
     cable: int
     observed: Observation
@@ -71,6 +76,7 @@ class Run(NamedTuple):
     place: FloatArray
     cost: FloatArray
     trust: FloatArray
+    came_in: bool
 
     @property
     def length_px(self) -> float:
@@ -81,10 +87,10 @@ def sample(observations: Sequence[Observation]) -> Samples:
     """Equally spaced places on every observation, both ends included."""
     parts = [_sampled(observed) for observed in observations]
     of = np.repeat(np.arange(len(parts)), [len(part.of) for part in parts])
-    xy, direction, along, _, loose, weight, _ = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    xy, direction, along, _, loose, weight, _, left = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     widths = np.array([observed.width_px for observed in observations])[of]
     loose = loose | _beside(xy, of, _BESIDE_WIDTHS * widths)
-    return Samples(xy, direction, along, of, loose, weight, _trust(loose, of, along, widths))
+    return Samples(xy, direction, along, of, loose | left, weight, _trust(loose, of, along, widths), left)
 
 
 def _trust(loose: BoolArray, of: IntArray, along: FloatArray, widths: FloatArray) -> FloatArray:
@@ -121,7 +127,11 @@ def _sampled(observed: Observation) -> Samples:
         weight[gap] = _OF_BRIDGED
     if observed.thick is not None:
         near |= np.interp(along, lengths, observed.thick) > 0.3
-    return Samples(xy, directions(xy), along, np.zeros(count, int), near, weight, weight)
+    left = np.zeros(count, bool)
+    if observed.leaves is not None:
+        inner = np.minimum(along, lengths[-1] - along) > _INNER_WIDTHS * observed.width_px
+        left = inner & (np.interp(along, lengths, observed.leaves) > 0)
+    return Samples(xy, directions(xy), along, np.zeros(count, int), near, weight, weight, left)
 
 
 def directions(xy: FloatArray) -> FloatArray:
@@ -136,7 +146,8 @@ def runs(samples: Samples, observations: Sequence[Observation], costs: FloatArra
     """The stretches of every observation with one owner, in order."""
     owner = _owners(samples, costs, len(observations))
     none = costs.shape[1] - 1
-    starts = np.flatnonzero(np.r_[True, (np.diff(owner) != 0) | (np.diff(samples.of) != 0)])
+    apart = samples.left[1:] & ~samples.left[:-1]
+    starts = np.flatnonzero(np.r_[True, (np.diff(owner) != 0) | (np.diff(samples.of) != 0) | apart])
     stops = np.r_[starts[1:], len(owner)]
     found = []
     for first, stop in zip(starts.tolist(), stops.tolist(), strict=True):
@@ -155,6 +166,7 @@ def runs(samples: Samples, observations: Sequence[Observation], costs: FloatArra
                 place,
                 costs[first:stop],
                 samples.trust[first:stop],
+                bool(samples.left[first]),
             )
         )
     return found

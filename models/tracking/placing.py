@@ -17,6 +17,9 @@ from models.tracking.state import Observation, TrackedCable
 
 _SNAP_WIDTHS = 3.0
 """A free end so near to the known one is it."""
+_AT_END = 0.01
+_AS_LONG = 1.1
+"""A strand between two free ends whose length differs by less than this factor is the whole cable."""
 
 
 class Piece(NamedTuple):
@@ -35,6 +38,13 @@ class Piece(NamedTuple):
     @property
     def length_px(self) -> float:
         return float(self.position[-1] - self.position[0])
+
+
+def shows_all(piece: Piece, cable: TrackedCable) -> bool:
+    """Whether it is a whole observation, from one free end to another, and pinned to both ends of the cable."""
+    u0, u1 = sorted((piece.u0, piece.u1))
+    off = abs(float(piece.position[0])) + abs(float(piece.position[-1]) - cable.length_px)
+    return off < 1.0 and u0 < _AT_END and u1 > 1 - _AT_END and piece.observed.ends == ("free", "free")
 
 
 def placed(run: Run, cable: TrackedCable) -> Piece:
@@ -73,10 +83,12 @@ def _pinned(position: FloatArray, run: Run, cable: TrackedCable, sign: float) ->
     known = ((0, 0.0), (1, cable.length_px)) if sign > 0 else ((1, cable.length_px), (0, 0.0))
     off: list[float | None] = [None, None]
     whole = (run.along[0] <= 1e-6, run.along[-1] >= observed.length_px - 1e-3 * observed.length_px)
+    as_long = abs(np.log(run.length_px / cable.length_px)) < np.log(_AS_LONG) if run.length_px else False
+    all_of_it = all(whole) and observed.ends == cable.ends == ("free", "free") and as_long
     for k, (end, at) in enumerate(known):
         slack = _SNAP_WIDTHS * cable.width_px + float(cable.spread[-end])
         free = whole[k] and observed.ends[k] == "free" and cable.ends[end] == "free" and not cable.closed
-        if free and abs(position[-k] - at) < slack:
+        if free and (all_of_it or abs(position[-k] - at) < slack):
             off[k] = at - float(position[-k])
     first, last = off
     if first is not None and last is not None:

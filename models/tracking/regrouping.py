@@ -27,13 +27,15 @@ _LEAST_WIDTHS = 4.0
 
 class _Side(NamedTuple):
     """A cable at a junction: its part up to there is from ``start`` to ``stop`` px of it; ``last`` whether the junction
-    is at ``stop``."""
+    is at ``stop``; ``firm`` whether the cable is known to go on or to end there, ``left`` whether it left the
+    picture."""
 
     cable: int
     start: float
     stop: float
     last: bool
     firm: bool
+    left: bool
 
     @property
     def length_px(self) -> float:
@@ -55,7 +57,7 @@ def cuts(
         if k not in own.get(a.cable, {}) or k + 1 not in own.get(b.cable, {}):
             continue
         sides = _side(own[a.cable][k], a.cable, cables, True), _side(own[b.cable][k + 1], b.cable, cables, False)
-        if any(side.firm for side in sides):
+        if any(side.firm or side.left for side in sides):
             continue
         winner, loser = sorted(sides, key=lambda side: -side.length_px)
         out[winner.cable] = winner.start, winner.stop
@@ -70,18 +72,23 @@ def cut(cable: TrackedCable, kept: tuple[float, float]) -> TrackedCable:
     xy, velocity = (
         np.stack([np.interp(new, old, axis) for axis in values.T], axis=1) for values in (cable.xy, cable.velocity)
     )
+    middle = 0.5 * (old[1:] + old[:-1]), 0.5 * (new[1:] + new[:-1])
     nearest = np.rint(np.clip(new / cable.length_px, 0, 1) * (NODES - 1)).astype(int)
     return replace(
         cable, xy=xy, velocity=velocity, seen=cable.seen[nearest], firm=cable.firm[nearest],
-        spread=cable.spread[nearest], length_px=kept[1] - kept[0], start_px=cable.start_px + kept[0], closed=False,
+        spread=cable.spread[nearest], course=np.interp(middle[1], middle[0], cable.course), closed=False,
+        length_px=kept[1] - kept[0], start_px=cable.start_px + kept[0],
         ends=(cable.ends[0] if kept[0] <= 0 else "hidden", cable.ends[1] if kept[1] >= cable.length_px else "hidden"),
     )  # fmt: skip
 
 
-def extended(found: Sequence[Run], own: dict[int, dict[int, Piece]], cables: Sequence[TrackedCable]) -> set[int]:
+def extended(
+    found: Sequence[Run], own: dict[int, dict[int, Piece]], cables: Sequence[TrackedCable]
+) -> tuple[set[int], set[tuple[int, int]]]:
     """Give runs without an owner that follow on a cable where it was not known to end or go on to it, in ``own``;
-    returns their numbers."""
+    returns their numbers, and beyond which ends (index of the cable, 0 or 1), known to be free, such runs follow."""
     taken: set[int] = set()
+    beyond: set[tuple[int, int]] = set()
     for k, (a, b) in enumerate(pairwise(found)):
         for number, other, at_stop in ((k, k + 1, True), (k + 1, k, False)):
             run, more = found[number], found[other]
@@ -92,16 +99,19 @@ def extended(found: Sequence[Run], own: dict[int, dict[int, Piece]], cables: Seq
                 continue
             side = _side(piece, run.cable, cables, at_stop)
             known = side.start if not side.last else cables[run.cable].length_px - side.stop
-            if not side.firm and known < _NEAR_WIDTHS * cables[run.cable].width_px:
-                own[run.cable][number] = _longer(piece, more, side)
-                taken.add(other)
-    return taken
+            if known < _NEAR_WIDTHS * cables[run.cable].width_px:
+                if side.firm:
+                    beyond.add((run.cable, int(side.last)))
+                else:
+                    own[run.cable][number] = _longer(piece, more, side)
+                    taken.add(other)
+    return taken, beyond
 
 
 def _joined(a: Run, b: Run) -> bool:
     """Whether the picture shows clearly that ``b`` follows on ``a``: both are alone soon before and after."""
     before, after = np.flatnonzero(a.trust >= 1), np.flatnonzero(b.trust >= 1)
-    if a.observed is not b.observed or a.cable == b.cable or not len(before) or not len(after):
+    if b.came_in or a.observed is not b.observed or a.cable == b.cable or not len(before) or not len(after):
         return False
     return bool(b.along[after[0]] - a.along[before[-1]] < TANGLED_WIDTHS * a.observed.width_px)
 
@@ -113,13 +123,15 @@ def _side(piece: Piece, i: int, cables: Sequence[TrackedCable], at_stop: bool) -
     at = float(np.clip(piece.position[-1 if last else 0], 0.0, cable.length_px))
     near = _NEAR_WIDTHS * cable.width_px
     beyond = cable.length_px - at if last else at
+    left = False
     if beyond < near:
+        left = cable.ends[1 if last else 0] == "border"
         firm = cable.ends[1 if last else 0] == "free" or cable.closed
     else:
         lengths = np.linspace(0.0, cable.length_px, NODES)
         around = (lengths >= at - (0.5 * near if last else near)) & (lengths <= at + (near if last else 0.5 * near))
         firm = bool((cable.firm[around] >= 1).all()) or cable.closed
-    return _Side(i, 0.0 if last else at, at if last else cable.length_px, last, firm)
+    return _Side(i, 0.0 if last else at, at if last else cable.length_px, last, firm, left)
 
 
 def _rest(side: _Side, cable: TrackedCable, others: Sequence[Piece]) -> Kept:

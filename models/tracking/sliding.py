@@ -56,15 +56,28 @@ def _factors(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArray)
         for direction in (normal, tangent) if piece.pinned else (normal,):
             rows.append(np.hstack([basis * direction[:, :1], basis * direction[:, 1:]]))
             values.append((away * direction).sum(1))
-    tangent = directions(expected)
-    rising = -_ORDER * np.sin(np.pi * _ORDER * _NODES_U[:, None])
-    stretch = _STRETCH * np.hstack([rising * tangent[:, :1], rising * tangent[:, 1:]])
-    rows.append(stretch)
+    rows.append(stretch(directions(expected)))
     values.append(np.zeros(NODES))
     matrix, known = np.concatenate(rows), np.concatenate(values)
-    usual = _SURPRISE * cable.width_px * (_UNKNOWN if cable.met < _KNOWN_AFTER else 1.0)
-    system = matrix.T @ matrix + np.diag(np.tile(_NOISE_PX**2 * _INDEPENDENT / usual**2, 2))
+    system = matrix.T @ matrix + np.diag(precision(cable))
     return np.asarray(np.linalg.solve(system, matrix.T @ known).reshape(2, MODES).T)
+
+
+def stretch(tangent: FloatArray) -> FloatArray:
+    """(NODES, 2 MODES) by what each factor stretches a cable of these tangents (NODES, 2)."""
+    rising = -_ORDER * np.sin(np.pi * _ORDER * _NODES_U[:, None])
+    return np.asarray(_STRETCH * np.hstack([rising * tangent[:, :1], rising * tangent[:, 1:]]))
+
+
+def precision(cable: TrackedCable) -> FloatArray:
+    """(2 MODES,) how firmly each factor is held to nothing, against the error of a sample."""
+    usual = _SURPRISE * cable.width_px * (_UNKNOWN if cable.met < _KNOWN_AFTER else 1.0)
+    return np.asarray(np.tile(_NOISE_PX**2 * _INDEPENDENT / usual**2, 2))
+
+
+def waves(u: FloatArray) -> FloatArray:
+    """(n, MODES) the cosines at the places ``u`` (n,), 0 to 1 of the length."""
+    return np.asarray(np.cos(np.pi * _ORDER * u[:, None]))
 
 
 def _at(piece: Piece, cable: TrackedCable, expected: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -74,4 +87,4 @@ def _at(piece: Piece, cable: TrackedCable, expected: FloatArray) -> tuple[FloatA
     tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
     away = piece.xy - np.stack([np.interp(u, _NODES_U, axis) for axis in expected.T], axis=1)
     most = _FARTHEST_WIDTHS * cable.width_px
-    return np.cos(np.pi * _ORDER * u[:, None]), tangent, np.clip(away, -most, most)
+    return waves(u), tangent, np.clip(away, -most, most)

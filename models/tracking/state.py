@@ -22,7 +22,7 @@ class Observation:
     ``mottled`` by how much it varies there;
     ``number`` is its id in the picture's scene; ``crossings`` where it crosses another strand, 0 to 1 of its
     length; ``bridged`` (n,) whether a point is on a gap that was bridged: there is no foreground; ``thick`` (n,)
-    whether the foreground is too wide there for one strand."""
+    whether the foreground is too wide there for one strand; ``leaves`` (n,) whether it is at the picture's border."""
 
     number: int
     xy: FloatArray
@@ -36,6 +36,7 @@ class Observation:
     crossings: tuple[float, ...] = ()
     bridged: BoolArray | None = None
     thick: BoolArray | None = None
+    leaves: BoolArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +44,13 @@ class TrackedCable:
     """``xy`` (NODES, 2) px where it is now, or is supposed to be; ``velocity`` (NODES, 2) px a frame; ``seen``
     (NODES,) whether a node is in view; ``firm`` (NODES,) 0 to 1, how surely the cable goes on there: it was
     seen alone, or in short tangles often;
-    ``spread`` (NODES,) px by which a node may be elsewhere; ``certainty``
+    ``spread`` (NODES,) px by which a node may be elsewhere; ``course`` (NODES - 1,) rad, its direction between the
+    nodes as it was seen over many frames; ``certainty``
     probability that this is the cable which first had the id; ``likely`` the same of the
     last frame alone: a doubt that goes on counts once; ``missed`` frames since it was last seen; ``met``
-    frames in which it was seen; ``number`` of the observation that most of it is on, 0 when it is not seen;
+    frames in which it was seen; ``doubted`` how many frames in a row showed its first and its last end elsewhere, less
+    those that confirmed it before;
+    ``number`` of the observation that most of it is on, 0 when it is not seen;
     ``start_px`` arc length of the first node from where the cable began when it was first met: below 0 once more of it
     came into view there, so that a place on the cable keeps its arc length."""
 
@@ -56,6 +60,7 @@ class TrackedCable:
     seen: BoolArray
     firm: FloatArray
     spread: FloatArray
+    course: FloatArray
     length_px: float
     width_px: float
     ends: tuple[EndpointKind, EndpointKind]
@@ -66,6 +71,7 @@ class TrackedCable:
     likely: float = 1.0
     missed: int = 0
     met: int = 1
+    doubted: tuple[int, int] = (0, 0)
     number: int = 0
     color: FloatArray | None = None
     start_px: float = 0.0

@@ -14,9 +14,11 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.polylines import resample
 from models.instances.scene import EndpointKind, Instance, Scene
 from models.tracking.assignment import Match, assign
+from models.tracking.course import course_of
 from models.tracking.crossings import Place, Places, carried_on
 from models.tracking.motion import DAMPING, expected_xy, moved, wider
-from models.tracking.ownership import Run
+from models.tracking.ownership import Run, sample
+from models.tracking.registration import registered
 from models.tracking.regrouping import cut
 from models.tracking.state import NODES, Observation, Track, TrackedCable
 
@@ -68,10 +70,12 @@ def follow(
     params = params or TrackParams()
     observations = observe(scene, image, mask)
     frames, step_s = _elapsed(track, time_s)
+    samples = sample(observations) if observations else None
     before = list(track.cables)
     for rounds in range(_REGROUPED, 0, -1):
-        expected = [expected_xy(cable, frames) for cable in before]
-        matches, left, changed = assign(before, expected, observations)
+        predicted = [expected_xy(cable, frames) for cable in before]
+        expected = [registered(cable, xy, samples) for cable, xy in zip(before, predicted, strict=True)]
+        matches, left, changed = assign(before, expected, observations, samples)
         if not changed or rounds == 1:
             break
         before = [
@@ -80,7 +84,9 @@ def follow(
             if (kept := changed.get(i, (0.0, 0.0))) is not None
         ]
     cables = [
-        _met(cable, expected[i], matches[i], frames) if i in matches else _missed(cable, expected[i], params)
+        _met(cable, predicted[i], expected[i], matches[i], frames)
+        if i in matches
+        else _missed(cable, expected[i], params)
         for i, cable in enumerate(before)
     ]
     cables = [cable for cable in cables if cable.missed <= min(params.keep_frames, _patience(cable))]
@@ -128,6 +134,7 @@ def observe(scene: Scene, image: ByteArray | None, mask: BoolArray | None) -> li
                 mottled=mottled,
                 crossings=tuple(crossings[number]),
                 bridged=None if mask is None else ~_looked_up(mask, item.centerline_xy),
+                leaves=_at_border(item, scene.labels.shape),
                 thick=None if depth is None else _looked_up(depth, item.centerline_xy) > _THICK * item.width_px,
             )
         )
@@ -151,6 +158,12 @@ def _ends(item: Instance, size: tuple[int, ...]) -> tuple[EndpointKind, Endpoint
     return kinds[0], kinds[1]
 
 
+def _at_border(item: Instance, size: tuple[int, ...]) -> BoolArray:
+    """(n,) which points are so near to the picture's border that the strand may go on outside."""
+    inside = np.minimum(item.centerline_xy, (size[1] - 1, size[0] - 1) - item.centerline_xy).min(1)
+    return np.asarray(inside < item.width_px)
+
+
 def _color(image: ByteArray, xy: FloatArray) -> tuple[FloatArray, float]:
     """Mean CIE Lab at ``xy`` (n, 2), and how far from it its pixels usually are."""
     lab = cv2.cvtColor(_looked_up(image, xy)[None], cv2.COLOR_RGB2LAB)[0]
@@ -166,9 +179,9 @@ def _looked_up(picture: T, xy: FloatArray) -> T:
     return np.asarray(picture[row.clip(0, picture.shape[0] - 1), column.clip(0, picture.shape[1] - 1)])
 
 
-def _met(cable: TrackedCable, expected: FloatArray, match: Match, frames: float) -> TrackedCable:
+def _met(cable: TrackedCable, predicted: FloatArray, on: FloatArray, match: Match, frames: float) -> TrackedCable:
     main = match.pieces[0].observed
-    after = moved(cable, expected, match.pieces, frames)
+    after = moved(cable, predicted, on, match.pieces, match.goes_on, frames)
     color = main.color
     if color is not None and cable.color is not None:
         color = _COLOR_INERTIA * cable.color + (1 - _COLOR_INERTIA) * color
@@ -208,6 +221,7 @@ def _new(number: int, run: Run) -> TrackedCable:
         seen=np.ones(NODES, bool),
         firm=np.interp(np.linspace(0, 1, NODES), np.linspace(0, 1, len(run.trust)), run.trust),
         spread=np.zeros(NODES),
+        course=course_of(resample(run.xy, NODES)),
         length_px=run.length_px,
         width_px=observed.width_px,
         ends=(observed.ends[0] if whole[0] else "hidden", observed.ends[1] if whole[1] else "hidden"),

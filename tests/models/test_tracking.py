@@ -205,7 +205,7 @@ def owners_of_ends(track: Track, a: np.ndarray, b: np.ndarray) -> list[int]:
 def test_strands_met_tangled_are_told_apart_once_they_separate() -> None:
     """The first pictures joined the wrong halves, and the ids stayed with them for ever."""
     track = Track()
-    for t in range(20):
+    for t in range(30):
         gap = 10.0 + 4 * max(t - 4, 0)
         a, b = lifted(200, -gap / 2), lifted(200, gap / 2)
         a[:, 1] -= 5
@@ -248,3 +248,50 @@ def test_a_place_keeps_its_arc_length_when_the_cable_grows_at_its_beginning() ->
     first, last = (tracks.cables[0] for tracks in (run(frames)[0], run(frames)[-1]))
     assert first.start_px == 0.0
     assert last.start_px == pytest.approx(first.length_px - last.length_px, abs=WIDTH)
+
+
+def test_a_cable_that_was_met_too_short_gets_the_end_that_pictures_go_on_to_show() -> None:
+    """What one picture gave as its free end was believed for ever: the rest of the cable belonged to nobody."""
+    line = wave(200)
+    short = instance(line[:140])
+    track = run([scene(short), *([scene(instance(line))] * 10)])[-1]
+    (cable,) = track.cables
+    assert (cable.id, cable.state) == (1, "seen")
+    assert cable.length_px == pytest.approx(float(arc_lengths(line)[-1]), rel=0.03)
+
+
+def test_a_cable_that_was_met_too_long_gets_the_end_that_pictures_go_on_to_show() -> None:
+    """A tail that was never there stayed out of view for ever, and took the pieces of other cables."""
+    line = wave(200)
+    tracks = run([scene(instance(line)), *([scene(instance(line[60:]))] * 10)])
+    assert tracks[3].cables[0].covered
+    (cable,) = tracks[-1].cables
+    assert (cable.covered, cable.state) == ([], "seen")
+    assert cable.start_px == pytest.approx(float(arc_lengths(line)[60]), abs=WIDTH)
+    assert np.abs(cable.xy[0] - line[60]).max() < WIDTH
+
+
+def test_an_end_that_was_covered_comes_back_with_its_arc_length() -> None:
+    line = wave(200)
+    under_arm = scene(instance(line[60:]))
+    track = run([*([scene(instance(line))] * 5), *([under_arm] * 30), *([scene(instance(line))] * 40)])[-1]
+    (cable,) = track.cables
+    assert (cable.id, cable.state) == (1, "seen")
+    assert cable.start_px == pytest.approx(0.0, abs=WIDTH)
+
+
+def test_the_course_tells_how_far_a_piece_without_ends_has_slid() -> None:
+    """Only motion across a curve shows: errors along it added up while a cable was pulled to and fro."""
+    x = np.linspace(-400, 1040, 1200)
+    bent = np.column_stack([x, 200 + 60 * np.sin(x / 60) * np.exp(-(((x - 320) / 150) ** 2))])
+    track, place = Track(), 600
+    for t in range(100):
+        now = bent + np.array([80 * np.sin(t / 20), 0.0])
+        inside = np.flatnonzero((now[:, 0] >= 0) & (now[:, 0] < 640))
+        track = follow(track, scene(instance(now[inside], ("border", "border"))))
+        if t == 0:
+            arc_length = float(arc_lengths(now[inside])[place - inside[0]])
+    (cable,) = track.cables
+    at = cable.start_px + cable.length_px * np.linspace(0, 1, NODES)
+    found = np.array([np.interp(arc_length, at, axis) for axis in cable.xy.T])
+    assert np.hypot(*(found - now[place])) < WIDTH

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from models.weights.inference import Runtime
 from workers.blobs import FolderBlobs
-from workers.stages import instances
+from workers.stages import instances, tracking
 from workers.stages.outcome import InvalidInput, Tools
 
 
@@ -51,6 +51,23 @@ def test_ids_stay_through_stateless_requests(tools):
     assert {cable.state for cable in result.cables} == {"seen"}
     assert all(cable.covered == [] and cable.certainty > 0.9 for cable in result.cables)
     assert {result.instances[cable.instance - 1].length_px for cable in result.cables}
+
+
+def test_the_state_of_a_track_travels_whole(tools):
+    track = look(tools, look(tools, TrackState(), 30, 90).track, 31, 89).track
+    assert tracking.encode(tracking.decode(track)) == track
+    assert track.cables[0].course == pytest.approx([np.pi] * (NODES - 1), abs=0.05)
+
+
+def test_a_state_of_an_earlier_version_has_no_course_yet(tools):
+    track = look(tools, TrackState(), 30, 90).track
+    older = track.model_dump(mode="json")
+    for cable in older["cables"]:
+        del cable["course"], cable["doubted"]
+    after = look(tools, TrackState.model_validate(older), 31, 90)
+    assert [cable.id for cable in after.cables] == [1, 2]
+    (first, _), (other, _) = after.track.cables, look(tools, track, 31, 90).track.cables
+    assert first.course == pytest.approx(other.course, abs=1e-3)
 
 
 def test_a_cable_that_is_away_is_lost_and_comes_back(tools):

@@ -17,6 +17,7 @@ from dlo_client.contracts import (
 from dlo_client.contracts.tracking import MOST_CABLES
 
 from models.tracking import state
+from models.tracking.course import course_of
 from models.tracking.track import TrackParams, follow
 from workers.stages.depth import SeenDepth, curve_fields
 from workers.stages.encoding import as_point, as_points
@@ -87,13 +88,15 @@ def _check_ids(previous: TrackState) -> None:
 
 
 def _nodes_in(cable: TrackNodes) -> state.TrackedCable:
+    xy = np.array(cable.xy, float)
     return state.TrackedCable(
         id=cable.id,
-        xy=np.array(cable.xy, float),
+        xy=xy,
         velocity=np.array(cable.velocity, float),
         seen=np.array(cable.seen, bool),
         firm=np.array(cable.firm, float),
         spread=np.array(cable.spread, float),
+        course=course_of(xy) if cable.course is None else np.array(cable.course, float),
         length_px=cable.length_px,
         width_px=cable.width_px,
         ends=cable.ends,
@@ -104,6 +107,7 @@ def _nodes_in(cable: TrackNodes) -> state.TrackedCable:
         score=cable.score,
         missed=cable.missed,
         met=cable.met,
+        doubted=cable.doubted,
         color=None if cable.color is None else np.array(cable.color),
         start_px=cable.start_px,
     )
@@ -117,6 +121,7 @@ def _nodes_out(cable: state.TrackedCable) -> TrackNodes:
         seen=cable.seen.tolist(),
         firm=np.round(cable.firm, 3).tolist(),
         spread=np.round(cable.spread, 2).tolist(),
+        course=np.round(cable.course, 4).tolist(),
         length_px=round(cable.length_px, 2),
         width_px=round(cable.width_px, 2),
         start_px=round(cable.start_px, 2),
@@ -128,6 +133,7 @@ def _nodes_out(cable: state.TrackedCable) -> TrackNodes:
         score=round(cable.score, 4),
         missed=cable.missed,
         met=cable.met,
+        doubted=cable.doubted,
         color=None if cable.color is None else as_color(cable.color),
     )
 

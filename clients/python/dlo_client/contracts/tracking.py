@@ -29,6 +29,7 @@ EndKind = Literal["free", "border", "hidden"]
 _Pixels = Annotated[float, Field(ge=0, le=1e6)]
 _Shift = Annotated[float, Field(ge=-1e5, le=1e5)]
 _PerNode = Field(min_length=NODES, max_length=NODES)
+_Frames = Annotated[int, Field(ge=-(10**9), le=10**9)]
 
 
 class TrackNodes(Taken):
@@ -40,6 +41,12 @@ class TrackNodes(Taken):
     seen: Annotated[list[bool], _PerNode] = Field(description="which nodes are in view")
     firm: Annotated[list[Probability], _PerNode] = Field(description="probability that the cable goes on at each node")
     spread: Annotated[list[_Pixels], _PerNode] = Field(description="pixels by which each node may be elsewhere")
+    course: list[Annotated[float, Field(ge=-1e3, le=1e3)]] | None = Field(
+        default=None,
+        min_length=NODES - 1,
+        max_length=NODES - 1,
+        description="direction from each node to the next as many frames showed it, radians; default: that of `xy`",
+    )
     length_px: float = Field(gt=0, le=1e7, description="from its first to its last node")
     width_px: float = Field(gt=0, le=1e5, description="running mean")
     start_px: float = Field(ge=-1e7, le=1e7, description="arc length of the first node, see TrackedCable")
@@ -51,6 +58,10 @@ class TrackNodes(Taken):
     score: Probability = Field(description="score of the instance that it was last seen as")
     missed: int = Field(ge=0, le=10**9, description="how many frames since it was last seen")
     met: int = Field(ge=0, le=10**9, description="how many frames showed it")
+    doubted: tuple[_Frames, _Frames] = Field(
+        default=(0, 0),
+        description="how many frames in a row showed its first and last end elsewhere, less those that confirmed it",
+    )
     color: tuple[float, float, float] | None = Field(default=None, description="running mean, in units of CIE Lab")
 
 
