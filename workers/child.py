@@ -42,7 +42,7 @@ def main(socket: int, parent: int) -> None:
 def _receive(connection: Connection) -> bytes | None:
     try:
         return connection.recv_bytes()
-    except EOFError:
+    except (EOFError, ConnectionResetError):  # the parent was killed
         return None
 
 

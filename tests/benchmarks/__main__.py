@@ -23,9 +23,12 @@ def commands(shared: Path) -> dict[str, list[str]]:
     return {
         "http": ["tests.benchmarks.bench_http"],
         "plant": ["tests.benchmarks.bench_plant"],
+        "throughput": ["tests.benchmarks.bench_throughput"],
+        "hosts": ["tests.rehearsal.hosts", "--rate", "100"],
         "bridge": ["tests.benchmarks.bench_bridge"],
         "load": ["tests.load.__main__"],
         "faults": ["tests.faults.__main__"],
+        "fuzz": ["tests.fuzz.__main__"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
         "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
         "adaptation": ["tests.benchmarks.bench_adaptation", str(shared)],

@@ -19,7 +19,15 @@ from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_adaptation import adaptation, reference
 from tests.benchmarks.report_methods import methods_section, tangles_section
 from tests.benchmarks.report_photographs import photographs
-from tests.benchmarks.report_plant import bridge_section, faults_section, load_section, plant_section
+from tests.benchmarks.report_plant import (
+    bridge_section,
+    faults_section,
+    fuzz_section,
+    hosts_section,
+    load_section,
+    plant_section,
+    throughput_section,
+)
 
 HEAD = """# Measured
 
@@ -136,9 +144,12 @@ def _instances(title: str, asked: str) -> Any:
 SECTIONS: dict[str, Any] = {
     "http": _http,
     "plant": plant_section,
+    "throughput": throughput_section,
+    "hosts": hosts_section,
     "bridge": bridge_section,
     "load": load_section,
     "faults": faults_section,
+    "fuzz": fuzz_section,
     "foreground": _foreground,
     "photographs": photographs,
     "adaptation": adaptation,

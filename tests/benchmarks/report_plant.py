@@ -27,6 +27,68 @@ def plant_section(data: dict[str, Any]) -> str:
     )
 
 
+def throughput_section(data: dict[str, Any]) -> str:
+    """Service against bare pipeline; memory of large requests."""
+    text = "## Service against the bare pipeline\n\n`python -m tests.benchmarks.bench_throughput`. "
+    if rates := data.get("throughput"):
+        rounds = ", ".join(str(pair) for pair in rates["rounds_percent"])
+        text += (
+            f"`instances` without files, {rates['jobs']} jobs each in alternating rounds (floor: 92 %; rounds: "
+            f"{rounds}).\n\n"
+            + table(
+                ["processes", "bare, jobs per s", "service, jobs per s", "%"],
+                [[rates["processes"], rates["bare_per_s"], rates["service_per_s"], rates["percent"]]],
+            )
+        )
+    if memory := data.get("memory"):
+        parts = [part for part in memory["cases"]["at rest"] if part != "answered"]
+        text += (
+            f"\nMost memory, MB, all processes of a part together; a child may take {memory['limit_mb']} MB:\n\n"
+            + table(
+                ["while", *parts, "answered"],
+                [
+                    [name, *(round(case[part]) for part in parts), case["answered"]]
+                    for name, case in memory["cases"].items()
+                ],
+            )
+        )
+    return text
+
+
+def hosts_section(data: dict[str, Any]) -> str:
+    """Several hosts, and what one cable less does."""
+    rows = [
+        [name.replace("_", " "), row["jobs"], row["bad"], row["taken up again"], row["s"], row.get("back after s", "")]
+        for name, row in data.items()
+        if name != "rate"
+    ]
+    text = (
+        "## Several hosts\n\n`python -m tests.rehearsal.hosts`: `deploy/three-hosts.yaml` on network namespaces with "
+        "folders of their own, an S3 server, two replicas of the service behind a plain proxy, two hosts with a worker "
+        "each.\n\n" + table(["what", "jobs", "lost, doubled or wrong", "taken up again", "s", "back after s"], rows)
+    )
+    if rate := data.get("rate"):
+        text += (
+            f"\n{rate['pictures']} pictures: {rate['one']} a second on one host, {rate['two']} on two, "
+            f"{rate['ratio']} times as many (floor: 1.7), everything else on the same two cores.\n"
+        )
+    return text
+
+
+def fuzz_section(data: dict[str, Any]) -> str:
+    """What became of generated and damaged requests."""
+    rows = [
+        [name, sum(ended.values()), ended.get("broken", 0),
+         ", ".join(f"{what} {count}" for what, count in sorted(ended.items(), key=lambda one: -one[1])[:6])]
+        for name, ended in data["parts"].items()
+    ]  # fmt: skip
+    return (
+        f"## Odd requests\n\n`python -m tests.fuzz`, seeds {data['seeds']}. Broken: a 5xx, an internal error, NaN, an "
+        "answer that its contract does not allow, or a worker that dies. Floor: 0.\n\n"
+        + table(["part", "requests", "broken", "most often"], rows)
+    )
+
+
 def bridge_section(data: dict[str, Any]) -> str:
     """A recipe by a controller beside the same over REST."""
     row = [data[name] for name in ("rounds", "rest_ms", "tcp_ms", "added_ms", "error_ms")]

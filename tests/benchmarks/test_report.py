@@ -18,3 +18,27 @@ def test_what_was_not_measured_again_keeps_its_section(tmp_path: Path) -> None:
     (tmp_path / "http.json").unlink()
     write_report(tmp_path, target)
     assert target.read_text() == before
+
+
+def test_what_a_plant_asks_for_is_reported_with_its_figures(tmp_path: Path) -> None:
+    found = {
+        "throughput": {
+            "throughput": {"jobs": 240, "processes": 2, "bare_per_s": 20.0, "service_per_s": 19.2, "percent": 96.1,
+                           "rounds_percent": [95.0, 96.1]},
+            "memory": {"limit_mb": 1000, "cases": {"at rest": {"api": 120.4, "worker 0": 400.2, "answered": ""}}},
+        },
+        "hosts": {
+            "spread": {"jobs": 12, "bad": 0, "taken up again": 0, "s": 9.5},
+            "rate": {"pictures": 100, "one": 8.0, "two": 15.0, "ratio": 1.88, "bad": 0},
+        },
+        "fuzz": {"parts": {"pictures": {"refused 422": 90, "succeeded": 10}}, "seeds": [1, 2]},
+    }  # fmt: skip
+    for name, data in found.items():
+        (tmp_path / f"{name}.json").write_text(json.dumps(data))
+    write_report(tmp_path, tmp_path / "RESULTS.md")
+    report = (tmp_path / "RESULTS.md").read_text()
+    for part in (
+        "| 2 | 20.0 | 19.2 | 96.1 |", "| at rest | 120 | 400 |  |", "| spread | 12 | 0 |", "1.88 times as many",
+        "| pictures | 100 | 0 | refused 422 90, succeeded 10 |",
+    ):  # fmt: skip
+        assert part in report

@@ -6,7 +6,8 @@
 * ``schema``: what schemathesis makes of the OpenAPI document for the two POST routes.
 
 Never a 5xx, an internal error, NaN, or an answer that its contract does not allow. What breaks is written to
-``tests/fuzz/seeds``, which the tests try again from then on. Exits with 1 if anything broke.
+``tests/fuzz/seeds``, which the tests try again from then on. Counts are in ``build/bench/fuzz.json``; a long run may
+come in pieces, ``--add`` with another ``--seed`` each. Exits with 1 if anything broke.
 """
 
 from __future__ import annotations
@@ -131,11 +132,23 @@ def kept() -> list[Path]:
     return [file for file in sorted(SEEDS.iterdir()) if file.suffix in (".json", ".picture")]
 
 
+def note(out: Path, part: str, start: int, ended: Counter[str], *, add: bool) -> None:
+    """Write what came of a part into the report; with ``add`` to what other seeds gave."""
+    known = json.loads(out.read_text()) if out.exists() else {"parts": {}, "seeds": []}
+    before = Counter(known["parts"].get(part, {})) if add else Counter()
+    known["parts"][part] = before + ended
+    known["seeds"] = sorted({*known["seeds"], start}) if add else [start]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(known, indent=1))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000, help="of all parts together")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="names of parts, separated by commas")
+    parser.add_argument("--add", action="store_true", help="to the counts of the report instead of replacing them")
+    parser.add_argument("--out", type=Path, default=Path("build/bench/fuzz.json"))
     parser.add_argument("--keep", type=Path, default=SEEDS)
     asked = parser.parse_args()
     structlog.configure(logger_factory=structlog.ReturnLoggerFactory())
@@ -147,6 +160,7 @@ def main() -> None:
             PARTS[name](run, asked.count // len(names), asked.seed)
             print(name, sum(run.ended.values()), dict(run.ended.most_common()), flush=True)
             broken += run.ended["broken"]
+            note(asked.out, name, asked.seed, run.ended, add=asked.add)
     raise SystemExit(1 if broken else 0)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import random
+from collections import Counter
 
 import pytest
 
-from tests.fuzz.__main__ import PARTS, Run, kept
+from tests.fuzz.__main__ import PARTS, Run, kept, note
 from tests.fuzz.bench import whole
 from tests.fuzz.mutations import damaged_bytes
 
@@ -47,3 +49,12 @@ def test_what_breaks_is_kept(there, tmp_path):
 def test_the_same_numbers_give_the_same_damage():
     first, second = (damaged_bytes(bytes(range(256)), random.Random(3), b"other") for _ in range(2))
     assert first == second != bytes(range(256))
+
+
+def test_counts_of_several_seeds_add_up(tmp_path):
+    out = tmp_path / "fuzz.json"
+    for start in (3, 1, 3):
+        note(out, "pictures", start, Counter({"succeeded": 5, "broken": 1}), add=True)
+    assert json.loads(out.read_text()) == {"parts": {"pictures": {"succeeded": 15, "broken": 3}}, "seeds": [1, 3]}
+    note(out, "pictures", 9, Counter(succeeded=2), add=False)
+    assert json.loads(out.read_text()) == {"parts": {"pictures": {"succeeded": 2}}, "seeds": [9]}

@@ -186,6 +186,18 @@ def test_interactive_jobs_overtake_batch_jobs(job_queue, start_worker):
     assert started == sorted(started)
 
 
+def test_a_robot_waits_for_one_job_of_a_batch_at_most(job_queue, start_worker):
+    """Whatever share batch jobs have of a worker: those that wait do not go before an interactive one."""
+    batch = [submit(job_queue, priority="batch", hold_s=0.3) for _ in range(30)]
+    start_worker()
+    wait_for(job_queue, batch[1], JobState.RUNNING, JobState.SUCCEEDED)
+    for _ in range(3):
+        robot = succeeds(job_queue, submit(job_queue))
+        begun = [job.started_at for job_id in batch if (job := job_queue.get(job_id)).started_at]
+        assert len(begun) < len(batch), "the batch is not over"
+        assert sum(robot.created_at <= start <= robot.started_at for start in begun) <= 1
+
+
 def test_forged_queue_entries_do_not_run_and_the_worker_lives(job_queue, settings, start_worker, tmp_path):
     """JSON alone is not enough: an entry may name any function of any module."""
     trap = tmp_path / "trap"

@@ -1,27 +1,57 @@
-"""Blobs in a bucket do what blobs in a folder do, against a real S3 server."""
+"""Blobs in a bucket do what blobs in a folder do, against real S3 servers of two makes."""
 
 from __future__ import annotations
 
+import socket
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from tests.processes import wait_until
 from workers.blobs import BlobMissing, Blobs, BlobsUnreachableError, FolderBlobs, bucket, open_blobs
+from workers.embedded import free_port
 from workers.settings import Settings
 
 LIFETIME_S = 10_000.0
 
 
-@pytest.fixture(params=["folder", "bucket"])
-def blobs(request, tmp_path) -> Iterator[Blobs]:
+@pytest.fixture(scope="module")
+def rclone(tmp_path_factory) -> Iterator[str]:
+    """Address of an S3 server of another make, with a bucket ``pictures``."""
+    folder, port = tmp_path_factory.mktemp("objects"), free_port()
+    (folder / "pictures").mkdir()
+    program = Path(sys.executable).with_name("rclone")
+    command = [program, "serve", "s3", folder, "--addr", f"127.0.0.1:{port}", "--auth-key", "test,test"]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as server:
+        wait_until(lambda: _listens(port))
+        yield f"http://127.0.0.1:{port}"
+        server.kill()
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+@pytest.fixture(params=["folder", "bucket", "rclone"])
+def blobs(request, tmp_path, monkeypatch) -> Iterator[Blobs]:
     if request.param == "folder":
         yield FolderBlobs(tmp_path, LIFETIME_S)
-    else:
+        return
+    folder = "plant"
+    if request.param == "bucket":
         request.getfixturevalue("s3")
-        yield open_blobs(Settings(blobs_url="s3://pictures/plant", blob_ttl_s=LIFETIME_S))
+    else:
+        folder = tmp_path.name  # empty for each test
+        names = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_DEFAULT_REGION": "us-east-1"}
+        for name, value in (names | {"AWS_ENDPOINT_URL_S3": request.getfixturevalue("rclone")}).items():
+            monkeypatch.setenv(name, value)
+    yield open_blobs(Settings(blobs_url=f"s3://pictures/{folder}", blob_ttl_s=LIFETIME_S))
 
 
 def test_what_was_put_comes_back_once_stored(blobs):
