@@ -7,6 +7,7 @@ import { straightened, weighed } from "./strip.js";
 
 const USUAL_PX = 10; // a cable's width where nothing is known of it
 const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
+const COARSER = 1.7; // times these steps in all rounds but the last, which only teach the colors
 const FINE_LENGTH_PX = 700; // longer ones have no more cuts, further apart
 const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
 export const WEIGHTS = Object.freeze({
@@ -47,9 +48,10 @@ export function outline(view, path, width, pulls = [], o = WEIGHTS) {
   let line = soft(resample(leaving(path, width, view), apart), 4);
   let half = line.map(() => width / 2);
   for (let round = 0; ; round += 1) {
-    const strip = straightened(view, line, 2.2 * Math.max(...half) + 8 * unit, unit / 2);
+    const step = unit > 1 && round < ROUNDS - 1 ? COARSER * unit : unit;
+    const strip = straightened(view, line, 2.2 * Math.max(...half) + 8 * step, step / 2);
     const pins = pulls.map((one) => placed(one, line, strip.normals)).filter((pin) => pin.away < strip.r * strip.fine);
-    const edges = found(strip, half, pins, round, unit, o);
+    const edges = found(strip, half, pins, round, step, o);
     half = edges.low.map((low, i) => (edges.high[i] - low) / 2);
     line = line.map((point, i) => along(point, strip.normals[i], (edges.low[i] + edges.high[i]) / 2));
     if (round === ROUNDS - 1) {
