@@ -23,8 +23,9 @@ class Config:
     """How a network is trained. A family adds its own settings.
 
     ``epochs`` or, where they are above 0, ``minutes`` of processor time, summed over all starts, end the training.
-    ``rate``: the learning rate at its highest, reached after the share ``warm_up`` of the training; ``clip``: largest
-    norm of the gradient, 0 for any; ``keep``: how much of the running mean of the weights a step leaves, 0 for no mean.
+    ``rate``: the learning rate at its highest, reached after the share ``warm_up`` of the training and held for the
+    share ``hold``; ``clip``: largest norm of the gradient, 0 for any; ``keep``: how much of the running mean of the
+    weights a step leaves, 0 for no mean.
     Raises ValueError for settings under which a training would never end or never begin.
     """
 
@@ -34,6 +35,7 @@ class Config:
     batch: int = 64
     rate: float = 2e-3
     warm_up: float = 0.0
+    hold: float = 0.0
     weight_decay: float = 0.01
     clip: float = 0.0
     keep: float = 0.0
@@ -48,16 +50,17 @@ class Config:
             raise ValueError(f"batch is {self.batch}; a step needs at least one sample")
         if self.rate <= 0:
             raise ValueError(f"rate is {self.rate}; with it no weight changes")
-        if not (0 <= self.warm_up < 1 and 0 <= self.keep < 1):
-            raise ValueError("warm_up and keep are shares, at least 0 and less than 1")
+        if not (0 <= self.warm_up < 1 and 0 <= self.keep < 1 and 0 <= self.hold < 1 - self.warm_up):
+            raise ValueError("warm_up, hold and keep are shares, at least 0 and less than 1, the first two together")
 
 
-def rate_at(share: float, warm_up: float) -> float:
+def rate_at(share: float, warm_up: float, hold: float = 0.0) -> float:
     """Share of the highest learning rate when ``share`` of a training is done: a straight rise from 5 % over the
-    first ``warm_up``, then half a cosine down to 1 %."""
+    first ``warm_up``, all of it for ``hold``, then half a cosine down to 1 %."""
     if share < warm_up:
         return 0.05 + 0.95 * share / warm_up
-    fallen = min((share - warm_up) / (1 - warm_up), 1.0)
+    flat = warm_up + hold
+    fallen = min(max(share - flat, 0.0) / (1 - flat), 1.0)
     return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * fallen))
 
 
@@ -82,7 +85,7 @@ class Course:
 
     def step(self, loss: Tensor, of_epoch: float = 0.0) -> float:
         """One step down the gradient of a loss; returns the loss as a number."""
-        rate = self.config.rate * rate_at(self.share(of_epoch), self.config.warm_up)
+        rate = self.config.rate * rate_at(self.share(of_epoch), self.config.warm_up, self.config.hold)
         for group in self.optimizer.param_groups:
             group["lr"] = rate * group.get("scale", 1.0)
         self.optimizer.zero_grad()
@@ -99,20 +102,20 @@ class Course:
         """The network to use, in evaluation mode: the running mean where there is one."""
         return self.average.eval()
 
-    def save(self, file: Path) -> None:
-        """Write the state; the file is never half written."""
+    def save(self, file: Path, **more: Any) -> None:
+        """Write the state, and what else belongs beside it; the file is never half written."""
         file.parent.mkdir(parents=True, exist_ok=True)
         progress = {"epochs": self.epochs, "steps": self.steps, "seconds": self.seconds}
         states = {name: getattr(self, name).state_dict() for name in ("network", "average", "optimizer")}
         partial = file.with_suffix(".part")
-        torch.save({"config": asdict(self.config), "progress": progress, **states}, partial)
+        torch.save({"config": asdict(self.config), "progress": progress, **states, **more}, partial)
         partial.replace(file)
 
     def restore(self, file: Path) -> None:
         """Go on from ``file`` where there is one. Raises ValueError when it was begun with other settings."""
         if not file.exists():
             return
-        state = torch.load(file, weights_only=True)
+        state = torch.load(file, map_location="cpu", weights_only=True)
         for name, value in asdict(self.config).items():
             if name not in _MAY_CHANGE and state["config"].get(name) != value:
                 begun = state["config"].get(name)

@@ -12,7 +12,7 @@ import torch
 
 from models.segmentation.segment import ForegroundInput
 from models.training.foreground.adaptation.choice import Exam, Scores, best, dice, refusal
-from models.training.foreground.adaptation.course import Course, CourseParams, rate_share
+from models.training.foreground.adaptation.course import CourseParams, begun, step
 from models.training.foreground.adaptation.sources import Batches, general_set, read_own, rehearsal
 from models.training.foreground.initial import refold, unfold
 from models.training.foreground.networks import build
@@ -143,21 +143,16 @@ def test_an_exam_measures_every_picture(folder: Path) -> None:
 def test_a_course_goes_on_from_its_checkpoint_and_leaves_the_first_stages_alone(folder: Path, tmp_path: Path) -> None:
     params = CourseParams(batch=2, height=64, width=96, minutes=0.5)
     batches = Batches(read_own(folder, 0.2), rehearsal((64, 96), 2), 0.5, FED, np.random.default_rng(0))
-    course = Course("compact", PARENT, params)
+    course = begun("compact", PARENT, params)
     first = {k: v.clone() for k, v in course.network.state_dict().items()}
-    course.step(batches)
-    course.step(batches)
+    step(course, batches)
+    step(course, batches)
     course.save(tmp_path / "c.pt")
     after = course.network.state_dict()
     assert torch.equal(after["features.1.conv.0.weight"], first["features.1.conv.0.weight"])
     assert not torch.equal(after["features.9.conv.0.weight"], first["features.9.conv.0.weight"])
     assert torch.equal(after["features.9.conv.1.running_mean"], first["features.9.conv.1.running_mean"])
-    again = Course("compact", PARENT, params)
-    again.resume(tmp_path / "c.pt")
+    again = begun("compact", PARENT, params)
+    again.restore(tmp_path / "c.pt")
     assert (again.steps, again.seconds) == (2, course.seconds)
     assert torch.equal(again.average.state_dict()["head.0.weight"], course.average.state_dict()["head.0.weight"])
-
-
-def test_the_rate_warms_up_holds_and_falls() -> None:
-    rates = [rate_share(s) for s in (0.0, 0.03, 0.05, 0.4, 0.75, 1.0)]
-    assert rates[0] < rates[1] < rates[2] == rates[3] == 1.0 > rates[4] > rates[5] > 0

@@ -13,7 +13,8 @@ import torch
 from models.synthesis.scenes import SceneParams, render_scene
 from models.synthesis.textures import TexturePool
 from models.training.foreground.augmentation import UNKNOWN, Cut, cut_out, recolored
-from models.training.foreground.campaign import main, masked_loss, rate_share
+from models.training.foreground.campaign import CampaignParams, main
+from models.training.foreground.learning import foreground_loss
 from models.training.foreground.real_pictures import kept_aside, load_labelled
 
 
@@ -101,15 +102,29 @@ def test_unknown_pixels_have_no_weight() -> None:
     doubtful[:, 6:] = UNKNOWN
     wrong = logits.clone()
     wrong[:, :, 6:] = 9.0
-    assert masked_loss(wrong, doubtful) == pytest.approx(float(masked_loss(logits, labels)), abs=0.01)
-    assert masked_loss(wrong, labels) > 1.0
+    assert foreground_loss(wrong, doubtful) == pytest.approx(float(foreground_loss(logits, labels)), abs=0.01)
+    assert foreground_loss(wrong, labels) > 1.0
 
 
-def test_the_rate_warms_up_holds_and_falls() -> None:
-    assert rate_share(0, 0.0) < 0.01
-    assert rate_share(1000, 0.3) == 1.0
-    assert rate_share(1000, 0.9) == pytest.approx(0.1 / 0.35)
-    assert rate_share(1000, 1.0) == 0.01
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [({"slots": 3}, "slots is 3"), ({"slots": 9, "renderers": 4}, "it takes 10"), ({"batch": 0}, "batch"),
+     ({"minutes": 0.0}, "minutes"), ({"labelled": -1.0}, "labelled")],
+)  # fmt: skip
+def test_a_training_that_would_wait_for_ever_is_refused(settings: dict[str, float], named: str) -> None:
+    """With too few slots the first step never came: a renderer rests when the slots are full."""
+    with pytest.raises(ValueError, match=named):
+        CampaignParams(**settings)  # type: ignore[arg-type]
+
+
+def test_renders_alone_train_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    command = ["campaign", str(tmp_path), "--height", "64", "--width", "96", "--batch", "2", "--slots", "8",
+               "--validate", "12", "--minutes", "0.02", "--slim", "4"]  # fmt: skip
+    monkeypatch.setattr("sys.argv", command)
+    main()
+    state = torch.load(tmp_path / "last.pt", weights_only=True)
+    assert state["progress"]["steps"] > 0
+    assert (state["params"]["network"], state["params"]["slim"]) == ("compact", 4)
 
 
 def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,7 +146,7 @@ def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.Mon
     assert lines[1]["step"] > lines[0]["step"] > 0
     assert lines[1]["pictures"] == 2 * lines[1]["step"]
     state = torch.load(tmp_path / "out" / "last.pt", weights_only=True)
-    assert state["params"]["network"] == "dense"
+    assert state["params"]["network"] == "compact"
     assert 0 <= state["metrics"]["dice"] <= 1
 
 

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from models.training import export as exporting
 from models.training.export import export
 from models.training.foreground.export import SIZES, dynamic_sides
+from models.training.foreground.learning import Learning
 from models.training.foreground.network_convnext import ConvNeXt
 from models.training.foreground.network_deeplab import DeepLab, Encoder
 from models.training.foreground.network_resnet import ResNet
@@ -21,7 +22,7 @@ from models.training.foreground.network_swin import (
     to_windows,
 )
 from models.training.foreground.networks import NETWORKS, build
-from models.training.foreground.train import Training, TrainParams
+from models.training.state import Config
 from models.weights.inference import Card, manifest
 
 pytestmark = pytest.mark.slow
@@ -169,29 +170,18 @@ def test_exported_equals_torch_at_every_size(kind, tmp_path, monkeypatch):
 
 
 def test_training_by_name_gives_the_encoder_its_own_rate_and_resumes(tmp_path):
-    params = TrainParams(network="deeplab_convnext_t", slim=8, minutes=1.0)
-    training = Training(params, tmp_path, torch.device("cpu"))
-    encoder, decoder = training.optimizer.param_groups
-    assert sum(p.numel() for p in encoder["params"]) == sum(p.numel() for p in training.network.features.parameters())
-    assert encoder["scale"] < decoder["scale"]
+    learning = Learning("deeplab_convnext_t", 8, Config(minutes=1.0), encoder_rate=0.4)
+    encoder, decoder = learning.course.optimizer.param_groups
+    assert sum(p.numel() for p in encoder["params"]) == sum(p.numel() for p in learning.network.features.parameters())
     image = torch.zeros(2, 3, 32, 32, dtype=torch.uint8)
     image[:, 0, 10:20] = 255
-    training.network.train()
-    training.step(image, (image[:, 0] > 0).byte())
-    training.save("last")
+    learning.network.train()
+    learning.step(image, image[:, 0])
+    assert encoder["lr"] == pytest.approx(0.4 * decoder["lr"])
+    learning.save(tmp_path / "last.pt", {})
 
-    resumed = Training(params, tmp_path, torch.device("cpu"))
-    resumed.start(None)
-    assert torch.equal(resumed.network.head.weight, training.network.head.weight)
+    resumed = Learning("deeplab_convnext_t", 8, Config(minutes=1.0), encoder_rate=0.4)
+    resumed.resume(tmp_path / "last.pt")
+    assert torch.equal(resumed.network.head.weight, learning.network.head.weight)
     with pytest.raises(ValueError, match="deeplab_convnext_t --slim 8"):
-        Training(TrainParams(), tmp_path, torch.device("cpu")).start(None)
-
-
-def test_a_checkpoint_without_a_name_is_compact(tmp_path):
-    """Checkpoints from before there was a choice hold neither ``network`` nor ``slim``."""
-    training = Training(TrainParams(), tmp_path, torch.device("cpu"))
-    training.save("last")
-    state = torch.load(tmp_path / "last.pt", weights_only=True)
-    del state["params"]["network"], state["params"]["slim"]
-    torch.save(state, tmp_path / "last.pt")
-    Training(TrainParams(), tmp_path, torch.device("cpu")).start(None)
+        Learning("compact", 1, Config(minutes=1.0)).resume(tmp_path / "last.pt")

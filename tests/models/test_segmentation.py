@@ -17,8 +17,10 @@ from models.training import export
 from models.training.foreground.export import main as export_command
 from models.training.foreground.initial import unfold
 from models.training.foreground.int8 import compare, quantize
-from models.training.foreground.network_compact import CompactNetwork, foreground_loss
-from models.training.foreground.train import Training, TrainParams, learning_rate, validate
+from models.training.foreground.learning import Learning, foreground_loss
+from models.training.foreground.network_compact import CompactNetwork
+from models.training.foreground.validation import validate
+from models.training.state import Config
 from models.weights.inference import WEIGHTS, load, manifest
 
 SETTINGS = ForegroundInput(64, 32, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.5, 0.8, 4.0)
@@ -116,59 +118,37 @@ def test_batched_equals_one_by_one():
 
 
 def test_loss_prefers_the_truth():
-    target = torch.zeros(2, 1, 8, 8)
-    target[0, 0, 2:4] = 1
-    right, wrong = (target * 2 - 1) * 9, (1 - target * 2) * 9
-    assert float(foreground_loss(right, target)) < 0.01
-    assert float(foreground_loss(wrong, target)) > 5
-
-
-def test_learning_rate_warms_up_then_falls():
-    rates = [learning_rate(s, 1.0) for s in (0.0, 0.03, 0.5, 1.0)]
-    assert rates[0] == pytest.approx(0.05)
-    assert rates[1] == pytest.approx(1.0)
-    assert rates[1] > rates[2] > rates[3]
-    assert rates[3] == pytest.approx(0.01)
+    labels = torch.zeros(2, 8, 8, dtype=torch.uint8)
+    labels[0, 2:4] = 255
+    right = torch.where(labels == 255, 9.0, -9.0).unsqueeze(1)
+    assert float(foreground_loss(right, labels)) < 0.01
+    assert float(foreground_loss(-right, labels)) > 5
 
 
 def test_training_learns_and_resumes_where_it_was(tmp_path):
-    params = TrainParams(minutes=1.0, batch=2)
-    training = Training(params, tmp_path, torch.device("cpu"))
+    config = Config(minutes=1.0, batch=2, keep=0.99)
+    learning = Learning("compact", 1, config)
     image = torch.zeros(2, 3, 32, 32, dtype=torch.uint8)
     image[:, 0, 10:20] = 255
-    mask = (image[:, 0] > 0).byte()
-    training.network.train()
-    losses = [training.step(image, mask) for _ in range(12)]
+    learning.network.train()
+    losses = [learning.step(image, image[:, 0]) for _ in range(12)]
     assert losses[-1] < losses[0]
-    training.progress.seconds = 30.0
-    training.save("last")
+    learning.course.seconds = 30.0
+    learning.save(tmp_path / "last.pt", {})
 
-    resumed = Training(params, tmp_path, torch.device("cpu"))
-    resumed.start(None)
-    assert resumed.progress == training.progress
-    for a, b in zip(training.average.parameters(), resumed.average.parameters(), strict=True):
+    resumed = Learning("compact", 1, config)
+    assert resumed.resume(tmp_path / "last.pt")
+    assert (resumed.course.steps, resumed.course.seconds) == (12, 30.0)
+    for a, b in zip(learning.average.parameters(), resumed.average.parameters(), strict=True):
         assert torch.equal(a, b)
-    assert resumed.optimizer.state_dict()["state"].keys() == training.optimizer.state_dict()["state"].keys()
-
-
-@pytest.mark.parametrize(
-    ("settings", "named"),
-    [({"slots": 160, "batch": 8}, "slots is 160"), ({"slots": 161, "batch": 8, "renderers": 2}, "at least 162"),
-     ({"batch": 0}, "batch"), ({"minutes": 0.0}, "minutes")],
-)  # fmt: skip
-def test_a_training_that_would_wait_for_ever_is_refused(settings, named):
-    """With 20 batches of slots or fewer the first step never came: a renderer rests when the slots are full."""
-    with pytest.raises(ValueError, match=named):
-        TrainParams(**settings)
-    assert TrainParams(slots=161, batch=8).slots == 161
+    assert not resumed.resume(tmp_path / "none.pt")
 
 
 @pytest.mark.parametrize("metrics", [{}, {"dice": 0.0, "false": 0.0}])
 def test_a_network_that_finds_nothing_is_not_exported(metrics, tmp_path, capsys, monkeypatch):
     """One with Dice 0.0 took the place of the shipped one without a word."""
     monkeypatch.setattr(export, "WEIGHTS", tmp_path / "weights")
-    training = Training(TrainParams(), tmp_path, torch.device("cpu"))
-    training.save("last", metrics)
+    Learning("compact", 1, Config()).save(tmp_path / "last.pt", {}, metrics=metrics)
     with pytest.raises(SystemExit):
         export_command([str(tmp_path / "last.pt")])
     assert "foreground_compact is not exported: rendered_dice is" in capsys.readouterr().err
@@ -176,11 +156,11 @@ def test_a_network_that_finds_nothing_is_not_exported(metrics, tmp_path, capsys,
 
 
 def test_validation_reports_and_draws(tmp_path):
-    training = Training(TrainParams(), tmp_path, torch.device("cpu"))
-    metrics = validate(training, TexturePool(()), SceneParams(size=(32, 64), empty_share=0.4), count=12)
+    scenes = SceneParams(size=(32, 64), empty_share=0.4)
+    metrics = validate(CompactNetwork().eval(), tmp_path / "sheet.png", TexturePool(()), scenes, count=12)
     assert set(metrics) == {"dice", "false"}
     assert 0 <= metrics["dice"] <= 1
-    assert (tmp_path / "validation.png").exists()
+    assert (tmp_path / "sheet.png").exists()
 
 
 def test_an_exported_network_can_be_trained_further():

@@ -143,7 +143,8 @@ def test_a_state_of_other_settings_is_refused_by_their_name(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "named"),
     [({"epochs": 0}, "epochs"), ({"minutes": -1.0}, "epochs"), ({"batch": 0}, "batch"), ({"rate": 0.0}, "rate"),
-     ({"rate": float("nan")}, "rate"), ({"warm_up": 1.0}, "warm_up"), ({"keep": 1.0}, "keep")],
+     ({"rate": float("nan")}, "rate"), ({"warm_up": 1.0}, "warm_up"), ({"keep": 1.0}, "keep"),
+     ({"warm_up": 0.5, "hold": 0.5}, "hold")],
 )  # fmt: skip
 def test_settings_under_which_a_training_never_ends_or_begins_are_refused(settings, named):
     with pytest.raises(ValueError, match=named):
@@ -159,6 +160,8 @@ def test_the_learning_rate_rises_then_falls():
     rates = [rate_at(share, 0.1) for share in (0.0, 0.05, 0.1, 0.5, 1.0)]
     assert rates == pytest.approx([0.05, 0.525, 1.0, 0.01 + 0.495 * (1 + np.cos(np.pi * 4 / 9)), 0.01])
     assert rate_at(0.0, 0.0) == 1.0
+    held = [rate_at(share, 0.1, 0.5) for share in (0.05, 0.1, 0.59, 0.8, 1.0)]
+    assert held == pytest.approx([0.525, 1.0, 1.0, 0.505, 0.01])
 
 
 def test_the_running_mean_follows_the_weights_slowly():

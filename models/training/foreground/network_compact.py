@@ -102,14 +102,3 @@ class CompactNetwork(nn.Module):
         taken = {k: v for k, v in weights.items() if k in own and own[k].shape == v.shape}
         self.load_state_dict(taken, strict=False)
         return len(taken)
-
-
-def foreground_loss(logits: Tensor, target: Tensor) -> Tensor:
-    """Binary cross entropy + soft Dice per picture; ``target`` (B, 1, H, W) 0 or 1. An empty picture has no
-    Dice term: there the cross entropy alone pushes everything down."""
-    bce = F.binary_cross_entropy_with_logits(logits, target)
-    p = torch.sigmoid(logits)
-    both, total = (p * target).sum((1, 2, 3)), (p + target).sum((1, 2, 3))
-    filled = (target.sum((1, 2, 3)) > 0).float()
-    dice = (1 - (2 * both + 1) / (total + 1)) * filled
-    return bce + dice.sum() / filled.sum().clamp(min=1)

@@ -14,10 +14,10 @@ import torch
 from torch import nn
 
 from models.training.foreground.adaptation.sources import Batches
-from models.training.foreground.campaign import descend
 from models.training.foreground.initial import unfold
+from models.training.foreground.learning import loss_of
 from models.training.foreground.networks import build
-from models.training.state import take_mean
+from models.training.state import Config, Course
 
 _KEPT_STAGES = {"compact": 4, "dense": 2, "dense_large": 2}
 """Stages of the encoder, from the picture on to a quarter of its size, that stay as they are."""
@@ -40,60 +40,29 @@ class CourseParams:
     general: int = 32
     seed: int = 1
 
-
-class Course:
-    """Network, its running mean, optimizer, and how far they have come."""
-
-    def __init__(self, name: str, parent: Path, params: CourseParams) -> None:
-        """``name`` of the architecture of the exported network ``parent``."""
-        torch.manual_seed(params.seed)
-        self.params = params
-        self.network = build(name).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        unfold(parent, self.network)
-        self.average = build(name).eval()
-        self.average.load_state_dict(self.network.state_dict())
-        self.network.eval()
-        _keep(self.network, _KEPT_STAGES.get(name, 0))
-        learning = [p for p in self.network.parameters() if p.requires_grad]
-        self.optimizer = torch.optim.AdamW(learning, lr=params.rate, weight_decay=0.0)
-        self.steps, self.seconds = 0, 0.0
-
-    @property
-    def share(self) -> float:
-        """Of the time that is over."""
-        return min(self.seconds / (60 * self.params.minutes), 1.0)
-
-    def step(self, batches: Batches) -> float:
-        """One batch; returns its loss."""
-        started = time.monotonic()
-        images, labels = batches.draw(self.params.batch)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.params.rate * rate_share(self.share)
-        loss = descend(self.network, self.optimizer, images, labels)
-        self.steps += 1
-        take_mean(self.average, self.network, min(self.params.decay, (1 + self.steps) / (10 + self.steps)))
-        self.seconds += time.monotonic() - started
-        return loss
-
-    def save(self, file: Path) -> None:
-        """The file is never half written."""
-        states = {name: getattr(self, name).state_dict() for name in ("network", "average", "optimizer")}
-        torch.save({**states, "steps": self.steps, "seconds": self.seconds}, file.with_suffix(".part"))
-        file.with_suffix(".part").replace(file)
-
-    def resume(self, file: Path) -> None:
-        """Go on from ``file`` where there is one."""
-        if not file.exists():
-            return
-        state = torch.load(file, map_location="cpu", weights_only=True)
-        for name in ("network", "average", "optimizer"):
-            getattr(self, name).load_state_dict(state[name])
-        self.steps, self.seconds = state["steps"], state["seconds"]
+    def config(self) -> Config:
+        """How the network learns."""
+        return Config(seed=self.seed, minutes=self.minutes, batch=self.batch, rate=self.rate, keep=self.decay,
+                      weight_decay=0.0, clip=5.0, warm_up=0.05, hold=0.45)  # fmt: skip
 
 
-def rate_share(share: float) -> float:
-    """Share of the highest rate: a warm-up over the first twentieth of the time, flat, a fall over the last half."""
-    return float(max(min(share / 0.05 + 0.05, 1.0, (1 - share) / 0.5), 0.02))
+def begun(name: str, parent: Path, params: CourseParams) -> Course:
+    """The course of an exported network ``parent`` of the architecture ``name``."""
+    torch.manual_seed(params.seed)
+    network = build(name).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    unfold(parent, network)
+    network.eval()
+    _keep(network, _KEPT_STAGES.get(name, 0))
+    learns = [p for p in network.parameters() if p.requires_grad]
+    return Course(network, params.config(), [{"params": learns}])
+
+
+def step(course: Course, batches: Batches) -> float:
+    """One batch; returns its loss."""
+    started = time.monotonic()
+    loss = course.step(loss_of(course.network, *batches.draw(course.config.batch)))
+    course.seconds += time.monotonic() - started
+    return loss
 
 
 def _keep(network: nn.Module, stages: int) -> None:

@@ -14,11 +14,12 @@ import onnxruntime
 from models.geometry.arrays import ByteArray, Float32Array
 from models.segmentation.segment import ForegroundInput, segment
 from models.training.foreground.adaptation.choice import SHARES, Exam, Probability, Scores, best, refusal
-from models.training.foreground.adaptation.course import Course, CourseParams
+from models.training.foreground.adaptation.course import CourseParams, begun, step
 from models.training.foreground.adaptation.sources import Batches, Own, general_set, read_own, rehearsal
 from models.training.foreground.initial import refold
 from models.training.foreground.real_pictures import Photograph
 from models.training.log import Log
+from models.training.state import Course
 
 CHECKPOINT, NETWORK = "checkpoint.pt", "network.onnx"
 _SAVE_EVERY_S = 20.0
@@ -57,7 +58,7 @@ def adapt(
     Raises ValueError for pictures that cannot be learnt from, and for a parent of another architecture.
     """
     own = read_own(folder, keep_aside)
-    course = _learnt(folder, own, Course(*parent, params), fed, log)
+    course = _learnt(folder, own, begun(*parent, params), params, fed, log)
     exam = Exam(own.aside, general_set(params.general), fed.threshold)
     seen_before = _probability(parent[1].read_bytes(), fed)
     before = exam.scores(seen_before)
@@ -80,23 +81,22 @@ def adapt(
 
 def refolded(folder: Path, name: str, parent: Path, shares: Sequence[float]) -> dict[float, bytes]:
     """The mixtures of a run that has ended, from its checkpoint: ONNX files by the share of what was learnt."""
-    course = Course(name, parent, CourseParams())
-    course.resume(folder / CHECKPOINT)
+    course = begun(name, parent, CourseParams())
+    course.restore(folder / CHECKPOINT)
     return {share: refold(parent, course.average, share) for share in shares}
 
 
-def _learnt(folder: Path, own: Own, course: Course, fed: ForegroundInput, log: Log) -> Course:
-    params = course.params
-    course.resume(folder / CHECKPOINT)
+def _learnt(folder: Path, own: Own, course: Course, params: CourseParams, fed: ForegroundInput, log: Log) -> Course:
+    course.restore(folder / CHECKPOINT)
     renders = rehearsal((params.height, params.width), params.renders)
     batches = Batches(own, renders, params.real, fed, np.random.default_rng([params.seed, course.steps]))
     saved = course.seconds
-    while course.share < 1:
-        course.step(batches)
-        if course.seconds - saved >= _SAVE_EVERY_S or course.share == 1:
+    while course.share() < 1:
+        step(course, batches)
+        if course.seconds - saved >= _SAVE_EVERY_S or course.share() == 1:
             saved = course.seconds
             course.save(folder / CHECKPOINT)
-        log(progress=_TRAINING_SHARE * course.share)
+        log(progress=_TRAINING_SHARE * course.share())
     return course
 
 

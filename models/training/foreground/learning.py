@@ -1,0 +1,105 @@
+"""How a foreground network learns from pictures and labels: the loss, a step, and where it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from models.training.foreground.augmentation import UNKNOWN
+from models.training.foreground.initial import unfold
+from models.training.foreground.networks import ForegroundNetwork, build, stored
+from models.training.state import Config, Course
+
+MEAN = (0.485, 0.456, 0.406)
+STD = (0.229, 0.224, 0.225)
+
+
+def normalize(images: Tensor) -> Tensor:
+    """(B, 3, H, W) uint8 to the network's input."""
+    mean, std = (torch.tensor(v, device=images.device).view(1, 3, 1, 1) for v in (MEAN, STD))
+    return (images.float() / 255.0 - mean) / std
+
+
+def foreground_loss(logits: Tensor, labels: Tensor) -> Tensor:
+    """Binary cross entropy and soft Dice per picture, over the pixels where one can tell.
+
+    ``logits`` (B, 1, H, W); ``labels`` (B, H, W) 255 cable, 0 none, 128 cannot tell. A picture without cables has no
+    Dice term: there the cross entropy alone pushes everything down.
+    """
+    target = (labels == 255).float().unsqueeze(1)
+    weight = (labels != UNKNOWN).float().unsqueeze(1)
+    bce = (F.binary_cross_entropy_with_logits(logits, target, reduction="none") * weight).sum() / weight.sum().clamp(
+        min=1
+    )
+    p = torch.sigmoid(logits) * weight
+    both, total = (p * target).sum((1, 2, 3)), (p + target).sum((1, 2, 3))
+    filled = (target.sum((1, 2, 3)) > 0).float()
+    dice = (1 - (2 * both + 1) / (total + 1)) * filled
+    return bce + dice.sum() / filled.sum().clamp(min=1)
+
+
+def loss_of(network: nn.Module, images: Tensor, labels: Tensor) -> Tensor:
+    """That of a batch: (B, 3, H, W) uint8 pictures and (B, H, W) uint8 labels."""
+    device = next(network.parameters()).device
+    x = normalize(images.to(device)).contiguous(memory_format=torch.channels_last)
+    with torch.autocast(device.type, torch.bfloat16):
+        logits = network(x)
+    return foreground_loss(logits.float(), labels.to(device))
+
+
+class Learning:
+    """A foreground network on its course, on the GPU where there is one."""
+
+    def __init__(self, network: str, slim: int, config: Config, encoder_rate: float = 1.0) -> None:
+        """``network`` by its name, its channels divided by ``slim``; the encoder learns at ``encoder_rate`` times the
+        rate."""
+        torch.manual_seed(config.seed)
+        self.name, self.slim = network, slim
+        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        built = build(network, slim).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        encoder = list(built.features.parameters())
+        known = {id(p) for p in encoder}
+        decoder = [p for p in built.parameters() if id(p) not in known]
+        self.course = Course(built, config, [{"params": encoder, "scale": encoder_rate}, {"params": decoder}])
+
+    @property
+    def network(self) -> ForegroundNetwork:
+        return self.course.network  # type: ignore[return-value]
+
+    @property
+    def average(self) -> ForegroundNetwork:
+        """That of the averaged weights, in evaluation mode."""
+        return self.course.result()  # type: ignore[return-value]
+
+    def step(self, images: Tensor, labels: Tensor) -> float:
+        """One step on a batch, as :func:`loss_of` takes it; returns the loss."""
+        return self.course.step(loss_of(self.network, images, labels))
+
+    def resume(self, file: Path) -> bool:
+        """Go on from a checkpoint; False where there is none. Raises ValueError when it is of another network or was
+        begun with other settings."""
+        if not file.exists():
+            return False
+        name, slim = stored(torch.load(file, map_location="cpu", weights_only=True)["params"])
+        if (name, slim) != (self.name, self.slim):
+            raise ValueError(f"{file.parent} holds --network {name} --slim {slim}; ask for these or another folder")
+        self.course.restore(file)
+        return True
+
+    def begin(self, pretrained: Path | None, exported: Path | None, pictures: Iterable[Tensor]) -> None:
+        """From published weights of the encoder, or from an exported network of the same kind, whose normalizations
+        take their statistics from ``pictures``, normalized."""
+        if pretrained is not None:
+            self.network.load_encoder(torch.load(pretrained, map_location="cpu", weights_only=True))
+        if exported is not None:
+            unfold(exported, self.network, pictures)
+        self.course.average.load_state_dict(self.network.state_dict())
+
+    def save(self, file: Path, params: Mapping[str, Any], **more: Any) -> None:
+        """A checkpoint that can be resumed and exported; ``params``: all settings of the training."""
+        self.course.save(file, params={**params, "network": self.name, "slim": self.slim}, **more)
