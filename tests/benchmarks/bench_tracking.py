@@ -4,7 +4,8 @@
 
 Four cables of one look move slowly or fast, an arm covers 40 % of them for 30 frames, or nothing is seen for 10 frames.
 The masks are true, the instances those of the default method. Baselines: the nearest curve, and the largest overlap,
-frame by frame. ``--tuning`` takes clips on which constants may be chosen.
+frame by frame. Labels: one labelled frame is propagated to the next 100. ``--tuning`` takes clips on which constants
+may be chosen.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from models.geometry.polylines import arc_lengths, resample
 from models.instances.scene import Scene
 from models.tracking.state import NODES, Track, TrackedCable
 from models.tracking.track import follow
+from tests.benchmarks.clip_labels import propagated
 from tests.benchmarks.tracking_clips import ClipKind, Seen, clip, kinds
 from tests.benchmarks.tracking_scoring import LEAST_VISIBLE, Identities, dense
 
@@ -189,8 +191,10 @@ def main() -> None:
         clips = [measure_clip(all_kinds[name], seed, args.tuning) for seed in range(args.clips)]
         report[name] = {method: _summary([c[method] for c in clips]) for method in clips[0]}
         print(name, json.dumps(report[name]), flush=True)
+    labels = [propagated(all_kinds["moving"], seed, args.tuning) for seed in range(args.clips)]
+    print("labels", json.dumps(labels), flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
-    summary = {"clips": args.clips, "frames": args.frames, "tuning": args.tuning, "sets": report}
+    summary = {"clips": args.clips, "frames": args.frames, "tuning": args.tuning, "sets": report, "labels": labels}
     (args.out / "tracking.json").write_text(json.dumps(summary, indent=1))
 
 

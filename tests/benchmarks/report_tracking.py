@@ -33,7 +33,24 @@ def tracking(data: dict[str, Any]) -> str:
         + table(["set", "method", "IDF1", "switches a clip"], rows)
         + "\n"
         + table(["set", "drift, widths", "right after cover %", "ms a frame", "instances, ms"], own)
+        + "\n"
+        + _labels(data.get("labels", []))
     )
+
+
+def _labels(clips: list[dict[str, float]]) -> str:
+    if not clips:
+        return ""
+    rows = [[k, *(clip[name] for name in _LABELS)] for k, clip in enumerate(clips)]
+    mean = ["mean", *(round(sum(clip[name] for clip in clips) / len(clips), 1) for name in _LABELS)]
+    return (
+        "\nOne labelled frame of `moving`, propagated to the next 100 as `dlo label VIDEO` does it: IoU of each "
+        "cable's mask, %, where at least 30 % of it are in view; floor 85.\n\n"
+        + table(["clip", *_LABELS.values()], [*rows, mean])
+    )
+
+
+_LABELS = {"iou": "mean IoU", "last": "mean IoU, last ten frames"}
 
 
 def depth(data: dict[str, Any]) -> str:

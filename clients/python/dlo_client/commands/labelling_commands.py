@@ -29,7 +29,7 @@ from dlo_client.labelling import (
     find_pictures,
     label_pictures,
 )
-from dlo_client.labelling.sources import SourcePicture, picture_names
+from dlo_client.labelling.sources import VIDEOS, SourcePicture, picture_names
 from dlo_client.labelling.tracked import file_tracked
 
 if TYPE_CHECKING:
@@ -53,17 +53,27 @@ Formats = Annotated[list[Format], typer.Option("--format", help="Write labels fo
 @app.command()
 def label(
     context: typer.Context,
-    source: Annotated[str, typer.Argument(help="A folder, a glob pattern, a ZIP archive, or a list of paths.")],
+    source: Annotated[
+        str, typer.Argument(help="A folder, a glob pattern, a ZIP archive, a list of paths, or a video.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for the labels; a run that was cut off goes on there.")],
     formats: Formats = [],  # noqa: B006
     at_once: Annotated[int, typer.Option(min=1, max=256, help="Pictures in flight.")] = 8,
     method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = DEFAULT_METHOD,
     threshold: Annotated[float | None, typer.Option(min=0, max=1, help="Foreground threshold.")] = None,
     retry_failed: Annotated[bool, typer.Option(help="Take up again what failed before.")] = False,
+    clip: Annotated[
+        bool, typer.Option("--clip", help="The pictures follow each other: from those that are corrected, as a video.")
+    ] = False,
+    every: Annotated[int, typer.Option(min=1, help="Of a clip, label every n-th picture only.")] = 1,
 ) -> None:
-    """Label every picture of a source, at batch priority: robots go first."""
+    """Label every picture of a source, at batch priority: robots go first. A video, or a folder with --clip, is
+    labelled from its corrected pictures, under the same ids."""
+    request = InstancesRequest(method=method, threshold=threshold, files=[], timeout_s=600, priority="batch")
+    if clip or Path(source).suffix.lower() in VIDEOS:
+        _label_clip(context.obj, source, out, request, every, formats)
+        return
     connection: Connection = context.meta[CONNECTION]
-    request = InstancesRequest(method=method, threshold=threshold, files=[], timeout_s=600)
     options = LabelOptions(request, at_once=at_once, retry_failed=retry_failed)
     with readable_labels():
         pictures = find_pictures(source, skip=out)
@@ -79,6 +89,18 @@ def label(
         _write(out, formats)
     if report.failed or report.stopped:
         raise typer.Exit(1)
+
+
+def _label_clip(
+    client: Client, source: str, out: Path, request: InstancesRequest, every: int, formats: Formats
+) -> None:
+    with readable_labels():
+        from dlo_client.labelling.clips import label_clip
+
+        with shown_progress() as progress:
+            report = label_clip(source, out, client, request, every=every, progress=progress)
+        _print(report.lines())
+        _write(out, formats)
 
 
 @app.command(name="label-export")

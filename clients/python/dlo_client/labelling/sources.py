@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".gif", ".bmp", ".tif", ".tiff", ".webp"})
+VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 _UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError)
 _LONGEST_PART = 200
 """Bytes of a file name; file systems allow 255, and ours get something appended."""
