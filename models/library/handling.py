@@ -16,6 +16,7 @@ from models.library import arguments, loading
 from models.library.arguments import ArgumentError
 from models.manipulation import planning
 from models.manipulation.actions import Candidates
+from models.manipulation.belief import Belief
 from models.manipulation.dynamics import Dynamics
 from models.manipulation.limits import Limits, checks
 from models.manipulation.parameters import MID_RANGE, Estimate, History, estimate
@@ -51,15 +52,15 @@ def plan_shape(
     k_b: float = MID_RANGE[0],
     k_d: float = MID_RANGE[1],
     limits: Limits | None = None,
-    horizon: int = 1,
+    horizon: int = planning.USUAL_HORIZON,
     at_most: int = 5,
 ) -> list[ShapeAction]:
     """Pick-and-place actions that bring a DLO on a table closest to a target shape (thesis chapter 5), best first.
 
     ``state_m``, ``target_m``: ``(n, 2)`` and ``(m, 2)`` points along the DLO, meters. ``mass_kg`` of the whole DLO;
     ``k_b`` bending stiffness and ``k_d`` damping of the model (:func:`estimate_parameters`). ``limits``: lengths in
-    meters, edges those of the state. ``horizon``: actions looked ahead. ``at_most``: actions returned; none
-    where every action breaks a limit.
+    meters, edges those of the state. ``horizon``: actions looked ahead where one brings little. ``at_most``: actions
+    returned; none where every action breaks a limit.
 
     Raises ArgumentError.
     """
@@ -71,7 +72,7 @@ def plan_shape(
     scale = _scale(points)
     state, wanted = to_nodes(points) * scale, to_nodes(target) * scale
     kept = _scaled(limits or Limits(), points, scale)
-    found, ends = planning.plan(_dynamics(), state, wanted, rope, kept, horizon)
+    found, ends = planning.plan(Belief.certain(_dynamics(), rope), state, wanted, kept, horizon)
     return [_action(points, state, found, float(ends[k]), k, scale, kept) for k in range(min(len(ends), at_most))]
 
 

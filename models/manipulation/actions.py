@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from models.manipulation.dynamics import Dynamics, shape_distance
 from models.manipulation.frames import FloatArray, IntArray
-from models.manipulation.least_squares import SolverParams, minimize
+from models.manipulation.least_squares import Minimum, SolverParams, minimize
 from models.manipulation.scaling import MOVE_SCALE
 
 ACTION_SOLVER = SolverParams()
@@ -29,6 +29,11 @@ class Candidates:
     def taken(self, rows: IntArray | slice) -> Candidates:
         return Candidates(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
+    def joined(self, others: Candidates) -> Candidates:
+        """These, then the others."""
+        names = self.__dataclass_fields__
+        return Candidates(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
+
 
 def best_actions(
     dynamics: Dynamics,
@@ -47,16 +52,30 @@ def best_actions(
     starts = np.concatenate([np.zeros((len(edges), 3)), onto_target(state, target, edges)])
     every = np.concatenate([edges, edges])
     states = np.broadcast_to(state, (len(every), *state.shape))
-
-    def residuals(moves: FloatArray) -> tuple[FloatArray, FloatArray]:
-        reached, jacobian = dynamics.by_move(states, every, moves, rope)
-        return reached - target, jacobian
-
-    found = minimize(residuals, starts, -largest, largest, MOVE_SCALE, params)
+    found = optimized(dynamics, states, every, starts, target, rope, largest, params)
     pick = np.argmin(found.cost.reshape(2, -1), 0) * len(edges) + np.arange(len(edges))
     order = pick[np.argsort(found.cost[pick], kind="stable")]
     reached = found.residuals[order] + target
     return Candidates(every[order], found.x[order], reached, shape_distance(reached, target), found.converged[order])
+
+
+def optimized(
+    dynamics: Dynamics,
+    states: FloatArray,
+    edges: IntArray,
+    starts: FloatArray,
+    target: FloatArray,
+    rope: FloatArray,
+    largest: FloatArray,
+    params: SolverParams,
+) -> Minimum:
+    """The best move for each of ``edges`` (B,) from its own state (B, n, 2), beginning at ``starts`` (B, 3)."""
+
+    def residuals(moves: FloatArray) -> tuple[FloatArray, FloatArray]:
+        reached, jacobian = dynamics.by_move(states, edges, moves, rope)
+        return reached - target, jacobian
+
+    return minimize(residuals, starts, -largest, largest, MOVE_SCALE, params)
 
 
 def onto_target(state: FloatArray, target: FloatArray, edges: IntArray) -> FloatArray:

@@ -43,6 +43,10 @@ class History:
     move: FloatArray
     after: FloatArray
 
+    def latest(self, count: int) -> History:
+        last = slice(max(len(self.edge) - count, 0), None)
+        return History(self.before[last], self.edge[last], self.move[last], self.after[last])
+
 
 @dataclass(frozen=True, eq=False)
 class Estimate:

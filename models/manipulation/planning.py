@@ -1,10 +1,12 @@
 """From a state and a target to ranked actions: one step, or several ahead.
 
-Strategy for a horizon of h: every branch keeps its best few actions (a beam), each branch's next actions are
-optimized from where the network says the DLO will be, and the first actions of the best sequences are ranked by where
-the whole sequence ends. Then all moves of each of the best sequences are polished together, by finite differences of
-the rolled-out network in one batch, so that the first action is no longer greedy. A longer look leans on predictions of
-predictions: it is taken only where one action alone brings little. Nothing is random.
+Strategy: for every edge the move that the network's derivatives lead to, and the move that simply puts the edge on its
+place in the target, both rated by all models that may be right (:mod:`belief`); where dry friction is more probable,
+the moves of the best edges are then polished with it. For a horizon of h: every branch keeps its best few actions (a
+beam), each branch's next actions are optimized from where the DLO is expected to be, and the first actions of the best
+sequences are ranked by where the whole sequence ends. Then all moves of the best sequence are polished together, so
+that its first action is no longer greedy. A longer look leans on predictions of predictions: it is taken only where one
+action alone brings little. Nothing is random.
 """
 
 from __future__ import annotations
@@ -13,19 +15,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.manipulation.actions import Candidates, best_actions
-from models.manipulation.dynamics import Dynamics, shape_distance
+from models.manipulation.actions import Candidates, best_actions, onto_target, optimized
+from models.manipulation.belief import Belief
+from models.manipulation.dynamics import shape_distance
 from models.manipulation.frames import FloatArray, IntArray
-from models.manipulation.least_squares import SolverParams, minimize
+from models.manipulation.least_squares import SolverParams
 from models.manipulation.limits import Limits, checks
-from models.manipulation.scaling import MOVE_SCALE
+from models.manipulation.rolled_out import polished, roll_out
+from models.manipulation.swept import enters, ways
 
+USUAL_HORIZON = 2
+"""Actions that are looked ahead where nobody gives a number."""
 _BEAM = 4
 _BRANCHES = 4
-_POLISHED = 3
+_REFINED = 6
+"""Edges of which the moves are polished where dry friction is the most probable model."""
 _ENOUGH_SHARE, _ENOUGH_M = 0.6, 0.008
 """An action that leaves no more than this share of the distance, or this distance, needs no longer look."""
-_DIFFERENCE = np.array([1e-3, 1e-3, 1e-2])
+_FIRST, _LATER, _TOGETHER = SolverParams(steps=6), SolverParams(steps=5), SolverParams(steps=3)
+"""For the first action, for those after it, and for all of a sequence together."""
+_DRY, _DRY_LATER = SolverParams(steps=3), SolverParams(steps=2)
+"""The first two with dry friction, which is slower and begins from good moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,46 +50,109 @@ class Sequence:
 
 
 def plan(
-    dynamics: Dynamics, state: FloatArray, target: FloatArray, rope: FloatArray, limits: Limits, horizon: int
+    belief: Belief, state: FloatArray, target: FloatArray, limits: Limits, horizon: int = USUAL_HORIZON
 ) -> tuple[Candidates, FloatArray]:
     """Ranked first actions, and the mean distance (C,) to the target at the end of each one's sequence.
 
     Where only one action is looked at, that is the distance after the action itself. Candidates that break a limit are
     left out; there may be none.
     """
-    first = _kept(dynamics, state, target, rope, limits)
+    first = _kept(belief, state, target, limits)
     enough = max(_ENOUGH_SHARE * float(shape_distance(state, target)), _ENOUGH_M)
     if horizon == 1 or not len(first.edge) or first.error[0] <= enough:
         return first, first.error
     beam = [_begun(first, k) for k in range(min(_BEAM, len(first.edge)))]
     finished = list(beam)
     for _ in range(horizon - 1):
-        beam = sorted(_extended(dynamics, beam, target, rope, limits), key=lambda s: s.error)[:_BEAM]
+        beam = sorted(_extended(belief, beam, target, limits), key=lambda s: s.error)[:_BEAM]
         finished += beam
     finished.sort(key=lambda s: (s.error, len(s.edges)))
-    polished = [_polished(dynamics, state, s, target, rope, limits) for s in finished[:_POLISHED]]
-    return _ranked(state, first, [*polished, *finished], target, limits)
+    best = _polished(belief, state, finished[0], target, limits)
+    return _ranked(belief, state, first, [best, *finished], target, limits)
 
 
-def _kept(dynamics: Dynamics, state: FloatArray, target: FloatArray, rope: FloatArray, limits: Limits) -> Candidates:
+def _kept(belief: Belief, state: FloatArray, target: FloatArray, limits: Limits) -> Candidates:
     """One action an edge, those that keep all limits, best first."""
-    found = best_actions(dynamics, state, target, rope, limits.edges(len(state)), limits.largest)
-    allowed = [k for k in range(len(found.edge)) if all(c.passed for c in checks(state, found, k, limits))]
-    return found.taken(np.asarray(allowed, np.int64))
+    largest = limits.largest
+    found = best_actions(belief.dynamics, state, target, belief.rope, limits.edges(len(state)), largest, _FIRST)
+    ruled = np.clip(onto_target(state, target, found.edge), -largest, largest)
+    tried = [_rated(belief, state, target, found.edge, moves) for moves in (found.move, ruled)]
+    chosen = _better(*tried)
+    if belief.best:
+        few = chosen.taken(np.argsort(chosen.error, kind="stable")[:_REFINED])
+        starts = np.broadcast_to(state, (len(few.edge), *state.shape))
+        moves = polished(belief, starts, few.edge[:, None], few.move[:, None], target, largest, _DRY)[:, 0]
+        again = _better(few, _rated(belief, state, target, few.edge, moves))
+        rest = chosen.taken(np.flatnonzero(~np.isin(chosen.edge, few.edge)))
+        chosen = again.joined(rest)
+    chosen = chosen.taken(np.argsort(chosen.error, kind="stable"))
+    return _clear(
+        belief, state, chosen.taken(_allowed(np.broadcast_to(state, chosen.predicted.shape), chosen, limits)), limits
+    )
+
+
+def _rated(belief: Belief, state: FloatArray, target: FloatArray, edges: IntArray, moves: FloatArray) -> Candidates:
+    """Actions with the state that the most probable model foresees, and the distance that all foresee on average."""
+    reached = belief.predict(np.broadcast_to(state, (len(edges), *state.shape)), edges, moves)
+    error = belief.weights @ shape_distance(reached, target)
+    return Candidates(edges, moves, reached[belief.best], error, np.ones(len(edges), bool))
+
+
+def _better(some: Candidates, others: Candidates) -> Candidates:
+    """Of two actions for each edge the one that ends nearer to the target."""
+    count = len(some.edge)
+    return some.joined(others).taken(np.arange(count) + count * (others.error < some.error))
+
+
+def _allowed(states: FloatArray, found: Candidates, limits: Limits) -> IntArray:
+    """Rows of the actions that keep all limits, each from its own state (C, n, 2)."""
+    kept = [all(c.passed for c in checks(states[k], found, k, limits)) for k in range(len(found.edge))]
+    return np.flatnonzero(kept)
+
+
+def _clear(belief: Belief, state: FloatArray, found: Candidates, limits: Limits) -> Candidates:
+    """Those actions from one state on whose whole way the DLO enters no keep-out area."""
+    if not limits.zones or not len(found.edge):
+        return found
+    entering = [any(enters(way, zone) for zone in limits.zones) for way in ways(belief, state, found)]
+    return found.taken(np.flatnonzero(~np.array(entering)))
 
 
 def _begun(first: Candidates, k: int) -> Sequence:
     return Sequence(first.edge[k : k + 1], first.move[k : k + 1], first.predicted[k : k + 1], float(first.error[k]))
 
 
-def _extended(
-    dynamics: Dynamics, beam: list[Sequence], target: FloatArray, rope: FloatArray, limits: Limits
-) -> list[Sequence]:
-    longer: list[Sequence] = []
-    for begun in beam:
-        following = _kept(dynamics, begun.states[-1], target, rope, limits)
-        longer += [_continued(begun, following, k) for k in range(min(_BRANCHES, len(following.edge)))]
-    return longer
+def _extended(belief: Belief, beam: list[Sequence], target: FloatArray, limits: Limits) -> list[Sequence]:
+    """Every sequence of the beam with its best few next actions, all optimized in one batch."""
+    last = np.stack([s.states[-1] for s in beam])
+    edges = limits.edges(len(target))
+    owner, every = np.repeat(np.arange(len(beam)), len(edges)), np.tile(edges, len(beam))
+    moves = np.concatenate([onto_target(state, target, edges) for state in last])
+    moves = np.clip(moves, -limits.largest, limits.largest)
+    if not belief.best:
+        moves = optimized(belief.dynamics, last[owner], every, moves, target, belief.rope, limits.largest, _LATER).x
+    found = _foreseen(belief, last[owner], target, every, moves)
+    if belief.best:
+        few = _best_rows(owner, found.error)
+        owner, every = owner[few], every[few]
+        sharper = polished(belief, last[owner], every[:, None], moves[few, None], target, limits.largest, _DRY_LATER)
+        found = _better(found.taken(few), _foreseen(belief, last[owner], target, every, sharper[:, 0]))
+    kept = _allowed(last[owner], found, limits)
+    owner, found = owner[kept], found.taken(kept)
+    return [_continued(beam[owner[k]], found, k) for k in _best_rows(owner, found.error).tolist()]
+
+
+def _foreseen(belief: Belief, states: FloatArray, target: FloatArray, edges: IntArray, moves: FloatArray) -> Candidates:
+    """Actions, each from its own state (C, n, 2), by the most probable model alone."""
+    reached = belief.likeliest(states, edges, moves)
+    return Candidates(edges, moves, reached, shape_distance(reached, target), np.ones(len(edges), bool))
+
+
+def _best_rows(owner: IntArray, error: FloatArray) -> IntArray:
+    """Rows of the few least errors of each owner."""
+    order = np.lexsort((error, owner))
+    first = np.searchsorted(owner[order], owner[order])
+    return order[np.arange(len(order)) - first < _BRANCHES]
 
 
 def _continued(begun: Sequence, following: Candidates, k: int) -> Sequence:
@@ -91,42 +164,23 @@ def _continued(begun: Sequence, following: Candidates, k: int) -> Sequence:
     )
 
 
-def roll_out(dynamics: Dynamics, state: FloatArray, edges: IntArray, moves: FloatArray, rope: FloatArray) -> FloatArray:
-    """(B, h, n, 2) states after each of ``moves`` (B, h, 3) on ``edges`` (h,), from one state."""
-    current = np.broadcast_to(state, (len(moves), *state.shape))
-    reached = []
-    for k, edge in enumerate(edges):
-        current = dynamics.predict(current, np.full(len(moves), edge), moves[:, k], rope)
-        reached.append(current)
-    return np.stack(reached, 1)
-
-
-def _polished(
-    dynamics: Dynamics, state: FloatArray, found: Sequence, target: FloatArray, rope: FloatArray, limits: Limits
-) -> Sequence:
+def _polished(belief: Belief, state: FloatArray, found: Sequence, target: FloatArray, limits: Limits) -> Sequence:
     """The sequence with all its moves optimized together."""
-    steps = len(found.edges)
-    if steps == 1:
+    if len(found.edges) == 1:
         return found
-    difference = np.tile(_DIFFERENCE, steps)
-
-    def residuals(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Central differences: two roll-outs an unknown, all in one batch."""
-        shifted = np.concatenate([x, x + np.diag(difference), x - np.diag(difference)])
-        last = roll_out(dynamics, state, found.edges, shifted.reshape(-1, steps, 3), rope)[:, -1]
-        plus, minus = last[1 : 1 + len(difference)], last[1 + len(difference) :]
-        slopes = (plus - minus) / (2 * difference)[:, None, None]
-        return (last[0] - target)[None], np.moveaxis(slopes, 0, -1)[None]
-
-    largest, scale = np.tile(limits.largest, steps), np.tile(MOVE_SCALE, steps)
-    best = minimize(residuals, found.moves.reshape(1, -1), -largest, largest, scale, SolverParams(steps=8))
-    moves = best.x.reshape(1, steps, 3)
-    states = roll_out(dynamics, state, found.edges, moves, rope)[0]
+    one = state[None], found.edges[None]
+    moves = polished(belief, *one, found.moves[None], target, limits.largest, _TOGETHER)
+    states = roll_out(belief, *one, moves)[0]
     return Sequence(found.edges, moves[0], states, float(shape_distance(states[-1], target)))
 
 
 def _ranked(
-    state: FloatArray, first: Candidates, sequences: list[Sequence], target: FloatArray, limits: Limits
+    belief: Belief,
+    state: FloatArray,
+    first: Candidates,
+    sequences: list[Sequence],
+    target: FloatArray,
+    limits: Limits,
 ) -> tuple[Candidates, FloatArray]:
     """First actions by the end of their best sequence, one an edge; behind them the edges that no sequence begins
     with, by their own distance."""
@@ -134,7 +188,7 @@ def _ranked(
     for s in sorted(sequences, key=lambda s: s.error):
         edge = int(s.edges[0])
         one = Candidates(s.edges[:1], s.moves[:1], s.states[:1], np.zeros(1), np.ones(1, bool))
-        if edge not in rows and all(c.passed for c in checks(state, one, 0, limits)):
+        if edge not in rows and len(_clear(belief, state, one.taken(_allowed(state[None], one, limits)), limits).edge):
             rows[edge] = (s.moves[0], s.states[0], s.error)
     rest = [k for k in range(len(first.edge)) if int(first.edge[k]) not in rows]
     predicted = np.stack([*(r[1] for r in rows.values()), *(first.predicted[k] for k in rest)])

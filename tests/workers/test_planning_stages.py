@@ -24,6 +24,7 @@ from PIL import Image
 from pydantic import ValidationError
 
 from models.manipulation.simulator import Actions, Ropes, simulate, straight
+from models.manipulation.sliding import Sliders, slide
 from workers import stages
 from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
@@ -154,7 +155,9 @@ def test_what_was_not_trained_is_answered_with_a_warning(tools, fields, code, fi
 def test_a_long_dlo_is_planned_for_in_its_own_meters(tools):
     """Four times as long: four times the way, where so much is allowed; the same turn."""
     wide = PlanLimits(max_displacement_m=0.4)
-    near, far = run(tools), run(tools, state_m=line(16, 1.8), target_m=target_shape("U", 1.8), limits=wide)
+    known = {"parameters": RopeParameters(k_b=0.5, k_d=14)}
+    near = run(tools, **known)
+    far = run(tools, state_m=line(16, 1.8), target_m=target_shape("U", 1.8), limits=wide, **known)
     assert far.action.edge == near.action.edge
     assert far.action.dtheta_rad == pytest.approx(near.action.dtheta_rad, abs=0.1)
     assert far.action.dx_m == pytest.approx(4 * near.action.dx_m, abs=0.03)
@@ -196,12 +199,59 @@ def test_a_reason_when_there_is_no_action(tools, limits, code, said):
     assert re.search(said, result.status.message)
 
 
-def test_no_gain_is_said(tools):
+def test_stuck_where_nothing_helps(tools):
     far = [(x + 50, y) for x, y in U]
     held = PlanLimits(max_displacement_m=0.001, max_rotation_rad=0.0)
     result = run(tools, target_m=far, limits=held)
-    assert (result.status.code, result.action) == ("no_gain", None)
+    assert (result.status.code, result.status.reason, result.action) == ("stuck", "limits", None)
     assert result.alternatives
+
+
+def fruitless(count: int) -> list[Experience]:
+    """Actions that move nothing."""
+    done = MoveAction(edge=3, dx_m=0.05, dy_m=0.05, dtheta_rad=0.0)
+    return [Experience(before=line(), action=done, after=line()) for _ in range(count)]
+
+
+def test_stuck_where_the_last_actions_brought_nothing(tools):
+    """Ten actions in a row left an S-shape at 24 mm, each with the promise of less."""
+    assert run(tools, history=fruitless(3), tried=3).status.code == "ok"
+    assert run(tools, history=fruitless(4), tried=3).status.code == "ok"
+    result = run(tools, history=fruitless(4), tried=4)
+    assert (result.status.code, result.status.reason, result.action) == ("stuck", "unlike_any_model", None)
+    assert "unlike_any_model" in codes(result)
+    assert result.alternatives
+
+
+def dry(stiffness_m: float, count: int = 4) -> list[Experience]:
+    """What a DLO on a table with dry friction does."""
+    rng, state, items = np.random.default_rng(3), straight(np.array([LENGTH]), 16), []
+    for _ in range(count):
+        act = Actions.random(rng, 1, 16)
+        (dx, dy), turn = act.shift[0], act.turn[0]
+        after = slide(state, act.edge, np.array([[dx, dy, turn]]), Sliders.straight(np.array([stiffness_m]), 16))
+        done = MoveAction(edge=int(act.edge[0]), dx_m=dx, dy_m=dy, dtheta_rad=turn)
+        items.append(Experience(before=state[0].tolist(), action=done, after=after[0].tolist()))
+        state = after
+    return items
+
+
+def test_a_shape_that_friction_does_not_hold(tools):
+    """Stiff ropes crept back from every S-shape, and no answer gave that as the reason."""
+    stiff = run(tools, history=dry(3.0), target_m=target_shape("S", LENGTH))
+    assert stiff.parameters.friction == "dry"
+    assert stiff.parameters.stiffness_m == pytest.approx(3.0, rel=0.5)
+    assert "springs_back" in codes(stiff)
+    limp = run(tools, history=dry(0.05), target_m=target_shape("S", LENGTH))
+    assert limp.parameters.friction == "dry"
+    assert codes(limp) == set()
+
+
+def test_actions_state_how_likely_they_are_to_help(tools):
+    known = run(tools, history=experience(k_b=0.1, k_d=20.0))
+    unknown = run(tools, history=fruitless(3))
+    assert known.action.probability > 0.8
+    assert unknown.action.probability < 0.7
 
 
 def test_history_is_learnt_from(tools):

@@ -12,21 +12,21 @@ from dlo_client.contracts.manipulation import (
     PlanCode,
     PlanStatus,
     PlanWarning,
-    UsedParameters,
 )
 from numpy.typing import NDArray
 
 from models.manipulation.actions import Candidates
-from models.manipulation.dynamics import Dynamics, shape_distance
+from models.manipulation.belief import Belief
+from models.manipulation.dynamics import shape_distance
 from models.manipulation.limits import Limits, checks, dense, inside
-from models.manipulation.parameters import MID_RANGE, estimate
 from models.manipulation.planning import plan
 from models.manipulation.resampling import back_to_points, edge_of_points, node_edges_within, to_nodes
 from models.manipulation.scaling import MOVE_SCALE
-from models.manipulation.simulator import BENDING, DAMPING
+from models.manipulation.stuck import FRUITLESS, no_progress, reason_of
 from models.strands.stopwatch import Stopwatch
 from workers.stages.outcome import Outcome, Tools
-from workers.stages.shapes import check_edges, contradictions, crosses_itself, history_of, learned, length_of, rope_of
+from workers.stages.shape_belief import belief_of
+from workers.stages.shapes import check_edges, crosses_itself, learned, length_of, rope_of
 from workers.stages.table import state_from_image
 
 FloatArray = NDArray[np.float64]
@@ -64,9 +64,10 @@ def run(request: PlanShapeRequest, tools: Tools) -> Outcome:
     problem = _Problem(points, to_nodes(points) * rope.scale, to_nodes(target) * rope.scale, rope.scale, limits)
     tools.progress(0.3)
     with watch.step("parameters"):
-        used = _parameters(request, dynamics, rope.scale, rope.mass, warnings)
+        belief, used = belief_of(request, dynamics, rope, warnings)
+        warnings += _about_rest(belief, problem.target, request.tolerance_m * rope.scale, rope.scale)
     with watch.step("plan"):
-        answer = _answer(request, dynamics, problem, np.array([rope.mass, used.k_b, used.k_d]))
+        answer = _answer(request, belief, problem)
     result = PlanShapeResult(
         **answer,
         state_m=_rounded(points),
@@ -90,6 +91,16 @@ def _about_shapes(points: FloatArray, target: FloatArray, scaled: bool) -> list[
             text = "crosses itself: the model knows no contact of the DLO with itself"
             found.append(PlanWarning(code="self_crossing", field=name, message=text))
     return found
+
+
+def _about_rest(belief: Belief, target: FloatArray, tolerance: float, scale: float) -> list[PlanWarning]:
+    back = belief.springs_back_m(target)
+    if back <= tolerance:
+        return []
+    text = (
+        f"friction does not hold the DLO in this shape: put there and let go, it springs back by {back / scale:.3f} m"
+    )
+    return [PlanWarning(code="springs_back", field="target_m", message=text)]
 
 
 def _limits(request: PlanShapeRequest, points: FloatArray, scale: float, warnings: list[PlanWarning]) -> Limits:
@@ -118,33 +129,8 @@ def _limits(request: PlanShapeRequest, points: FloatArray, scale: float, warning
     )
 
 
-def _parameters(
-    request: PlanShapeRequest, dynamics: Dynamics, scale: float, mass: float, warnings: list[PlanWarning]
-) -> UsedParameters:
-    if request.parameters is not None:
-        given = request.parameters
-        k_b, k_d = float(np.clip(given.k_b, *BENDING)), float(np.clip(given.k_d, *DAMPING))
-        if (k_b, k_d) != (given.k_b, given.k_d):
-            text = f"outside the trained k_b {BENDING[0]} to {BENDING[1]}, k_d {DAMPING[0]:g} to {DAMPING[1]:g}: cut"
-            warnings.append(PlanWarning(code="parameters_untrained", field="parameters", message=text))
-        return UsedParameters(k_b=k_b, k_d=k_d, source="request")
-    if not request.history:
-        return UsedParameters(k_b=MID_RANGE[0], k_d=MID_RANGE[1], source="mid_range")
-    history = history_of(request.history, scale)
-    found = estimate(dynamics, history, mass, _rest(request.object.length_m, scale))
-    warnings += contradictions(found.error_m / scale, shape_distance(history.before, history.after) / scale)
-    sigma = (round(float(found.sigma[0]), 4), round(float(found.sigma[1]), 4))
-    return UsedParameters(
-        k_b=round(found.bending, _DECIMALS), k_d=round(found.damping, _DECIMALS), sigma=sigma, source="history"
-    )
-
-
-def _rest(length_m: float | None, scale: float) -> float | None:
-    return None if length_m is None else length_m * scale
-
-
-def _answer(request: PlanShapeRequest, dynamics: Dynamics, problem: _Problem, rope: FloatArray) -> dict[str, object]:
-    """The fields of the result that say what to do."""
+def _answer(request: PlanShapeRequest, belief: Belief, problem: _Problem) -> dict[str, object]:
+    """The fields of the result that state what to do."""
     before = float(shape_distance(problem.state, problem.target)) / problem.scale
     base: dict[str, object] = {
         "action": None, "alternatives": [], "predicted_m": None, "error_after_m": None,
@@ -154,14 +140,15 @@ def _answer(request: PlanShapeRequest, dynamics: Dynamics, problem: _Problem, ro
         return base | _status("done", f"the DLO is within {request.tolerance_m:g} m of the target")
     if outside := _outside(problem):
         return base | _status("target_outside", outside)
-    found, ends = plan(dynamics, problem.state, problem.target, rope, problem.limits, request.horizon)
+    found, ends = plan(belief, problem.state, problem.target, problem.limits, request.horizon)
     if not len(found.edge):
         return base | _status("no_action", "every action for every edge breaks a limit")
-    proposed = [_proposal(problem, found, ends, k) for k in range(min(len(ends), 1 + request.alternatives))]
+    proposed = [_proposal(problem, belief, found, ends, k) for k in range(min(len(ends), 1 + request.alternatives))]
     best = proposed[0]
-    if best.error_at_end_m > (1 - _LEAST_GAIN) * before:
-        text = f"the best action leaves {best.error_at_end_m:.4f} m of {before:.4f} m; look further with `horizon`"
-        return base | {"alternatives": proposed[: request.alternatives]} | _status("no_gain", text)
+    if stuck := _stuck(request, problem, best.error_at_end_m, before):
+        reason, text = reason_of(belief, problem.target, problem.limits, request.tolerance_m * problem.scale)
+        listed = {"alternatives": proposed[: request.alternatives]}
+        return base | listed | {"status": PlanStatus(code="stuck", message=f"{stuck}: {text}", reason=reason)}
     moved = back_to_points(problem.points, problem.state / problem.scale, found.predicted[0] / problem.scale)
     text = f"expected mean distance {best.error_after_m:.4f} m, now {before:.4f} m"
     return base | {
@@ -170,6 +157,17 @@ def _answer(request: PlanShapeRequest, dynamics: Dynamics, problem: _Problem, ro
         "predicted_m": _rounded(moved),
         "error_after_m": best.error_after_m,
     } | _status("ok", text)  # fmt: skip
+
+
+def _stuck(request: PlanShapeRequest, problem: _Problem, at_end_m: float, before_m: float) -> str | None:
+    """What shows that the DLO comes no nearer to the target; None where it may."""
+    if at_end_m > (1 - _LEAST_GAIN) * before_m:
+        return f"the best actions leave {at_end_m:.4f} m of {before_m:.4f} m"
+    tried = request.history[-request.tried :] if request.tried else []
+    states = [to_nodes(np.array(points)) * problem.scale for item in tried for points in (item.before, item.after)]
+    if states and no_progress(shape_distance(np.array(states), problem.target).reshape(-1, 2)):
+        return f"the last {FRUITLESS} actions brought the DLO no nearer than it was"
+    return None
 
 
 def _status(code: PlanCode, message: str) -> dict[str, object]:
@@ -187,7 +185,7 @@ def _outside(problem: _Problem) -> str | None:
     return None
 
 
-def _proposal(problem: _Problem, found: Candidates, ends: FloatArray, k: int) -> PlannedAction:
+def _proposal(problem: _Problem, belief: Belief, found: Candidates, ends: FloatArray, k: int) -> PlannedAction:
     edge, move, scale = int(found.edge[k]), found.move[k], problem.scale
     pair = problem.state[edge : edge + 2] / scale
     shift = move[:2] / scale
@@ -202,6 +200,7 @@ def _proposal(problem: _Problem, found: Candidates, ends: FloatArray, k: int) ->
         error_after_m=round(float(found.error[k]) / scale, _DECIMALS),
         error_at_end_m=round(float(ends[k]) / scale, _DECIMALS),
         converged=bool(found.converged[k]),
+        probability=round(belief.chance_of_half(problem.state, problem.target, edge, move), 4),
         checks=[
             PlanCheck.model_validate({"name": c.name, "passed": c.passed})
             for c in checks(problem.state, found, k, problem.limits)

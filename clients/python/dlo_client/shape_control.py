@@ -79,6 +79,8 @@ class ShapeController:
     learn: bool = True
     """False plans with the middle of the parameters' range all the time."""
     history: list[Experience] = field(default_factory=list)
+    _tried: int = field(default=0, init=False)
+    """Actions of the history that aimed at this target."""
 
     def __post_init__(self) -> None:
         blocking(self.client, type(self).__name__)
@@ -112,6 +114,7 @@ class ShapeController:
             target_m=list(self.target_m),
             object=self.object,
             history=self.history[-self.remembered :] if self.learn else [],
+            tried=min(self._tried, self.remembered) if self.learn else 0,
             horizon=self.horizon,
             limits=self.limits,
             tolerance_m=self.threshold_m,
@@ -124,6 +127,7 @@ class ShapeController:
     def _remember(self, before: Points, action: PlannedAction, after: Points) -> None:
         done = MoveAction(edge=action.edge, dx_m=action.dx_m, dy_m=action.dy_m, dtheta_rad=action.dtheta_rad)
         self.history.append(Experience(before=list(before), action=done, after=list(after)))
+        self._tried += 1
 
 
 def _points(given: Iterable[Iterable[float]], argument: str) -> list[tuple[float, float]]:

@@ -49,7 +49,7 @@ class Status(IntEnum):
 
 _UNSURE = ("unsure",)
 _NOTHING = ("none_found", "empty", "no_crossing")
-_NO_ACTION = ("no_action", "no_gain", "target_outside", "stuck")
+_NO_ACTION = ("no_action", "target_outside", "stuck")
 _BY_ERROR: tuple[tuple[type[Exception], Status], ...] = (
     (JobCancelled, Status.CANCELLED),
     (JobFailed, Status.JOB_FAILED),

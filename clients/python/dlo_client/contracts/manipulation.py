@@ -158,6 +158,9 @@ class PlannedAction(Reply):
     error_after_m: float = Field(description="mean distance of corresponding points to the target, as predicted")
     error_at_end_m: float = Field(description="the same after the whole horizon")
     converged: bool = Field(description="the optimizer came to rest")
+    probability: float | None = Field(
+        default=None, ge=0, le=1, description="that it brings at least half of what is expected of it"
+    )
     checks: list[PlanCheck] = Field(description="every limit and whether it is kept")
 
 
@@ -170,15 +173,22 @@ class PlanCheck(Reply):
     passed: bool = Field(description="whether the action keeps it")
 
 
-PlanCode = Literal["ok", "done", "no_gain", "no_action", "target_outside"]
+PlanCode = Literal["ok", "done", "stuck", "no_action", "target_outside"]
+StuckReason = Literal["springs_back", "unlike_any_model", "limits", "local_optimum"]
 
 
 class PlanStatus(Reply):
-    """``ok``: there is an action. ``done``: the state is the target already. ``no_gain``: no action brings the DLO
-    nearer. ``no_action``: every action breaks a limit. ``target_outside``: the target itself breaks one."""
+    """``ok``: there is an action. ``done``: the state is the target already. ``stuck``: no sequence of actions is
+    expected to bring the DLO nearer, or those of the history brought nothing; `reason` is the probable one.
+    ``no_action``: every action breaks a limit. ``target_outside``: the target itself breaks one.
+
+    Reasons: ``springs_back``: friction does not hold the DLO in the target's shape. ``unlike_any_model``: the DLO
+    does not move as any known model. ``limits``: what would help breaks a limit. ``local_optimum``: none of these.
+    """
 
     code: PlanCode = Field(description="for programs")
     message: str = Field(description="the code in words")
+    reason: StuckReason | None = Field(default=None, description="why the plan is `stuck`; else null")
 
 
 class PlanWarning(Reply):
@@ -186,7 +196,7 @@ class PlanWarning(Reply):
 
     code: Literal[
         "mass_untrained", "length_untrained", "lengths_differ", "self_crossing", "history_contradicts",
-        "parameters_untrained", "limits_reduced", "other_dlo", "picture",
+        "parameters_untrained", "limits_reduced", "other_dlo", "picture", "springs_back", "unlike_any_model",
     ] = Field(description="for programs")  # fmt: skip
     field: str = Field(description="of the request, that it is about")
     message: str = Field(description="the code in words")
@@ -194,7 +204,10 @@ class PlanWarning(Reply):
 
 class UsedParameters(Reply):
     """``k_b`` and ``k_d`` that were planned with, and where they come from; ``sigma`` are the standard deviations of
-    their natural logarithms. Slow motions show the ratio k_b / k_d far better than either."""
+    their natural logarithms. Slow motions show the ratio k_b / k_d far better than either.
+
+    ``dry`` friction is planned with where it explains the history better than the network's viscous friction.
+    """
 
     k_b: float = Field(description="bending, N m/rad a joint")
     k_d: float = Field(description="damping, N s/m a node")
@@ -202,6 +215,12 @@ class UsedParameters(Reply):
         default=None, description="standard deviations of the natural logarithms of k_b and k_d"
     )
     source: Literal["request", "history", "mid_range"] = Field(description="where the parameters come from")
+    friction: Literal["viscous", "dry"] = Field(default="viscous", description="of the table, the more probable kind")
+    friction_probability: float = Field(default=1.0, ge=0, le=1, description="of that kind")
+    stiffness_m: float | None = Field(
+        default=None,
+        description="with dry friction: bending moment of a joint a rad over the friction force of a node, of 16",
+    )
 
 
 class PlanShapeResult(Reply):
@@ -244,7 +263,15 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
         max_length=100,
         description="actions so far and what they did: the DLO is learnt from them",
     )
-    horizon: int = Field(default=1, ge=1, le=4, description="how many actions are looked ahead")
+    tried: int = Field(
+        default=0,
+        ge=0,
+        le=100,
+        description="how many of the last items of `history` aimed at this target: `stuck` where they brought nothing",
+    )
+    horizon: int = Field(
+        default=2, ge=1, le=4, description="how many actions are looked ahead, where one alone brings little"
+    )
     limits: PlanLimits = Field(default_factory=PlanLimits, description="what the robot and the table allow")
     tolerance_m: float = Field(default=0.01, gt=0, le=1, description="mean distance at which the target is reached")
     scale_target: bool = Field(default=False, description="give the target the state's length, about its middle")

@@ -1,0 +1,148 @@
+"""What is known of one DLO and its table: a few models that may be right, weighed by what actions did so far.
+
+Strategy: the network (viscous friction) with the parameters estimated online is one model; dry friction
+(:mod:`sliding`) at a few stiffnesses is the others. Each explains the history more or less well; the likelihoods are
+the weights. An action is rated by what it brings on average over the models, and their disagreement, with what none of
+them explained so far, is how sure that is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from models.manipulation.dynamics import Dynamics, shape_distance
+from models.manipulation.frames import FloatArray, IntArray
+from models.manipulation.parameters import History
+from models.manipulation.sliding import STIFFNESS_M, Sliders, left_alone, slide
+
+_GRID = np.geomspace(*STIFFNESS_M, 12)
+"""Stiffnesses s in m that are tried for dry friction."""
+_USUAL_M, _SPREAD = 0.25, 1.3
+"""Stiffness before anything is seen: its median, and the spread of its logarithm."""
+_VISCOUS = 0.5
+"""Share of tables that behave as the network has learned, before anything is seen."""
+_KEPT = 2
+"""Stiffnesses that are looked at; each costs as much as the network."""
+_LATEST = 6
+"""Items of the history that count: friction changes with the place and with wear."""
+_NOISE_M, _NOISE_SHARE = 1.5e-3, (0.05, 0.15)
+"""What even the right model leaves: of cameras, and of the motion, where the best model decides between the bounds."""
+_USUAL_RESIDUAL, _USUAL_COUNT = 0.2, 2.0
+"""Share of a motion that no model explains, before anything is seen, and how many items that is worth."""
+_CALIBRATION = 1.0
+"""Of the stated spread, fitted on tasks in the two simulators that the models are from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """The network with ``rope`` (3,), of probability ``weights[0]``, and dry friction at ``stiffness`` (K,) m.
+
+    ``explained_m`` (M, n, 2): where the most probable model has the DLO after each item of ``history``.
+    """
+
+    dynamics: Dynamics
+    rope: FloatArray
+    stiffness: FloatArray
+    weights: FloatArray
+    history: History
+    explained_m: FloatArray
+
+    @staticmethod
+    def certain(dynamics: Dynamics, rope: FloatArray) -> Belief:
+        """In the network alone."""
+        none = np.zeros((0, 0, 2))
+        history = History(none, np.zeros(0, np.int64), np.zeros((0, 3)), none)
+        return Belief(dynamics, rope, np.zeros(0), np.ones(1), history, none)
+
+    @property
+    def best(self) -> int:
+        """Index of the most probable model; 0 is the network."""
+        return int(np.argmax(self.weights))
+
+    @property
+    def residual_m(self) -> FloatArray:
+        """(M,) mean distance that the most probable model leaves of each item of the history."""
+        return shape_distance(self.explained_m, self.history.after)
+
+    def predict(self, states: FloatArray, edges: IntArray, moves: FloatArray) -> FloatArray:
+        """(1 + K, B, n, 2) states after each action, a model each."""
+        network = self.dynamics.predict(states, edges, moves, self.rope)[None]
+        return np.concatenate([network, _slid(self.stiffness, states, edges, moves)])
+
+    def likeliest(self, states: FloatArray, edges: IntArray, moves: FloatArray) -> FloatArray:
+        """(B, n, 2) states after each action by the most probable model alone."""
+        if self.best == 0:
+            return self.dynamics.predict(states, edges, moves, self.rope)
+        return np.asarray(_slid(self.stiffness[self.best - 1 : self.best], states, edges, moves)[0])
+
+    def springs_back_m(self, shape: FloatArray) -> float:
+        """Mean distance that a DLO put down in a shape moves by itself, for the most probable stiffness; 0 while
+        viscous friction, under which nothing stays bent, is more probable than dry friction."""
+        if self.best == 0:
+            return 0.0
+        ropes = Sliders.straight(self.stiffness[self.best - 1 : self.best], len(shape))
+        return float(shape_distance(left_alone(shape[None], ropes)[0], shape))
+
+    def chance_of_half(self, state: FloatArray, target: FloatArray, edge: int, move: FloatArray) -> float:
+        """Probability that an action brings at least half of what it is expected to bring."""
+        reached = self.predict(state[None], np.array([edge]), move[None])[:, 0]
+        error = shape_distance(reached, target)
+        expected = float(self.weights @ error)
+        between = float(self.weights @ (error - expected) ** 2)
+        moved = float(self.weights @ shape_distance(reached, state))
+        spread = _CALIBRATION * np.sqrt(between + (self.unexplained * moved) ** 2 + _NOISE_M**2)
+        return float(ndtr(0.5 * (float(shape_distance(state, target)) - expected) / spread))
+
+    @property
+    def unexplained(self) -> float:
+        """Share of a motion that the models leave."""
+        moved = shape_distance(self.history.before, self.history.after)
+        share = np.minimum(self.residual_m / np.maximum(moved, _NOISE_M), 1.0)
+        total = (share**2).sum() + _USUAL_COUNT * _USUAL_RESIDUAL**2
+        return float(np.sqrt(total / (len(moved) + _USUAL_COUNT)))
+
+
+def believed(dynamics: Dynamics, rope: FloatArray, history: History) -> Belief:
+    """From the parameters that the network takes (3,) and what actions did so far."""
+    recent = history.latest(_LATEST)
+    prior = np.exp(-((np.log(_GRID / _USUAL_M) / _SPREAD) ** 2) / 2)
+    logs = np.log(np.concatenate([[_VISCOUS], (1 - _VISCOUS) * prior / prior.sum()]))
+    reached = np.zeros((1 + len(_GRID), 0, *recent.after.shape[1:]))
+    if len(recent.edge):
+        network = dynamics.predict(recent.before, recent.edge, recent.move, rope)[None]
+        reached = np.concatenate([network, _slid(_GRID, recent.before, recent.edge, recent.move)])
+        logs = logs + _log_likelihood(shape_distance(reached, recent.after), recent)
+    dry = np.exp(logs[1:] - logs.max())
+    chosen = _quantiles(dry)
+    weights = np.concatenate([[np.exp(logs[0] - logs.max())], np.full(len(chosen), dry.sum() / len(chosen))])
+    stands_for = np.concatenate([[0], 1 + chosen])
+    explained = reached[stands_for[int(np.argmax(weights))]]
+    return Belief(dynamics, rope, _GRID[chosen], weights / weights.sum(), recent, explained)
+
+
+def _log_likelihood(left: FloatArray, history: History) -> FloatArray:
+    """(models,) of the distances (models, M) that each leaves."""
+    moved = shape_distance(history.before, history.after)
+    best = float(np.median(left / np.maximum(moved, _NOISE_M), 1).min())
+    noise = _NOISE_M + np.clip(best, *_NOISE_SHARE) * moved
+    # Heavy tails: one item that nothing explains does not decide.
+    return np.asarray(-1.5 * np.log1p((left / noise) ** 2).sum(1))
+
+
+def _quantiles(weights: FloatArray) -> IntArray:
+    """Indices that stand for the distribution in equal parts; equal ones once."""
+    share = np.cumsum(weights) / weights.sum()
+    return np.asarray(np.unique(np.searchsorted(share, (np.arange(_KEPT) + 0.5) / _KEPT)), np.int64)
+
+
+def _slid(stiffness: FloatArray, states: FloatArray, edges: IntArray, moves: FloatArray) -> FloatArray:
+    """(K, B, n, 2) states after each action with dry friction, a stiffness each."""
+    many, (batch, nodes) = len(stiffness), states.shape[:2]
+    if not many:
+        return np.zeros((0, batch, nodes, 2))
+    ropes = Sliders.straight(np.repeat(stiffness, batch), nodes)
+    after = slide(np.tile(states, (many, 1, 1)), np.tile(edges, many), np.tile(moves, (many, 1)), ropes)
+    return after.reshape(many, batch, nodes, 2)

@@ -1,0 +1,159 @@
+"""A DLO on a table with dry friction: it stays where the bending moments are too small to move it.
+
+Strategy: quasi-static, so that nothing but the order of motions counts. A chain of edges of fixed length is given by
+its first node and its headings. In each small step of the gripper the DLO takes the shape of least
+0.5 s sum (bend - rest)^2 + sum f |displacement|, which is the bending energy and the work of Coulomb friction, both in
+units of the friction force of an inner node. The distances are smoothed and their weights taken from the step before
+(iteratively reweighted least squares): one small dense system a DLO and step, all solved in one call. At last the
+gripper lets go and the DLO springs back as far as the friction lets it. The thesis's model (:mod:`simulator`) has
+viscous friction instead, under which a DLO that is let go creeps until it is straight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+STIFFNESS_M = (0.02, 5.0)
+"""Range of s in which parameters are looked for: a limp thread to a rod that hardly bends."""
+
+
+@dataclass(frozen=True)
+class SlidingParams:
+    """``steps`` of the gripper's way, ``rounds`` of reweighting each; ``slip_m`` below which friction grows with the
+    displacement; ``released`` steps after the gripper has let go; ``grip`` weight of the held nodes' places."""
+
+    steps: int = 8
+    rounds: int = 1
+    slip_m: float = 1e-3
+    released: int = 4
+    grip: float = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Sliders:
+    """B DLOs: ``stiffness`` (B,) s in m, the bending moment of a joint a rad over the friction force of an inner node;
+    ``rest`` (B, n - 2) rad, bend angles without load."""
+
+    stiffness: FloatArray
+    rest: FloatArray
+
+    @staticmethod
+    def straight(stiffness: FloatArray, nodes: int) -> Sliders:
+        return Sliders(stiffness, np.zeros((len(stiffness), nodes - 2)))
+
+
+@dataclass(eq=False)
+class _Chains:
+    """First nodes (B, 2), headings (B, n - 1) and edge lengths (B, n - 1)."""
+
+    first: FloatArray
+    heading: FloatArray
+    length: FloatArray
+
+    @staticmethod
+    def of(states: FloatArray) -> _Chains:
+        edges = np.diff(states, axis=1)
+        heading = np.unwrap(np.arctan2(edges[..., 1], edges[..., 0]), axis=1)
+        return _Chains(states[:, 0].copy(), heading, np.hypot(edges[..., 0], edges[..., 1]))
+
+    def nodes(self) -> FloatArray:
+        edges = self.length[..., None] * np.stack([np.cos(self.heading), np.sin(self.heading)], -1)
+        return np.concatenate([self.first[:, None], self.first[:, None] + np.cumsum(edges, 1)], 1)
+
+
+def slide(
+    states: FloatArray, edges: IntArray, moves: FloatArray, ropes: Sliders, params: SlidingParams | None = None
+) -> FloatArray:
+    """(B, n, 2) states to those after each action: grip ``edges`` (B,), move by ``moves`` (B, 3), let go."""
+    params = params or SlidingParams()
+    chains, here = _Chains.of(states), states
+    held = _held(edges, states.shape[1])
+    pace = np.hypot(moves[:, :1], moves[:, 1:2]) / params.steps * np.ones(held.shape)
+    for k in range(1, params.steps + 1):
+        wanted = np.where(held[..., None], _carried(states, edges, moves, k / params.steps), 0.0)
+        for _ in range(params.rounds):
+            _relax(chains, here, ropes, _weight(pace, params.slip_m), params.grip * held.astype(np.float64), wanted)
+            pace = np.hypot(*np.moveaxis(chains.nodes() - here, -1, 0))
+        here = chains.nodes()
+    return _released(chains, here, pace, ropes, params)
+
+
+def left_alone(states: FloatArray, ropes: Sliders, params: SlidingParams | None = None) -> FloatArray:
+    """(B, n, 2) states to those at which the DLO comes to rest when nobody holds it."""
+    params = params or SlidingParams(released=40)
+    return _released(_Chains.of(states), states, np.full(states.shape[:2], params.slip_m), ropes, params)
+
+
+def _released(
+    chains: _Chains, before: FloatArray, pace: FloatArray, ropes: Sliders, params: SlidingParams
+) -> FloatArray:
+    for _ in range(params.released):
+        _relax(chains, before, ropes, _weight(pace, params.slip_m), np.zeros(pace.shape), before)
+        pace = np.hypot(*np.moveaxis(chains.nodes() - before, -1, 0))
+    return chains.nodes()
+
+
+def _weight(pace: FloatArray, slip_m: float) -> FloatArray:
+    """(B, n) Coulomb friction over displacement; an end node carries half of an edge."""
+    friction = np.ones(pace.shape[1])
+    friction[[0, -1]] = 0.5
+    return friction / np.sqrt(pace**2 + slip_m**2)
+
+
+def _held(edges: IntArray, nodes: int) -> NDArray[np.bool_]:
+    """(B, n) the two nodes of each gripped edge."""
+    numbers = np.arange(nodes)
+    return (numbers == edges[:, None]) | (numbers == edges[:, None] + 1)
+
+
+def _carried(states: FloatArray, edges: IntArray, moves: FloatArray, share: float) -> FloatArray:
+    """All nodes moved as the gripped edge is after this share of the way (B, n, 2)."""
+    rows = np.arange(len(states))
+    middle = (states[rows, edges] + states[rows, edges + 1])[:, None] / 2
+    arm, angle = states - middle, share * moves[:, 2, None]
+    cos, sin = np.cos(angle), np.sin(angle)
+    turned = np.stack([cos * arm[..., 0] - sin * arm[..., 1], sin * arm[..., 0] + cos * arm[..., 1]], -1)
+    return np.asarray(middle + turned + share * moves[:, None, :2])
+
+
+def _relax(
+    chains: _Chains, before: FloatArray, ropes: Sliders, weight: FloatArray, grip: FloatArray, wanted: FloatArray
+) -> None:
+    """One step of reweighted least squares towards the shape of least energy, in place."""
+    nodes = chains.nodes()
+    force = weight[..., None] * (nodes - before) + grip[..., None] * (nodes - wanted)
+    beyond, weights = (np.cumsum(a[:, ::-1], 1)[:, ::-1] for a in (force, weight + grip))
+    normal = np.stack([-np.sin(chains.heading), np.cos(chains.heading)], -1) * chains.length[..., None]
+    bend = ropes.stiffness[:, None] * (np.diff(chains.heading, axis=1) - ropes.rest)
+    gradient = (normal * beyond[:, 1:]).sum(-1)
+    gradient[:, 1:] += bend
+    gradient[:, :-1] -= bend
+    right = -np.concatenate([beyond[:, 0], gradient], 1)
+    step = np.linalg.solve(_system(normal, weights, ropes.stiffness), right[..., None])[..., 0]
+    chains.first += step[:, :2]
+    chains.heading += np.clip(step[:, 2:], -0.5, 0.5)
+
+
+def _system(normal: FloatArray, weights: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """(B, n + 1, n + 1): second derivatives by the first node's place and the headings.
+
+    ``weights`` (B, n): of all nodes from each on, since a heading moves all nodes behind its edge.
+    """
+    batch, count, _ = normal.shape
+    k = np.arange(count)
+    later = np.maximum(k[:, None], k)
+    leverage = normal * weights[:, 1:, None]
+    system = np.zeros((batch, count + 2, count + 2))
+    system[:, [0, 1], [0, 1]] = weights[:, :1]
+    system[:, :2, 2:] = leverage.transpose(0, 2, 1)
+    system[:, 2:, :2] = leverage
+    joints = np.diff(np.eye(count), axis=0)
+    bending = stiffness[:, None, None] * (joints.T @ joints)
+    system[:, 2:, 2:] = np.matmul(normal, normal.transpose(0, 2, 1)) * weights[:, 1:][:, later] + bending
+    return system
