@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.disentangling.expectations import Attempt, updated
 from models.disentangling.hands import Frame, in_hands, usual_hand_px
 from models.disentangling.result_of_turn import after_turn
 from models.disentangling.rigid_piece import Pivot, as_pair, turned
@@ -29,12 +30,13 @@ from models.topology.scene import Topology
 class DisentangleParams:
     """``hand_px``: what the gripper needs beside the strand that it closes on, None for what a typical strand of the
     topology takes; ``clearance_widths``: wished distance to other sections after the move; ``margin_px``: how far
-    outside the picture the piece may end; ``at_most``: actions proposed."""
+    outside the picture the piece may end; ``at_most``: actions proposed; ``attempts``: turns done so far, in px."""
 
     hand_px: float | None = None
     clearance_widths: float = 1.0
     margin_px: float = 0.0
     at_most: int = 5
+    attempts: Sequence[Attempt] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,8 @@ def plan(topology: Topology, classifier: Classifier, params: DisentangleParams |
     hand_px = settings.hand_px or usual_hand_px(topology)
     frame = Frame.of(topology, hand_px, settings.margin_px)
     scene = in_hands(topology, hand_px)
-    search = Search(classifier, frame, settings.clearance_widths)
+    attempts = [a.scaled(1 / hand_px) for a in settings.attempts]
+    search = Search(classifier, frame, settings.clearance_widths, attempts)
     options = search.ranked(scene)
     if scene.crossings and all(o.turn.after >= len(scene.crossings) for o in options):
         options += [
@@ -163,11 +166,13 @@ class Option:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is wished."""
+    """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is wished, and what
+    was tried."""
 
     classifier: Classifier
     frame: Frame
     clearance_widths: float = 1.0
+    attempts: Sequence[Attempt] = ()
 
     def ranked(self, scene: Topology) -> list[Option]:
         """Strategy: rank by the chance that all crossings go; of the best options that part different crossings, look
@@ -190,13 +195,17 @@ class Search:
         turns = find_turns(scene, self.frame, self.clearance_widths, gain, most_holds)
         before = len(scene.crossings)
         found = []
-        for turn, weighed in zip(
-            turns, probabilities_of(self.classifier, [t.evidence for t in turns]).tolist(), strict=True
-        ):
+        for turn, weighed in zip(turns, self._weighed(turns).tolist(), strict=True):
             score = min(weighed, turn.held.certainty)
             moves = before / (before - turn.after) if turn.after < before else before + 1
             found.append(Option(turn, score, score**moves * turn.in_view**_OUT_OF_VIEW))
         return sorted(found, key=lambda o: -o.chance)
+
+    def _weighed(self, turns: list[Turn]) -> FloatArray:
+        """``(T,)`` probabilities that the turns work."""
+        learned = np.asarray(probabilities_of(self.classifier, [t.evidence for t in turns]))
+        holds = np.array([t.held.body.center for t in turns]).reshape(-1, 2)
+        return updated(learned, holds, np.array([t.angle for t in turns]), self.attempts)
 
     def with_what_follows(self, scene: Topology, option: Option) -> Option:
         """The option with its chance looked up in the scene that it leaves."""

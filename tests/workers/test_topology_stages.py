@@ -251,12 +251,42 @@ def test_out_of_reach_is_a_reason(tools):
     assert "reach" in result.message
 
 
+def test_arms_reach_in_pixels_or_in_meters(tools):
+    mask = put(tools, harness_mask())
+
+    def planned(**reach):
+        arms = [ArmBase(name="left", xy=(0, 400), **reach), ArmBase(name="right", xy=(500, 300), **reach)]
+        return stages.run(DisentangleRequest(mask=mask, arms=arms), tools).result.actions
+
+    in_pixels = planned(reach_px=400)
+    assert in_pixels
+    assert planned(reach_m=0.2, m_per_px=0.0005) == in_pixels
+    assert planned(reach_m=0.2, m_per_px=0.05) == []
+
+
+def test_expectations_follow_what_was_tried(tools):
+    """After every failure the same action came with the same probability."""
+    mask = put(tools, harness_mask())
+    best = stages.run(DisentangleRequest(mask=mask), tools).result.actions[0]
+
+    def after(crossings: int) -> float:
+        done = [{"action": best.model_dump(), "crossings": crossings}] * 2
+        request = DisentangleRequest.model_validate({"mask": mask.model_dump(), "attempts": done})
+        actions = stages.run(request, tools).result.actions
+        return next((a.score for a in actions if a.section == best.section and a.hold.xy == best.hold.xy), 0.0)
+
+    assert after(best.crossings_after + 1) < 0.5 * best.score
+    assert after(best.crossings_after) >= best.score
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"arms": [{"name": "a", "xy": [0, 0]}]}, "`arms` needs two"),
         ({"arms": [{"name": "a", "xy": [0, 0]}, {"name": "a", "xy": [1, 1]}]}, "same name"),
         ({"mask": {"id": "a" * 64}}, "`topology` already says"),
+        ({"arms": [{"name": "a", "xy": [0, 0], "reach_m": 1}]}, "`reach_m` and `m_per_px` belong together"),
+        ({"arms": [{"name": "a", "xy": [0, 0], "reach_px": 1, "reach_m": 1, "m_per_px": 0.1}]}, "exclude each other"),
     ],
 )
 def test_requests_that_cannot_be_are_refused(tools, change, message):

@@ -12,9 +12,11 @@ from dlo_client.contracts import (
     DisentangleResult,
     GripperPose,
 )
+from dlo_client.contracts.topology import Attempt as AttemptGiven
 from numpy.typing import NDArray
 
 from models.disentangling.evidence import MOVE_FEATURES
+from models.disentangling.expectations import Attempt
 from models.disentangling.overlay import draw_action
 from models.disentangling.plan import UNSURE_BELOW, Action, Base, DisentangleParams, Grasp, assign_arms, plan
 from models.strands.stopwatch import Stopwatch
@@ -43,7 +45,8 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
     network = moves_network(tools)
     with watch.step("plan"):
         hand_px = None if request.gripper is None else request.gripper.pixels
-        settings = DisentangleParams(hand_px, margin_px=request.margin_px, at_most=request.at_most)
+        done = [_attempt(a) for a in request.attempts]
+        settings = DisentangleParams(hand_px, margin_px=request.margin_px, at_most=request.at_most, attempts=done)
         actions = plan(topology, network, settings)
         assigned = [(a, _arms(a, request.arms)) for a in actions]
         feasible = [(a, arms) for a, arms in assigned if arms is not None]
@@ -74,11 +77,16 @@ def moves_network(tools: Tools) -> Network:
     return tools.network(default_name("moves")).weighing(MOVE_FEATURES)
 
 
+def _attempt(given: AttemptGiven) -> Attempt:
+    done = given.action
+    return Attempt(done.hold.xy, done.turn_rad, done.score, given.crossings <= done.crossings_after)
+
+
 def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None] | None:
     """Names of the holding and the moving arm; None if the action is out of their reach."""
     if not bases:
         return None, None
-    chosen = assign_arms(action, [Base(b.xy, b.reach_px or np.inf) for b in bases])
+    chosen = assign_arms(action, [Base(b.xy, b.reach_pixels) for b in bases])
     return None if chosen is None else (bases[chosen[0]].name, bases[chosen[1]].name)
 
 

@@ -5,6 +5,7 @@ Indices (``sections``, ``branch_point``, …) are the ids of the result they sta
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -218,6 +219,23 @@ class ArmBase(Contract):
     name: Name = Field(description="what actions call it")
     xy: Point = Field(description="in the picture's plane, pixels; may be outside the picture")
     reach_px: float | None = Field(default=None, gt=0, le=1e9, description="default: it reaches everything")
+    reach_m: float | None = Field(default=None, gt=0, le=100, description="instead of reach_px; needs `m_per_px`")
+    m_per_px: float | None = Field(default=None, ge=1e-7, le=1, description="meters a pixel where the harness is")
+
+    @model_validator(mode="after")
+    def _one_reach(self) -> ArmBase:
+        if self.reach_px is not None and self.reach_m is not None:
+            raise ValueError("`reach_px` and `reach_m` exclude each other")
+        if (self.reach_m is None) != (self.m_per_px is None):
+            raise ValueError("`reach_m` and `m_per_px` belong together")
+        return self
+
+    @property
+    def reach_pixels(self) -> float:
+        """Infinite where no reach is given."""
+        if self.reach_m is not None and self.m_per_px is not None:
+            return self.reach_m / self.m_per_px
+        return math.inf if self.reach_px is None else self.reach_px
 
 
 class Gripper(Contract):
@@ -318,6 +336,28 @@ class DisentangleResult(Reply):
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
+class HeldPlace(Taken):
+    """Where a gripper kept still; the ``hold`` of an action fits."""
+
+    xy: Point = Field(description="pixels")
+
+
+class DoneAction(Taken):
+    """What planning needs of an action that was carried out; a proposed action fits."""
+
+    hold: HeldPlace = Field(description="the gripper that kept still")
+    turn_rad: float = Field(ge=-7, le=7, description="from x towards y, about the held place")
+    crossings_after: int = Field(ge=0, le=1000, description="as the simulation counted them")
+    score: Probability = Field(description="that was stated")
+
+
+class Attempt(Contract):
+    """An action that was carried out, and what came of it."""
+
+    action: DoneAction = Field(description="as an earlier answer proposed it")
+    crossings: int = Field(ge=0, le=1000, description="how many there were after it")
+
+
 class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
     """A ``topology`` result, or a picture or mask, to ranked dual-arm actions that remove a crossing."""
 
@@ -327,6 +367,11 @@ class DisentangleRequest(_HarnessSource, JobRequest[DisentangleResult]):
     gripper: Gripper | None = Field(default=None, description="default: 1.6 widths of a typical strand of the harness")
     margin_px: float = Field(default=0.0, ge=0, le=1e5, description="how far outside the picture the piece may end")
     at_most: int = Field(default=5, ge=1, le=50, description="how many actions are proposed")
+    attempts: list[Attempt] = Field(
+        default_factory=list,
+        max_length=100,
+        description="actions so far, in this picture's pixels: scores follow from what they brought",
+    )
     files: list[Literal["overlay"]] = Field(default=["overlay"], max_length=1, description="to make beside the result")
 
     @property
