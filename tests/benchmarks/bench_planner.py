@@ -5,6 +5,7 @@
 ``--held-out``: samples of ``models.training.dynamics.data`` with another seed (made when it is missing). Tasks: U, A,
 S and I from a straight line x three ropes x two surfaces with hidden parameters, at most ten actions, reached below
 10 mm; in the own simulator and, with the extra of ``requirements/dynamics.in``, in MuJoCo, which no network has seen.
+There a deep S, an M and a loop too, and ropes eight times as stiff.
 Prints tables and writes ``build/bench/planner.json``.
 """
 
@@ -16,7 +17,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from time import thread_time
@@ -25,15 +27,16 @@ import numpy as np
 from dlo_client.demo.simulated_table import TARGETS, target_shape
 
 from models.manipulation.actions import best_actions, onto_target
+from models.manipulation.belief import Belief, believed
 from models.manipulation.dynamics import NODES, Dynamics, shape_distance
 from models.manipulation.limits import Limits
 from models.manipulation.parameters import MID_RANGE, History, estimate
-from models.manipulation.planning import plan
+from models.manipulation.planning import USUAL_HORIZON, plan
 from models.manipulation.scaling import MOVE_SCALE
 from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate
 from models.training.dynamics.data import Samples, generate, nearly_straight
 from models.weights.inference import Runtime, default_name, load
-from tests.benchmarks.ropes import ROPES, SURFACES, MujocoTable, OwnTable, Table
+from tests.benchmarks.ropes import HARD_TARGETS, ROPES, SURFACES, MujocoTable, OwnTable, Table, hard_shape
 
 ACTIONS, REACHED_M = 10, 0.01
 Choice = Callable[[np.ndarray, np.ndarray, History, float], tuple[int, np.ndarray]]
@@ -45,13 +48,24 @@ def dynamics() -> Dynamics:
     return Dynamics(*(load(default_name(n), runtime) for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope")))
 
 
-def planned(model: Dynamics, horizon: int, learn: bool) -> Choice:
-    def choose(state, target, history, mass):
-        known = estimate(model, history, mass).rope(mass) if learn else np.array([mass, *MID_RANGE])
-        found, _ = plan(model, state, target, known, Limits(), horizon)
-        return int(found.edge[0]), found.move[0]
+@dataclass
+class Planned:
+    """The planner as a choice; ``stated`` (probability, distance at which half of the gain is there) per action."""
 
-    return choose
+    model: Dynamics
+    horizon: int = USUAL_HORIZON
+    learn: bool = True
+    stated: list[tuple[float, float]] = field(default_factory=list)
+
+    def __call__(self, state: np.ndarray, target: np.ndarray, history: History, mass: float) -> tuple[int, np.ndarray]:
+        belief = Belief.certain(self.model, np.array([mass, *MID_RANGE]))
+        if self.learn:
+            belief = believed(self.model, estimate(self.model, history, mass).rope(mass), history)
+        found, _ = plan(belief, state, target, Limits(), self.horizon)
+        edge, move = int(found.edge[0]), found.move[0]
+        half = (float(shape_distance(state, target)) + float(found.error[0])) / 2
+        self.stated.append((belief.chance_of_half(state, target, edge, move), half))
+        return edge, move
 
 
 def at_random(seed: int) -> Choice:
@@ -85,12 +99,16 @@ def run_task(table: Table, target: np.ndarray, mass: float, choose: Choice) -> t
     return errors, history
 
 
-def tasks(make: Callable[..., Table], choose: Choice) -> list[dict]:
+def shape(name: str, length: float) -> np.ndarray:
+    return hard_shape(name, length) if name in HARD_TARGETS else np.array(target_shape(name, length, NODES))
+
+
+def tasks(make: Callable[..., Table], choose: Choice, targets: Iterable[str] = TARGETS) -> list[dict]:
     rows = []
     for kind in ROPES:
         for surface in SURFACES:
-            for name in TARGETS:
-                target = np.array(target_shape(name, kind.length, NODES))
+            for name in targets:
+                target = shape(name, kind.length)
                 errors, history = run_task(make(kind, surface), target, kind.mass, choose)
                 in_mm = np.round(1e3 * np.array(errors), 2).tolist()
                 row = {"rope": kind.name, "surface": surface, "target": name, "errors_mm": in_mm}
@@ -110,6 +128,29 @@ def summary(rows: list[dict]) -> dict:
         "median_best_mm": round(float(np.median([min(r["errors_mm"]) for r in rows])), 2),
         "median_actions": float(np.median(used)),
     }
+
+
+def held_by_friction(make: Callable[..., MujocoTable], targets: Iterable[str]) -> int:
+    """Tasks in which a rope that is laid down in the target's very shape stays within the 10 mm."""
+    kept = 0
+    for kind in ROPES:
+        for surface in SURFACES:
+            for name in targets:
+                table, target = make(kind, surface), shape(name, kind.length)
+                table.put(target)
+                kept += float(shape_distance(table.state(), target)) <= REACHED_M
+    return kept
+
+
+def calibration_error(stated: list[tuple[float, float]], rows: list[dict], bins: int = 5) -> float:
+    """Mean difference of the stated probability and how often half of the expected gain came, over bins of equally
+    many actions."""
+    errors = np.concatenate([r["errors_mm"][1:] for r in rows]) / 1e3
+    probability, half = np.array(stated).T
+    came = errors <= half
+    order = np.array_split(np.argsort(probability, kind="stable"), bins)
+    off = [len(part) * abs(probability[part].mean() - came[part].mean()) for part in order]
+    return round(float(np.sum(off) / len(came)), 3)
 
 
 def parameters_in_tasks(model: Dynamics, rows: list[dict]) -> dict[str, float]:
@@ -178,10 +219,15 @@ def times(model: Dynamics) -> dict[str, float]:
     rope, edges = np.array([0.05, *MID_RANGE]), np.arange(NODES - 1)
     seen = generate(rng, 15, 1, Ropes.same(15, 0.05, 0.2, 10.0, 0.45))
     history = History(seen.before.astype(float), seen.edge, seen.move.astype(float), seen.after.astype(float))
+    far = state.mean(0) + hard_shape("M", 0.45)
+    dry = replace(Belief.certain(model, rope), stiffness=np.array([0.1, 0.3]), weights=np.array([0.0, 0.4, 0.6]))
     work = {
         "action_15_edges": lambda: best_actions(model, state, target, rope, edges),
-        "plan_horizon_1": lambda: plan(model, state, target, rope, Limits(), 1),
-        "plan_horizon_2": lambda: plan(model, state, target, rope, Limits(), 2),
+        "belief_15_samples": lambda: believed(model, rope, history),
+        "plan_viscous": lambda: plan(Belief.certain(model, rope), state, target, Limits()),
+        "plan_viscous_ahead": lambda: plan(Belief.certain(model, rope), state, far, Limits()),
+        "plan_dry": lambda: plan(dry, state, target, Limits()),
+        "plan_dry_ahead": lambda: plan(dry, state, far, Limits()),
         "parameters_15_samples": lambda: estimate(model, history, 0.05),
     }
     return {name: _median_ms(call) for name, call in work.items()}
@@ -194,6 +240,18 @@ def _median_ms(call: Callable[[], object], repeats: int = 30) -> float:
         call()
         taken.append(1e3 * (thread_time() - started))
     return round(float(np.median(taken)), 1)
+
+
+def choices(model: Dynamics, simulator: str) -> dict[str, Choice]:
+    """The planner and its rivals; the weak ones only where no task is hard."""
+    found: dict[str, Choice] = {
+        "default": Planned(model),
+        "horizon 1": Planned(model, 1),
+        "farthest edge onto its place": nearest_edge,
+    }
+    if simulator == "mujoco":
+        found |= {"one step, mid-range": Planned(model, 1, learn=False), "random": at_random(0)}
+    return found
 
 
 def main() -> None:
@@ -209,26 +267,25 @@ def main() -> None:
         generate(rng, 1000, 6, Ropes.random(rng, 1000)).save(args.held_out)
     report: dict = {"held_out": held_out(model, Samples.load(args.held_out)), "times_ms": times(model)}
     report["parameters"] = identify(model, args.ropes)
-    choices = {
-        "horizon 1": planned(model, 1, learn=True),
-        "horizon 2": planned(model, 2, learn=True),
-        "one step, mid-range": planned(model, 1, learn=False),
-        "farthest edge onto its place": nearest_edge,
-        "random": at_random(0),
-    }
-    tables: dict[str, Callable[..., Table]] = {"own": OwnTable}
+    stiff = partial(MujocoTable, stiffer=8.0)
+    tables: dict[str, tuple[Callable[..., Table], Iterable[str]]] = {"own": (OwnTable, TARGETS)}
     if not args.skip_mujoco:
-        tables |= {"mujoco": MujocoTable, "mujoco_stiff": partial(MujocoTable, stiffer=8.0)}
-    skipped: dict[str, tuple[str, ...]] = {"mujoco_stiff": ("random", "one step, mid-range")}
-    for simulator, make in tables.items():
+        tables |= {"mujoco": (MujocoTable, TARGETS), "mujoco_hard": (MujocoTable, HARD_TARGETS)}
+        tables |= {"mujoco_stiff": (stiff, TARGETS)}
+        report["held_by_friction"] = {
+            "mujoco": held_by_friction(MujocoTable, TARGETS),
+            "mujoco_hard": held_by_friction(MujocoTable, HARD_TARGETS),
+            "mujoco_stiff": held_by_friction(stiff, TARGETS),
+        }
+    for simulator, (make, targets) in tables.items():
         report[simulator] = {}
-        for name, choose in choices.items():
-            if name in skipped.get(simulator, ()):
-                continue
-            rows = tasks(make, choose)
+        for name, choose in choices(model, simulator).items():
+            rows = tasks(make, choose, targets)
             part = summary(rows)
-            if name == "horizon 2":
+            if name == "default" and targets is TARGETS:
                 part["prediction_mm"] = parameters_in_tasks(model, rows)
+            if isinstance(choose, Planned) and choose.learn:
+                part["calibration_error"] = calibration_error(choose.stated, rows)
             part["rows"] = [{k: v for k, v in r.items() if k not in ("history", "mass")} for r in rows]
             report[simulator][name] = part
             print(simulator, name, {k: v for k, v in part.items() if k != "rows"}, flush=True)

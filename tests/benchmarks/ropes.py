@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,6 +35,22 @@ ROPES = (
 )
 SURFACES = {"cloth": (22.0, 0.9), "cardboard": (8.0, 0.4)}
 """k_d for the own simulator; coefficient of friction for the other."""
+
+
+HARD_TARGETS: dict[str, Callable[[float], float]] = {
+    "deep S": lambda t: 1.6 * math.cos(2 * math.pi * t),
+    "M": lambda t: 1.1 * math.cos(3 * math.pi * t),
+    "loop": lambda t: 2.3 * (2 * t - 1),
+}
+"""Heading over the share of the length, of shapes that no single grasp leads towards."""
+
+
+def hard_shape(name: str, length: float) -> np.ndarray:
+    """(n, 2) m, about its middle."""
+    headings = np.array([HARD_TARGETS[name]((k + 0.5) / (NODES - 1)) for k in range(NODES - 1)])
+    edges = length / (NODES - 1) * np.column_stack([np.cos(headings), np.sin(headings)])
+    points = np.vstack([np.zeros((1, 2)), np.cumsum(edges, 0)])
+    return np.asarray(points - points.mean(0))
 
 
 class Table(Protocol):
@@ -77,6 +95,16 @@ class MujocoTable:
         last = bodies[-1]
         points.append(last.xpos[:2] + self._edge_length * last.xmat.reshape(3, 3)[:2, 0])
         return np.array(points)
+
+    def put(self, points: np.ndarray) -> None:
+        """Lay the rope down in a shape (n, 2) and let go."""
+        headings = np.unwrap(np.arctan2(*np.diff(points, axis=0).T[::-1]))
+        place = self._data.qpos
+        place[:2], place[3:7] = points[0], [np.cos(headings[0] / 2), 0, 0, np.sin(headings[0] / 2)]
+        place[7:] = np.diff(headings)
+        self._data.qvel[:] = 0
+        self._mj.mj_forward(self._model, self._data)
+        self._run(0.5)
 
     def act(self, edge: int, move: np.ndarray) -> None:
         """The edge is welded to a mocap body, lifted by nothing, dragged and turned, let go."""
