@@ -276,6 +276,15 @@ def test_estimates_come_with_what_is_left(tools):
     assert result.ratio_sigma <= max(result.sigma)
 
 
+@pytest.mark.parametrize("stiffness", [0.05, 1.0])
+def test_estimates_tell_dry_friction_and_the_stiffness_over_it(tools, stiffness):
+    result = stages.run(EstimateParametersRequest(history=dry(stiffness), object=OBJECT), tools).result
+    assert result.friction == "dry"
+    assert result.stiffness_m == pytest.approx(stiffness, rel=0.5)
+    viscous = stages.run(EstimateParametersRequest(history=experience(0.3, 10.0), object=OBJECT), tools).result
+    assert (viscous.friction, viscous.stiffness_m) == ("viscous", None)
+
+
 def test_an_edge_that_is_not_there(tools):
     item = experience(count=1)[0]
     beyond = item.model_copy(update={"action": item.action.model_copy(update={"edge": 15})})

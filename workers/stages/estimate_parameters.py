@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from dlo_client.contracts import EstimateParametersRequest, EstimateParametersResult
 
-from models.manipulation.dynamics import Dynamics, shape_distance
+from models.manipulation.belief import believed
+from models.manipulation.dynamics import Dynamics
 from models.manipulation.parameters import Estimate, History, estimate
 from models.strands.stopwatch import Stopwatch
 from workers.stages.outcome import InvalidInput, Outcome, Tools
-from workers.stages.shapes import check_edges, contradictions, history_of, learned, length_of, rope_of
+from workers.stages.shape_belief import about_history, friction_of
+from workers.stages.shapes import check_edges, history_of, learned, length_of, rope_of
 
 _NO_ROPE = "holds states that no rope model can move: do nodes lie upon each other, are units right?"
 
@@ -23,9 +25,10 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
     with watch.step("estimate"):
         length = request.object.length_m
         found = _estimated(dynamics, history, rope.mass, None if length is None else length * rope.scale)
+        belief = believed(dynamics, found.rope(rope.mass), history)
     errors = found.error_m / rope.scale
-    moved = shape_distance(history.before, history.after) / rope.scale
     result = EstimateParametersResult(
+        **friction_of(belief, rope.scale),
         k_b=round(found.bending, 6),
         k_d=round(found.damping, 6),
         sigma=(round(float(found.sigma[0]), 4), round(float(found.sigma[1]), 4)),
@@ -33,7 +36,7 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
         loss_m=round(float(errors.mean()), 6),
         loss_mid_range_m=round(float(found.error_before_m.mean()) / rope.scale, 6),
         sample_errors_m=np.round(errors, 6).tolist(),
-        warnings=rope.warnings + contradictions(errors, moved),
+        warnings=rope.warnings + about_history(belief, history, found.error_m, rope.scale),
         models=models,
     )
     return Outcome(result, timings_ms=watch.timings_ms)

@@ -31,11 +31,11 @@ def belief_of(
     belief = believed(dynamics, found.rope(rope.mass), history)
     parts: dict[str, object] = {"k_b": MID_RANGE[0], "k_d": MID_RANGE[1], "source": "mid_range"}
     if request.history:
-        warnings += _about(belief, history, found.error_m, rope.scale)
+        warnings += about_history(belief, history, found.error_m, rope.scale)
         k_b, k_d = round(found.bending, _DECIMALS), round(found.damping, _DECIMALS)
         sigma = tuple(round(float(s), 4) for s in found.sigma)
         parts = {"k_b": k_b, "k_d": k_d, "sigma": sigma, "source": "history"}
-    return belief, UsedParameters.model_validate(parts | _friction(belief, rope.scale))
+    return belief, UsedParameters.model_validate(parts | friction_of(belief, rope.scale))
 
 
 def _given(request: PlanShapeRequest, warnings: list[PlanWarning]) -> UsedParameters:
@@ -48,7 +48,8 @@ def _given(request: PlanShapeRequest, warnings: list[PlanWarning]) -> UsedParame
     return UsedParameters(k_b=k_b, k_d=k_d, source="request")
 
 
-def _friction(belief: Belief, scale: float) -> dict[str, object]:
+def friction_of(belief: Belief, scale: float) -> dict[str, object]:
+    """The more probable kind, its probability, and with dry friction the stiffness over it: fields of an answer."""
     viscous = float(belief.weights[0])
     if belief.best == 0:
         return {"friction": "viscous", "friction_probability": round(viscous, 4)}
@@ -56,7 +57,7 @@ def _friction(belief: Belief, scale: float) -> dict[str, object]:
     return {"friction": "dry", "friction_probability": round(1 - viscous, 4), "stiffness_m": stiffness}
 
 
-def _about(belief: Belief, history: History, errors_m: FloatArray, scale: float) -> list[PlanWarning]:
+def about_history(belief: Belief, history: History, errors_m: FloatArray, scale: float) -> list[PlanWarning]:
     """Items that neither kind of friction explains, and a DLO like none that is known."""
     left = errors_m.copy()
     latest = slice(len(left) - len(belief.residual_m), None)

@@ -202,7 +202,18 @@ class PlanWarning(Reply):
     message: str = Field(description="the code in words")
 
 
-class UsedParameters(Reply):
+class Friction(Reply):
+    """What holds the DLO on the table, and with dry friction how stiff it is over that."""
+
+    friction: Literal["viscous", "dry"] = Field(default="viscous", description="of the table, the more probable kind")
+    friction_probability: float = Field(default=1.0, ge=0, le=1, description="of that kind")
+    stiffness_m: float | None = Field(
+        default=None,
+        description="with dry friction: bending moment of a joint a rad over the friction force of a node, of 16",
+    )
+
+
+class UsedParameters(Friction):
     """``k_b`` and ``k_d`` that were planned with, and where they come from; ``sigma`` are the standard deviations of
     their natural logarithms. Slow motions show the ratio k_b / k_d far better than either.
 
@@ -215,12 +226,6 @@ class UsedParameters(Reply):
         default=None, description="standard deviations of the natural logarithms of k_b and k_d"
     )
     source: Literal["request", "history", "mid_range"] = Field(description="where the parameters come from")
-    friction: Literal["viscous", "dry"] = Field(default="viscous", description="of the table, the more probable kind")
-    friction_probability: float = Field(default=1.0, ge=0, le=1, description="of that kind")
-    stiffness_m: float | None = Field(
-        default=None,
-        description="with dry friction: bending moment of a joint a rad over the friction force of a node, of 16",
-    )
 
 
 class PlanShapeResult(Reply):
@@ -306,7 +311,7 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
         return self
 
 
-class EstimateParametersResult(Reply):
+class EstimateParametersResult(Friction):
     kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="kind of the job")
     k_b: float = Field(description="bending, N m/rad a joint, as `plan_shape` takes it")
     k_d: float = Field(description="damping, N s/m a node, as `plan_shape` takes it")
