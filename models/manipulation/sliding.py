@@ -72,15 +72,17 @@ def slide(
 ) -> FloatArray:
     """(B, n, 2) states to those after each action: grip ``edges`` (B,), move by ``moves`` (B, 3), let go."""
     params = params or SlidingParams()
-    chains, here = _Chains.of(states), states
+    chains = _Chains.of(states)
+    here = now = states
     held = _held(edges, states.shape[1])
+    grip = params.grip * held.astype(np.float64)
     pace = np.hypot(moves[:, :1], moves[:, 1:2]) / params.steps * np.ones(held.shape)
     for k in range(1, params.steps + 1):
         wanted = np.where(held[..., None], _carried(states, edges, moves, k / params.steps), 0.0)
         for _ in range(params.rounds):
-            _relax(chains, here, ropes, _weight(pace, params.slip_m), params.grip * held.astype(np.float64), wanted)
-            pace = np.hypot(*np.moveaxis(chains.nodes() - here, -1, 0))
-        here = chains.nodes()
+            now = _relaxed(chains, now, here, ropes, _weight(pace, params.slip_m), grip, wanted)
+            pace = np.hypot(*np.moveaxis(now - here, -1, 0))
+        here = now
     return _released(chains, here, pace, ropes, params)
 
 
@@ -93,10 +95,11 @@ def left_alone(states: FloatArray, ropes: Sliders, params: SlidingParams | None 
 def _released(
     chains: _Chains, before: FloatArray, pace: FloatArray, ropes: Sliders, params: SlidingParams
 ) -> FloatArray:
+    now, free = before, np.zeros(pace.shape)
     for _ in range(params.released):
-        _relax(chains, before, ropes, _weight(pace, params.slip_m), np.zeros(pace.shape), before)
-        pace = np.hypot(*np.moveaxis(chains.nodes() - before, -1, 0))
-    return chains.nodes()
+        now = _relaxed(chains, now, before, ropes, _weight(pace, params.slip_m), free, before)
+        pace = np.hypot(*np.moveaxis(now - before, -1, 0))
+    return now
 
 
 def _weight(pace: FloatArray, slip_m: float) -> FloatArray:
@@ -122,11 +125,17 @@ def _carried(states: FloatArray, edges: IntArray, moves: FloatArray, share: floa
     return np.asarray(middle + turned + share * moves[:, None, :2])
 
 
-def _relax(
-    chains: _Chains, before: FloatArray, ropes: Sliders, weight: FloatArray, grip: FloatArray, wanted: FloatArray
-) -> None:
-    """One step of reweighted least squares towards the shape of least energy, in place."""
-    nodes = chains.nodes()
+def _relaxed(
+    chains: _Chains,
+    nodes: FloatArray,
+    before: FloatArray,
+    ropes: Sliders,
+    weight: FloatArray,
+    grip: FloatArray,
+    wanted: FloatArray,
+) -> FloatArray:
+    """The nodes after one step of reweighted least squares from ``nodes`` towards the shape of least energy; the
+    chains change in place."""
     force = weight[..., None] * (nodes - before) + grip[..., None] * (nodes - wanted)
     beyond, weights = (np.cumsum(a[:, ::-1], 1)[:, ::-1] for a in (force, weight + grip))
     normal = np.stack([-np.sin(chains.heading), np.cos(chains.heading)], -1) * chains.length[..., None]
@@ -138,6 +147,7 @@ def _relax(
     step = np.linalg.solve(_system(normal, weights, ropes.stiffness), right[..., None])[..., 0]
     chains.first += step[:, :2]
     chains.heading += np.clip(step[:, 2:], -0.5, 0.5)
+    return chains.nodes()
 
 
 def _system(normal: FloatArray, weights: FloatArray, stiffness: FloatArray) -> FloatArray:
@@ -149,11 +159,13 @@ def _system(normal: FloatArray, weights: FloatArray, stiffness: FloatArray) -> F
     k = np.arange(count)
     later = np.maximum(k[:, None], k)
     leverage = normal * weights[:, 1:, None]
-    system = np.zeros((batch, count + 2, count + 2))
-    system[:, [0, 1], [0, 1]] = weights[:, :1]
+    x, y = normal[..., 0], normal[..., 1]
+    both = x[:, :, None] * x[:, None] + y[:, :, None] * y[:, None]
+    system = np.empty((batch, count + 2, count + 2))
+    system[:, :2, :2] = weights[:, :1, None] * np.eye(2)
     system[:, :2, 2:] = leverage.transpose(0, 2, 1)
     system[:, 2:, :2] = leverage
     joints = np.diff(np.eye(count), axis=0)
     bending = stiffness[:, None, None] * (joints.T @ joints)
-    system[:, 2:, 2:] = np.matmul(normal, normal.transpose(0, 2, 1)) * weights[:, 1:][:, later] + bending
+    system[:, 2:, 2:] = both * weights[:, 1:].take(later, axis=1) + bending
     return system
