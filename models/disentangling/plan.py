@@ -9,7 +9,7 @@ All lengths are in hands, so the picture's resolution changes nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class DisentangleParams:
     clearance_widths: float = 1.0
     margin_px: float = 0.0
     at_most: int = 5
-    attempts: Sequence[Attempt] = ()
+    attempts: Sequence[Attempt] = field(default_factory=tuple)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from dlo_client.contracts import (
     CameraView,
     Contract,
     Curve3D,
+    DisentangleAction,
     DisentangleRequest,
     Experience,
     ImageInfo,
@@ -48,7 +49,14 @@ SECTION = {
     "id": 1, "points_xy": [[5, 5], [90, 60]], "width_px": 4, "length_px": 100, "end_widths_px": [4, 4],
     "ends": ["free", "free"], "branch_points": [None, None], "closed": False, "score": 1, "name": "trunk",
 }  # fmt: skip
+HELD = {"xy": [5, 5], "angle_rad": 0.1}
+TURN = {
+    "rank": 1, "crossing": 1, "section": 1, "about_branch_point": None, "hold": HELD, "pick": HELD, "place": HELD,
+    "trajectory_xy": [[5, 5]], "turn_rad": 0.4, "crossings_before": 1, "crossings_after": 0, "passes_over": [],
+    "clearance_px": 9, "score": 0.8, "why": "it parts them",
+}  # fmt: skip
 ANSWERS: dict[str, Reply] = {
+    "turn": DisentangleAction.model_validate(TURN),
     "action": PlannedAction.model_validate(ACTION),
     "used": UsedParameters(k_b=0.4, k_d=12.0, sigma=(0.1, 0.2), source="history"),
     "estimated": EstimateParametersResult(
@@ -79,7 +87,12 @@ def _history(action: Any) -> Contract:
     return PlanShapeRequest.model_validate(SHAPE | {"history": [{"before": LINE, "action": action, "after": LINE}]})
 
 
+def _attempt(action: Any) -> Contract:
+    return DisentangleRequest.model_validate({"attempts": [{"action": action, "crossings": 0}]})
+
+
 PLACES = {
+    "turn": [_attempt],
     "action": [lambda a: _history(a), lambda a: Experience(before=LINE, action=a, after=LINE)],
     "used": [lambda a: PlanShapeRequest.model_validate(SHAPE | {"parameters": a})],
     "estimated": [lambda a: PlanShapeRequest.model_validate(SHAPE | {"parameters": a})],

@@ -120,6 +120,22 @@ def test_it_stops_after_the_actions_it_may_do(client):
     assert len(outcome.errors_m) == 3
 
 
+class GluedTable(SimulatedTable):
+    """A rope that nothing moves."""
+
+    def execute(self, action):
+        pass
+
+
+def test_it_stops_when_the_actions_bring_nothing(client):
+    """All ten actions were done on a rope that had come to rest after three."""
+    controller = ShapeController(client, GluedTable(0.45), OBJECT, target_shape("S", 0.45))
+    outcome = controller.run()
+    assert not outcome.reached
+    assert len(outcome.steps) == 4
+    assert "no nearer" in outcome.reason
+
+
 def test_without_learning_nothing_is_told(client):
     asked = len(client.requests)
     controller = ShapeController(

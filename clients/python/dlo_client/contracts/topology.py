@@ -336,16 +336,10 @@ class DisentangleResult(Reply):
     models: list[ModelUsed] = Field(description="networks that took part")
 
 
-class HeldPlace(Taken):
-    """Where a gripper kept still; the ``hold`` of an action fits."""
-
-    xy: Point = Field(description="pixels")
-
-
 class DoneAction(Taken):
     """What planning needs of an action that was carried out; a proposed action fits."""
 
-    hold: HeldPlace = Field(description="the gripper that kept still")
+    hold: GripperPose = Field(description="the gripper that kept still")
     turn_rad: float = Field(ge=-7, le=7, description="from x towards y, about the held place")
     crossings_after: int = Field(ge=0, le=1000, description="as the simulation counted them")
     score: Probability = Field(description="that was stated")
