@@ -13,7 +13,7 @@ COUNT ?= 10000
 # Processes that run tests, each with a queue server of its own.
 JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 
-.PHONY: run serve dev test quick lint audit docs bench faults load fuzz lock clean
+.PHONY: run serve dev test quick lint audit rehearse docs bench faults load fuzz lock clean
 
 ## Start everything, find the cables of IMAGE through HTTP, print them, stop.
 run: $(BIN)/.service
@@ -48,6 +48,11 @@ lint: $(BIN)/.dev
 ## Scanners: bandit, and known advisories about the locked versions.
 audit: $(BIN)/.dev
 	.ci/audit $(BIN)/python
+
+## What the images do, in a fresh environment and without Docker; then several hosts, whose cables are pulled.
+rehearse: $(BIN)/.dev
+	$(BIN)/python -m tests.rehearsal
+	$(BIN)/python -m tests.rehearsal.hosts
 
 ## The documentation, to build/docs; a warning, such as a link that leads nowhere, is an error.
 docs: $(BIN)/.dev

@@ -61,9 +61,9 @@ def _place(error: Error, given: object) -> _Place:
         steps = steps[1:]
     path: list[Step] = []
     union = member = None
-    here = given
+    here: Any = given
     for index, step in enumerate(steps):
-        if (isinstance(here, dict) and step in here) or (isinstance(here, list) and isinstance(step, int)):
+        if _is_there(step, here):
             here = here[step]
             path.append(step)
         elif error["type"] == "missing" and index == len(steps) - 1:
@@ -72,6 +72,12 @@ def _place(error: Error, given: object) -> _Place:
             union, member = tuple(path), step
     names = {str(name).lower(): name for name in here} if isinstance(here, dict) else {}
     return _Place(tuple(path), union, member, names)
+
+
+def _is_there(step: Step, here: object) -> bool:
+    if isinstance(here, list):
+        return isinstance(step, int) and step < len(here)  # of a list of fixed length the end may be missing
+    return isinstance(here, dict) and step in here
 
 
 def _problem(error: Error, place: _Place, *, whole: str) -> FieldProblem:

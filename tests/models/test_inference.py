@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -14,6 +17,18 @@ from models.topology.evidence import FEATURES
 from models.training import export
 from models.weights import inference
 from models.weights.inference import CorruptWeightsError, FeaturesDifferError, UnknownNetworkError
+from tests.processes import ROOT
+
+
+def test_networks_report_nothing_to_anybody(tmp_path):
+    """ONNX Runtime kept an id of the machine in the home folder, and a thread that sends its use to its maker."""
+    program = "from models.weights import inference\ninference.load('ariadne_plus_triplet')\n"
+    plain = {"HOME": str(tmp_path), "PATH": os.environ["PATH"], "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, env=plain, capture_output=True, text=True, check=True, timeout=120
+    )
+    assert list(tmp_path.iterdir()) == []
+    assert "elemetry" not in done.stderr
 
 
 def test_every_shipped_file_is_the_one_in_the_manifest():

@@ -1,7 +1,8 @@
 """``python -m tests.rehearsal [--extras s3]``: what the images do, without Docker; needs the package index.
 
-A fresh environment from the exact versions; the files that the Dockerfile copies, read-only; the entry points, without
-rights where we are root; one job of each kind that needs networks.
+A fresh environment from the exact versions; the files that the Dockerfile copies; the entry points; one job with a
+picture. Where we are root as in the compose file: another user without capabilities, a root that is read-only but for
+the data and an empty ``/tmp``.
 """
 
 from __future__ import annotations
@@ -25,8 +26,26 @@ from tests.processes import ROOT, wait_until
 from tests.rehearsal.dockerfile import Image, copy_into, images
 from workers.embedded import EmbeddedQueue, free_port
 
-_NOBODY = 10001
+_CONFINED = """
+set -e
+mount --bind "$DATA" "$DATA"
+if [ -n "$HIDDEN" ]; then
+  mkdir -p "$PYTHON_BESIDE"
+  mount --bind "$PYTHON_HOME" "$PYTHON_BESIDE"
+  mount -t tmpfs -o mode=755 tmpfs "$HIDDEN"
+  mkdir -p "$PYTHON_HOME"
+  mount --bind "$PYTHON_BESIDE" "$PYTHON_HOME"
+fi
+mount -t tmpfs tmpfs /tmp
+mount -o remount,bind,ro /
+if touch /read-only 2>/dev/null; then echo "the root can be written to"; exit 1; fi
+unset DATA HIDDEN PYTHON_HOME PYTHON_BESIDE
+exec setpriv --reuid $USER_ID --regid $USER_ID --clear-groups --no-new-privs --bounding-set -all --inh-caps -all "$@"
+"""
+"""An interpreter below a folder that only root may enter (``HIDDEN``) is put where everybody can reach it."""
+
 _KEY = "rehearsal"
+_TRAINING = ("torch", "onnx", "pytest")
 
 
 def build(image: Image, folder: Path, python: Path | None) -> Path:
@@ -40,9 +59,17 @@ def build(image: Image, folder: Path, python: Path | None) -> Path:
         subprocess.run([*pip, "-r", "requirements/service.txt"], cwd=app, check=True)
         subprocess.run([*pip, "--no-deps", "./clients/python"], cwd=app, check=True)
         shutil.rmtree(app / "clients" / "python" / "build", ignore_errors=True)
+        check_alone(python, app)
     for path in (app, *app.rglob("*")):
         path.chmod(path.stat().st_mode & ~(stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH))
     return python
+
+
+def check_alone(python: Path, app: Path) -> None:
+    """Nothing of training is installed, and no two versions contradict each other."""
+    program = "import importlib.util, sys; sys.exit(any(map(importlib.util.find_spec, sys.argv[1:])))"
+    assert subprocess.run([python, "-c", program, *_TRAINING], cwd=app, check=False).returncode == 0, _TRAINING
+    subprocess.run([python, "-m", "pip", "check", "--quiet"], cwd=app, check=True)
 
 
 def run(image: Image, folder: Path, python: Path, **environment: str) -> subprocess.Popen[bytes]:
@@ -51,8 +78,15 @@ def run(image: Image, folder: Path, python: Path, **environment: str) -> subproc
     command = [environment.pop("PORT", part) if part == "8000" else part for part in command]
     program = [str(python), *(["-m", "uvicorn"] if command[0] == "uvicorn" else []), *command[1:]]
     env = {"PATH": os.environ["PATH"], "HOME": "/nonexistent", **image.environment, **environment}
-    rights = {"user": _NOBODY, "group": _NOBODY, "extra_groups": []} if os.getuid() == 0 else {}
-    return subprocess.Popen(program, cwd=folder / "app", env=env, **rights)
+    if os.getuid() == 0:
+        program = ["unshare", "--mount", "sh", "-c", _CONFINED, "sh", *program]
+        home = Path(sys.base_prefix)
+        hidden = [parent for parent in home.parents if not parent.stat().st_mode & stat.S_IXOTH]
+        env |= {
+            "DATA": environment["DLO_DATA_DIR"], "HIDDEN": str(hidden[-1]) if hidden else "", "PYTHON_HOME": str(home),
+            "PYTHON_BESIDE": str(folder / "python"), "USER_ID": image.user,
+        }  # fmt: skip
+    return subprocess.Popen(program, cwd=folder / "app", env=env)
 
 
 def main() -> None:
@@ -60,7 +94,8 @@ def main() -> None:
     parser.add_argument("--python", type=Path, help="of an environment that is there already")
     asked = parser.parse_args()
     found = images((ROOT / "Dockerfile").read_text())
-    folder = Path(tempfile.mkdtemp(prefix="rehearsal-"))
+    Path("build").mkdir(exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix="rehearsal-", dir="build")).absolute()
     folder.chmod(0o755)
     started: list[subprocess.Popen[bytes]] = []
     try:

@@ -165,11 +165,11 @@ def main() -> None:
     parser.add_argument("--only", default=",".join(part.__name__ for part in PARTS), help="names, or nothing")
     parser.add_argument("--out", type=Path, default=Path("build/bench/hosts.json"))
     asked = parser.parse_args()
-    folder = Path(tempfile.mkdtemp(prefix="hosts-"))
     try:
         go_inside()
         from tests.rehearsal.deployment import Hosts
 
+        folder = Path(tempfile.mkdtemp(prefix="hosts-"))
         there = Hosts(folder)
     except NoNamespacesError as error:
         raise SystemExit(print(f"skipped: {error}")) from None

@@ -109,3 +109,23 @@ def test_a_rule_between_fields_of_an_inner_object_names_the_field_within():
         {"loc": ("x",), "type": "value_error", "msg": "Value error, `views` are odd"},
     ]
     assert [p.field for p in body_problems(errors, given, whole="body")] == ["views.0.intrinsics.k", "views"]
+
+
+@pytest.mark.parametrize("rows", [0, 1, 3])
+def test_a_matrix_of_too_few_rows_names_the_one_that_is_missing(client, problem, rows):
+    """A pose without its last row was answered with 500: its place is beyond the end of the list."""
+    view = {"T_world_camera": [[1, 0, 0, 0]] * rows, "image": {"id": "0" * 64}}
+    found = problem(client.post("/v1/jobs", json={"kind": "reconstruct", "views": [view, view]}), 422)
+    assert f"views.0.T_world_camera.{rows}" in {one["field"] for one in found["errors"]}
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ({"kind": "plan_shape", "state_m": [[0.0]], "target_m": [[0.0, 1.0, 2.0]]}, "state_m.0.1"),
+        ({"kind": "label_tracked", "views": [], "strokes": [[[1.0]]]}, "strokes.0"),
+    ],
+)
+def test_a_list_that_is_too_short_is_refused_wherever_it_is(client, problem, body, field):
+    found = problem(client.post("/v1/jobs", json=body), 422)
+    assert any(field in one["field"] for one in found["errors"]), found["errors"]
