@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.manipulation.actions import Candidates, best_actions, onto_target, optimized
 from models.manipulation.belief import Belief
@@ -40,13 +41,14 @@ _DRY, _DRY_LATER = SolverParams(steps=3), SolverParams(steps=2)
 
 @dataclass(frozen=True, eq=False)
 class Sequence:
-    """Actions one after another: ``edges`` (h,), ``moves`` (h, 3), the states after each (h, n, 2), and the mean
-    distance m of the last to the target."""
+    """Actions one after another: ``edges`` (h,), ``moves`` (h, 3), the states after each (h, n, 2), the mean distance
+    m of the last to the target, and whether the optimizer of the first move came to rest."""
 
     edges: IntArray
     moves: FloatArray
     states: FloatArray
     error: float
+    converged: bool
 
 
 def plan(
@@ -76,13 +78,13 @@ def _kept(belief: Belief, state: FloatArray, target: FloatArray, limits: Limits)
     largest = limits.largest
     found = best_actions(belief.dynamics, state, target, belief.rope, limits.edges(len(state)), largest, _FIRST)
     ruled = np.clip(onto_target(state, target, found.edge), -largest, largest)
-    tried = [_rated(belief, state, target, found.edge, moves) for moves in (found.move, ruled)]
-    chosen = _better(*tried)
+    optimal = _rated(belief, state, target, found.edge, found.move, found.converged)
+    chosen = _better(optimal, _rated(belief, state, target, found.edge, ruled, np.zeros(len(ruled), bool)))
     if belief.best:
         few = chosen.taken(np.argsort(chosen.error, kind="stable")[:_REFINED])
         starts = np.broadcast_to(state, (len(few.edge), *state.shape))
-        moves = polished(belief, starts, few.edge[:, None], few.move[:, None], target, largest, _DRY)[:, 0]
-        again = _better(few, _rated(belief, state, target, few.edge, moves))
+        moves, at_rest = polished(belief, starts, few.edge[:, None], few.move[:, None], target, largest, _DRY)
+        again = _better(few, _rated(belief, state, target, few.edge, moves[:, 0], at_rest))
         rest = chosen.taken(np.flatnonzero(~np.isin(chosen.edge, few.edge)))
         chosen = again.joined(rest)
     chosen = chosen.taken(np.argsort(chosen.error, kind="stable"))
@@ -91,11 +93,18 @@ def _kept(belief: Belief, state: FloatArray, target: FloatArray, limits: Limits)
     )
 
 
-def _rated(belief: Belief, state: FloatArray, target: FloatArray, edges: IntArray, moves: FloatArray) -> Candidates:
+def _rated(
+    belief: Belief,
+    state: FloatArray,
+    target: FloatArray,
+    edges: IntArray,
+    moves: FloatArray,
+    converged: NDArray[np.bool_],
+) -> Candidates:
     """Actions with the state that the most probable model foresees, and the distance that all foresee on average."""
     reached = belief.predict(np.broadcast_to(state, (len(edges), *state.shape)), edges, moves)
     error = belief.weights @ shape_distance(reached, target)
-    return Candidates(edges, moves, reached[belief.best], error, np.ones(len(edges), bool))
+    return Candidates(edges, moves, reached[belief.best], error, converged)
 
 
 def _better(some: Candidates, others: Candidates) -> Candidates:
@@ -119,7 +128,9 @@ def _clear(belief: Belief, state: FloatArray, found: Candidates, limits: Limits)
 
 
 def _begun(first: Candidates, k: int) -> Sequence:
-    return Sequence(first.edge[k : k + 1], first.move[k : k + 1], first.predicted[k : k + 1], float(first.error[k]))
+    row = slice(k, k + 1)
+    at_rest = bool(first.converged[k])
+    return Sequence(first.edge[row], first.move[row], first.predicted[row], float(first.error[k]), at_rest)
 
 
 def _extended(belief: Belief, beam: list[Sequence], target: FloatArray, limits: Limits) -> list[Sequence]:
@@ -135,7 +146,7 @@ def _extended(belief: Belief, beam: list[Sequence], target: FloatArray, limits: 
     if belief.best:
         few = _best_rows(owner, found.error)
         owner, every = owner[few], every[few]
-        sharper = polished(belief, last[owner], every[:, None], moves[few, None], target, limits.largest, _DRY_LATER)
+        sharper, _ = polished(belief, last[owner], every[:, None], moves[few, None], target, limits.largest, _DRY_LATER)
         found = _better(found.taken(few), _foreseen(belief, last[owner], target, every, sharper[:, 0]))
     kept = _allowed(last[owner], found, limits)
     owner, found = owner[kept], found.taken(kept)
@@ -161,6 +172,7 @@ def _continued(begun: Sequence, following: Candidates, k: int) -> Sequence:
         np.vstack([begun.moves, following.move[k]]),
         np.concatenate([begun.states, following.predicted[k : k + 1]]),
         float(following.error[k]),
+        begun.converged,
     )
 
 
@@ -169,9 +181,9 @@ def _polished(belief: Belief, state: FloatArray, found: Sequence, target: FloatA
     if len(found.edges) == 1:
         return found
     one = state[None], found.edges[None]
-    moves = polished(belief, *one, found.moves[None], target, limits.largest, _TOGETHER)
+    moves, at_rest = polished(belief, *one, found.moves[None], target, limits.largest, _TOGETHER)
     states = roll_out(belief, *one, moves)[0]
-    return Sequence(found.edges, moves[0], states, float(shape_distance(states[-1], target)))
+    return Sequence(found.edges, moves[0], states, float(shape_distance(states[-1], target)), bool(at_rest[0]))
 
 
 def _ranked(
@@ -184,20 +196,20 @@ def _ranked(
 ) -> tuple[Candidates, FloatArray]:
     """First actions by the end of their best sequence, one an edge; behind them the edges that no sequence begins
     with, by their own distance."""
-    rows: dict[int, tuple[FloatArray, FloatArray, float]] = {}
+    rows: dict[int, Sequence] = {}
     for s in sorted(sequences, key=lambda s: s.error):
         edge = int(s.edges[0])
         one = Candidates(s.edges[:1], s.moves[:1], s.states[:1], np.zeros(1), np.ones(1, bool))
         if edge not in rows and len(_clear(belief, state, one.taken(_allowed(state[None], one, limits)), limits).edge):
-            rows[edge] = (s.moves[0], s.states[0], s.error)
+            rows[edge] = s
     rest = [k for k in range(len(first.edge)) if int(first.edge[k]) not in rows]
-    predicted = np.stack([*(r[1] for r in rows.values()), *(first.predicted[k] for k in rest)])
+    predicted = np.stack([*(s.states[0] for s in rows.values()), *(first.predicted[k] for k in rest)])
     ranked = Candidates(
         edge=np.array([*rows, *(int(first.edge[k]) for k in rest)]),
-        move=np.stack([*(r[0] for r in rows.values()), *(first.move[k] for k in rest)]),
+        move=np.stack([*(s.moves[0] for s in rows.values()), *(first.move[k] for k in rest)]),
         predicted=predicted,
         error=shape_distance(predicted, target),
-        converged=np.array([*(True for _ in rows), *(bool(first.converged[k]) for k in rest)]),
+        converged=np.array([*(s.converged for s in rows.values()), *(bool(first.converged[k]) for k in rest)]),
     )
-    ends = [*(r[2] for r in rows.values()), *(float(first.error[k]) for k in rest)]
+    ends = [*(s.error for s in rows.values()), *(float(first.error[k]) for k in rest)]
     return ranked, np.asarray(ends)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.manipulation.belief import Belief
 from models.manipulation.frames import FloatArray, IntArray
@@ -29,8 +30,9 @@ def polished(
     target: FloatArray,
     largest: FloatArray,
     params: SolverParams,
-) -> FloatArray:
-    """``moves`` (B, h, 3), those of each row optimized together for where its last action ends; ``largest`` (3,).
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """``moves`` (B, h, 3), those of each row optimized together for where its last action ends, and whether the
+    optimizer came to rest (B,); ``largest`` (3,).
 
     Forward differences: one roll-out an unknown, all rows in one batch.
     """
@@ -48,4 +50,4 @@ def polished(
 
     bounds, scale = np.tile(largest, steps), np.tile(MOVE_SCALE, steps)
     best = minimize(residuals, moves.reshape(rows, -1), -bounds, bounds, scale, params)
-    return best.x.reshape(rows, steps, 3)
+    return best.x.reshape(rows, steps, 3), best.converged

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from models.manipulation import planning
 from models.manipulation.actions import best_actions, onto_target
 from models.manipulation.belief import Belief
 from models.manipulation.dynamics import Dynamics, shape_distance
@@ -90,6 +91,18 @@ def test_two_steps_reach_what_one_cannot():
     assert ends_ahead[0] < ends[0]
     assert len(greedy.edge) == len(ahead.edge) == 15
     assert len(set(ahead.edge.tolist())) == 15
+
+
+@pytest.mark.parametrize("horizon", [1, 2])
+def test_an_optimizer_that_was_cut_short_is_no_optimum(monkeypatch, horizon):
+    """Every action was stated to be one."""
+    target = STATE + 0.03 * np.sin(np.linspace(0, 9, 16))[:, None]
+    at_rest, _ = plan(TOWED, STATE, target, Limits(), horizon)
+    assert at_rest.converged.any()
+    monkeypatch.setattr(planning, "_FIRST", SolverParams(steps=1))
+    monkeypatch.setattr(planning, "_TOGETHER", SolverParams(steps=1))
+    cut, _ = plan(TOWED, STATE, target, Limits(), horizon)
+    assert not cut.converged.all()
 
 
 def test_limits_bind():

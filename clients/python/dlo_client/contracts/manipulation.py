@@ -155,7 +155,9 @@ class PlannedAction(Reply):
     dtheta_rad: float = Field(description="turn of the edge about its middle, from x to y")
     pick: GripPose = Field(description="where to grip")
     place: GripPose = Field(description="where to let go")
-    error_after_m: float = Field(description="mean distance of corresponding points to the target, as predicted")
+    error_after_m: float = Field(
+        description="expected mean distance of corresponding points to the target, over all models that may be right"
+    )
     error_at_end_m: float = Field(description="the same after the whole horizon")
     converged: bool = Field(description="the optimizer came to rest")
     probability: float | None = Field(
