@@ -1,6 +1,6 @@
 """The planner: its network, its parameters, its time, and tasks in two simulators.
 
-    python -m tests.benchmarks.bench_planner [--held-out FILE] [--ropes 40] [--skip-mujoco]
+    python -m tests.benchmarks.bench_planner [--held-out FILE] [--ropes 40] [--simulators own mujoco]
 
 ``--held-out``: samples of ``models.training.dynamics.data`` with another seed (made when it is missing). Tasks: U, A,
 S and I from a straight line x three ropes x two surfaces with hidden parameters, at most ten actions, reached below
@@ -251,45 +251,58 @@ def choices(model: Dynamics, simulator: str) -> dict[str, Choice]:
     return found
 
 
+TABLES: dict[str, tuple[Callable[..., Table], Iterable[str]]] = {
+    "mujoco": (MujocoTable, TARGETS),
+    "mujoco_hard": (MujocoTable, HARD_TARGETS),
+    "mujoco_stiff": (partial(MujocoTable, stiffer=8.0), TARGETS),
+    "own": (OwnTable, TARGETS),
+}
+
+
+def compared(model: Dynamics, simulator: str) -> dict[str, dict]:
+    """What each choice reaches of the simulator's tasks."""
+    make, targets = TABLES[simulator]
+    parts = {}
+    for name, choose in choices(model, simulator).items():
+        rows = tasks(make, choose, targets)
+        part = summary(rows)
+        if name == "default" and targets is TARGETS:
+            part["prediction_mm"] = parameters_in_tasks(model, rows)
+        if isinstance(choose, Planned) and choose.learn:
+            part["calibration_error"] = calibration_error(choose.stated, rows)
+        part["rows"] = [{k: v for k, v in r.items() if k not in ("history", "mass")} for r in rows]
+        parts[name] = part
+        print(simulator, name, {k: v for k, v in part.items() if k != "rows"}, flush=True)
+    return parts
+
+
+def of_the_model(model: Dynamics, samples: Path, ropes: int) -> dict:
+    """Accuracy of the network and of the parameters, and times."""
+    if not samples.exists():
+        rng = np.random.default_rng(10**6)
+        generate(rng, 1000, 6, Ropes.random(rng, 1000)).save(samples)
+    found: dict = {"held_out": held_out(model, Samples.load(samples)), "times_ms": times(model)}
+    found["parameters"] = identify(model, ropes)
+    for name, values in found.items():
+        print(name, json.dumps(values), flush=True)
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--held-out", type=Path, default=Path("build/held_out.npz"))
     parser.add_argument("--ropes", type=int, default=100, help="for the parameters' accuracy")
-    parser.add_argument("--skip-mujoco", action="store_true")
+    parser.add_argument("--simulators", nargs="+", choices=list(TABLES), default=list(TABLES), help="default: all")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
-    model = dynamics()
-    if not args.held_out.exists():
-        rng = np.random.default_rng(10**6)
-        generate(rng, 1000, 6, Ropes.random(rng, 1000)).save(args.held_out)
-    report: dict = {"held_out": held_out(model, Samples.load(args.held_out)), "times_ms": times(model)}
-    report["parameters"] = identify(model, args.ropes)
-    stiff = partial(MujocoTable, stiffer=8.0)
-    tables: dict[str, tuple[Callable[..., Table], Iterable[str]]] = {"own": (OwnTable, TARGETS)}
-    if not args.skip_mujoco:
-        tables |= {"mujoco": (MujocoTable, TARGETS), "mujoco_hard": (MujocoTable, HARD_TARGETS)}
-        tables |= {"mujoco_stiff": (stiff, TARGETS)}
-        report["held_by_friction"] = {
-            "mujoco": held_by_friction(MujocoTable, TARGETS),
-            "mujoco_hard": held_by_friction(MujocoTable, HARD_TARGETS),
-            "mujoco_stiff": held_by_friction(stiff, TARGETS),
-        }
-    for simulator, (make, targets) in tables.items():
-        report[simulator] = {}
-        for name, choose in choices(model, simulator).items():
-            rows = tasks(make, choose, targets)
-            part = summary(rows)
-            if name == "default" and targets is TARGETS:
-                part["prediction_mm"] = parameters_in_tasks(model, rows)
-            if isinstance(choose, Planned) and choose.learn:
-                part["calibration_error"] = calibration_error(choose.stated, rows)
-            part["rows"] = [{k: v for k, v in r.items() if k not in ("history", "mass")} for r in rows]
-            report[simulator][name] = part
-            print(simulator, name, {k: v for k, v in part.items() if k != "rows"}, flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "planner.json").write_text(json.dumps(report, indent=1))
-    for name in ("held_out", "times_ms", "parameters"):
-        print(name, json.dumps(report[name]))
+    model = dynamics()
+    report = of_the_model(model, args.held_out, args.ropes)
+    for simulator in args.simulators:
+        report[simulator] = compared(model, simulator)
+        if simulator.startswith("mujoco"):
+            report.setdefault("held_by_friction", {})[simulator] = held_by_friction(*TABLES[simulator])
+        (args.out / "planner.json").write_text(json.dumps(report, indent=1))
 
 
 if __name__ == "__main__":

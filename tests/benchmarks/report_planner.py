@@ -61,11 +61,16 @@ def planner(data: dict) -> str:
 def _held(held: dict[str, int]) -> str:
     if not held:
         return ""
+    of = {
+        "mujoco": "24 (U, A, S, I)",
+        "mujoco_hard": "18 (deep S, M, loop)",
+        "mujoco_stiff": "24 (eight times as stiff)",
+    }
+    counts = ", ".join(f"{count} of {of[name]}" for name, count in held.items())
     return (
-        "\nLaid down in the target's very shape and let go, the rope stays within 10 mm in "
-        f"{held['mujoco']} of 24 (U, A, S, I), {held['mujoco_hard']} of 18 (deep S, M, loop) and "
-        f"{held['mujoco_stiff']} of 24 (eight times as stiff): friction does not hold it in the others. "
-        "The calibration error is that of the stated probability of at least half of the expected gain (floor 0.10).\n"
+        f"\nLaid down in the target's very shape and let go, the rope stays within 10 mm in {counts}: friction does "
+        "not hold it in the others. The calibration error is that of the stated probability of at least half of the "
+        "expected gain (floor 0.10).\n"
     )
 
 

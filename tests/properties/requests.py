@@ -201,7 +201,8 @@ def plan_shape(draw: st.DrawFn) -> Request:
     if draw(st.booleans()):
         asked["parameters"] = {"k_b": draw(number(0.05, 1)), "k_d": draw(number(3, 30))}
     elif draw(st.booleans()):
-        asked["history"] = draw(st.lists(experience(0.4), max_size=3))
+        asked["history"] = draw(st.lists(experience(0.4), max_size=5))
+        asked["tried"] = draw(st.integers(0, 6))
     return asked | {
         "horizon": draw(either(st.sampled_from([1, 2]), st.sampled_from([1, 1, 4, 5]))),
         "tolerance_m": draw(number(0.001, 0.02)),
@@ -290,6 +291,10 @@ def plan_disentangle(draw: st.DrawFn) -> Request:
         base = st.tuples(number(-50, 150), number(-50, 150), optional(number(10, 300)))
         arms = draw(st.lists(base, min_size=1, max_size=3))
         asked["arms"] = [{"name": f"a{k}", "xy": [x, y], "reach_px": r} for k, (x, y, r) in enumerate(arms)]
+    if draw(st.booleans()):
+        hold = {"xy": [draw(number(-50, 150)), draw(number(-50, 150))], "angle_rad": 0.0}
+        done = {"hold": hold, "turn_rad": draw(number(-3, 3)), "crossings_after": 0, "score": draw(number(0, 1))}
+        asked["attempts"] = [{"action": done, "crossings": k} for k in range(draw(st.integers(0, 3)))]
     return asked | {
         "margin_px": draw(number(0, 40)),
         "at_most": draw(either(st.integers(1, 50), st.sampled_from([0, 3, 51]))),
