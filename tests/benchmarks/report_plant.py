@@ -128,11 +128,12 @@ def faults_section(data: dict[str, Any]) -> str:
     """What became of the jobs under each fault."""
     rows = [
         [name, row.get("jobs", ""), row.get("faults", ""), row.get("lost", ""), row.get("doubled", ""),
-         row.get("wrong", ""), row.get("failed", ""), row.get("worst_recovery_s", ""), row["note"]]
+         row.get("wrong", ""), row.get("failed", ""), row.get("worst_recovery_s", ""), row.get("load", ""), row["note"]]
         for name, row in data.items()
     ]  # fmt: skip
     return (
         "## Faults\n\n`python -m tests.faults`: real processes, each fault on a service of its own. Seconds: from the "
-        "fault until a job sent right after it had ended, the slowest. Floor: nothing lost, doubled or wrong.\n\n"
-        + table(["fault", "jobs", "faults", "lost", "doubled", "wrong", "failed", "s", "note"], rows)
+        "fault until a job sent right after it had ended, the slowest; load: how many programs wanted the two cores "
+        "(floor: 8 s where none else does). Floor: nothing lost, doubled or wrong.\n\n"
+        + table(["fault", "jobs", "faults", "lost", "doubled", "wrong", "failed", "s", "load", "note"], rows)
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 import traceback
 from pathlib import Path
@@ -57,7 +58,8 @@ def _run(name: str, jobs: int, faults: int, seed: int) -> dict[str, Any]:
     except Exception as error:
         traceback.print_exc()
         return {"good": False, "note": f"{type(error).__name__}: {error}"}
-    return {"good": tally.good, **tally.row(), "took_s": round(time.monotonic() - started, 1)}
+    took_s, load = round(time.monotonic() - started, 1), round(os.getloadavg()[0], 1)
+    return {"good": tally.good, **tally.row(), "took_s": took_s, "load": load}
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from tests.faults.traffic import Tally, added
 
 def row(**fields) -> dict:
     tally = Tally(**fields)
-    return {"good": tally.good, **tally.row(), "took_s": 2.5}
+    return {"good": tally.good, **tally.row(), "took_s": 2.5, "load": 1.0}
 
 
 def test_counts_of_two_runs_add_up_and_the_worst_times_stay():

@@ -49,13 +49,13 @@ class Tally:
 
 
 def added(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
-    """Two rows of a report as one: counts added, the worst of the times and of the growth."""
+    """Two rows of a report as one: counts added, the worst of the times, of the growth and of the load."""
     if "jobs" not in known or "jobs" not in more:
         return known if "jobs" in known else more
     return {
         "good": known["good"] and more["good"],
         **{name: round(known[name] + more[name], 1) for name in (*COUNTED, "took_s")},
-        **{name: max(known[name], more[name]) for name in ("worst_recovery_s", "grown_mb")},
+        **{name: max(known.get(name, 0.0), more[name]) for name in ("worst_recovery_s", "grown_mb", "load")},
         "note": more["note"],
     }
 

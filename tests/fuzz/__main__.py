@@ -16,6 +16,7 @@ import argparse
 import hashlib
 import json
 import random
+import re
 import tempfile
 import traceback
 from collections import Counter
@@ -35,6 +36,7 @@ from tests.properties.pictures import pool
 from tests.properties.requests import KINDS
 from tests.services.samples import ACCEPTED, REFUSED
 
+_INCIDENT = re.compile(r"[0-9a-f]{16,}")
 SEEDS = Path(__file__).parent / "seeds"
 
 
@@ -53,7 +55,8 @@ class Run:
         except Exception as error:
             self.ended["broken"] += 1
             place = traceback.extract_tb(error.__traceback__)[-1]
-            name = f"{type(error).__name__} {Path(place.filename).name}:{place.lineno} {str(error)[:200]}"
+            told = _INCIDENT.sub("…", str(error))[:200]
+            name = f"{type(error).__name__} {Path(place.filename).name}:{place.lineno} {told}"
             if name not in self._known:
                 self._known.add(name)
                 self._keep.mkdir(parents=True, exist_ok=True)
