@@ -24,8 +24,10 @@ from workers import jobs
 from workers.connection import connect
 from workers.embedded import EmbeddedQueue
 from workers.ledger import Ledger
+from workers.repeater import Repeater
 
 _JOB: TypeAdapter[AnyJob] = TypeAdapter(AnyJob)
+_RENEW_S = 1.0
 _REFUSALS = (400, 408, 409, 413, 415, 422, 429, 507)
 
 
@@ -60,7 +62,10 @@ class Whole:
     def _work(self, job_id: str) -> str:
         claim = self._ledger.claim(job_id, "fuzz")
         if claim is not None:
+            held = Repeater("renew", _RENEW_S, lambda: self._ledger.renew(claim, "fuzz"))
+            held.start()  # as a worker does it: else the service gives a long job back to the queue
             jobs.run(claim, self._ledger, self.stages.tools)
+            held.stop()
         answer = self.client.get(f"/v1/jobs/{job_id}")
         assert answer.status_code == 200, answer.text[:300]
         job = _JOB.validate_json(answer.content)
