@@ -21,6 +21,8 @@ _ELSEWHERE_WIDTHS = 2.5
 """An end that is seen so far from the known one is another one."""
 _PERSISTENT, _MOST_CONFIRMED = 6, 60
 """So many frames in a row turn over what is known of an end, and one more for each that confirmed it, up to so many."""
+_GOES_ON = 3
+"""A strand that goes on weighs so many ends that confirmed: an end in the open may be where an arm begins."""
 _LEAST_WIDTHS = 4.0
 """No cable is made shorter than this."""
 
@@ -40,7 +42,10 @@ def revised(cable: TrackedCable, pieces: Sequence[Piece], goes_on: tuple[bool, b
         longer = cable.ends[k] == "free" and (away[k] > limit or (goes_on[k] and near))
         shorter = away[k] < -limit and free[k] and not goes_on[k]
         confirmed = cable.ends[k] == "free" and free[k] and near
-        counts[k] = counts[k] + 1 if longer or shorter else max(min(counts[k], 0) - confirmed, -_MOST_CONFIRMED)
+        if longer or shorter:
+            counts[k] += _GOES_ON if longer and counts[k] < 0 else 1
+        else:
+            counts[k] = max(min(counts[k], 0) - confirmed, -_MOST_CONFIRMED)
         if counts[k] >= _PERSISTENT:
             counts[k] = 0
             ends[k] = "hidden" if longer else "free"

@@ -38,6 +38,8 @@ TANGLED_WIDTHS, _TRUST_IN_TANGLE = 6.0, 0.15
 """A crossing is no longer. Strands that run beside one another are not told apart by a single picture."""
 _OF_BRIDGED = 0.1
 """Share of its cost that a sample counts where there is no foreground; a change of owner is cheap there, too."""
+_LONG_GAP = 5
+"""So many samples, about a width each, are more than a crossing or a blur."""
 _OUTWARD = 0.25
 """Beyond an end that was never in view a cable goes on: distance counts this share there."""
 _OUT_OF_REACH_SPREADS = 8.0
@@ -143,14 +145,14 @@ def directions(xy: FloatArray) -> FloatArray:
 
 
 def runs(samples: Samples, observations: Sequence[Observation], costs: FloatArray, places: FloatArray) -> list[Run]:
-    """The stretches of every observation with one owner, in order."""
+    """The stretches of every observation with one owner, in order; none begins or ends in a gap that was bridged."""
     owner = _owners(samples, costs, len(observations))
     none = costs.shape[1] - 1
     apart = samples.left[1:] & ~samples.left[:-1]
     starts = np.flatnonzero(np.r_[True, (np.diff(owner) != 0) | (np.diff(samples.of) != 0) | apart])
     stops = np.r_[starts[1:], len(owner)]
     found = []
-    for first, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+    for first, stop in zip(*_in_view(starts, stops, samples), strict=True):
         i, along = int(owner[first]), samples.along[first:stop]
         place = along if i == none else places[first:stop, i]
         observed = observations[int(samples.of[first])]
@@ -170,6 +172,19 @@ def runs(samples: Samples, observations: Sequence[Observation], costs: FloatArra
             )
         )
     return found
+
+
+def _in_view(starts: IntArray, stops: IntArray, samples: Samples) -> tuple[list[int], list[int]]:
+    """The stretches without a long gap at their beginning or end, where something covers the cables: what was bridged
+    there tells nothing of where they are. Those that are a gap altogether are left out."""
+    edges = np.flatnonzero(np.diff(samples.weight < 1, prepend=False, append=False))
+    there = np.ones(len(samples.weight), bool)
+    for first, stop in zip(*edges.reshape(-1, 2).T.tolist(), strict=True):
+        there[first:stop] = stop - first < _LONG_GAP
+    shown = np.flatnonzero(there)
+    first, last = np.searchsorted(shown, starts), np.searchsorted(shown, stops) - 1
+    some = first <= last
+    return shown[first[some]].tolist(), (shown[last[some]] + 1).tolist()
 
 
 def costs_of(

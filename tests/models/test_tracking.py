@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import pytest
 
@@ -295,3 +296,21 @@ def test_the_course_tells_how_far_a_piece_without_ends_has_slid() -> None:
     at = cable.start_px + cable.length_px * np.linspace(0, 1, NODES)
     found = np.array([np.interp(arc_length, at, axis) for axis in cable.xy.T])
     assert np.hypot(*(found - now[place])) < WIDTH
+
+
+def test_a_gap_that_was_bridged_to_another_cable_is_not_part_of_either() -> None:
+    """Under an arm a picture joined the wrong halves: the bridge counted as length, and the other half was lost."""
+    a, b = wave(150), wave(250)
+    left, right = a[:, 0] < 240, a[:, 0] > 400
+    mask = np.zeros((400, 640), np.uint8)
+    for line in (a[left], a[right], b[left], b[right]):
+        cv2.polylines(mask, [np.rint(line).astype(np.int32)], False, 1, round(WIDTH))
+    joined = [instance(np.concatenate([p[left], q[right]])) for p, q in ((a, b), (b, a))]
+    track = run([scene(instance(a), instance(b))] * 5)[-1]
+    for _ in range(12):
+        track = follow(track, scene(*joined), mask=mask > 0)
+    assert [cable.id for cable in track.cables] == [1, 2]
+    for cable, line in zip(track.cables, (a, b), strict=True):
+        assert np.abs(cable.xy[cable.seen] - resample(line, NODES)[cable.seen]).max() < WIDTH
+        ((first, last),) = cable.covered
+        assert 0.3 < first < last < 0.75

@@ -8,6 +8,7 @@ where it is in view; what is left of an instance that only one cable is on stays
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from dlo_client.labelling.labels import LabelledInstance, PictureLabel
 Points = NDArray[np.float64]
 _REACH_WIDTHS = 0.75
 """Foreground so near to a centerline is its cable's."""
+_BORDER_WIDTHS = 1.5
 _UNKNOWN_CABLE = 0.5
 """Certainty of a cable that the corrected picture did not show, at most."""
 _FINE = 16
@@ -32,18 +34,19 @@ def track_of(label: PictureLabel) -> TrackState:
 
     Raises ValueError naming the instance: one without a centerline.
     """
-    cables = [_nodes(instance, label.name) for instance in label.instances[:MOST_CABLES]]
+    cables = [_nodes(instance, label) for instance in label.instances[:MOST_CABLES]]
     return TrackState(frame=1, next_id=max((cable.id for cable in cables), default=0) + 1, cables=cables)
 
 
-def _nodes(instance: LabelledInstance, name: str) -> TrackNodes:
+def _nodes(instance: LabelledInstance, label: PictureLabel) -> TrackNodes:
     line = np.array(instance.centerline_xy, float).reshape(-1, 2)
     lengths = _arc_lengths(line)
     if len(line) < 2 or lengths[-1] <= 0:
-        raise ValueError(f"{name}: instance {instance.id} has no centerline; draw one to label its clip")
+        raise ValueError(f"{label.name}: instance {instance.id} has no centerline; draw one to label its clip")
     at = np.linspace(0.0, lengths[-1], NODES)
     xy = [(round(float(x), 2), round(float(y), 2)) for x, y in _point_at(line, lengths, at)]
-    ends = [end.kind for end in instance.endpoints] if len(instance.endpoints) == 2 else ["free", "free"]
+    width = instance.width_px or max(float(instance.mask_rle.array().sum() / lengths[-1]), 1.0)
+    first, last = (_end(point, width, label) for point in (line[0], line[-1]))
     return TrackNodes(
         id=instance.id,
         xy=xy,
@@ -52,9 +55,9 @@ def _nodes(instance: LabelledInstance, name: str) -> TrackNodes:
         firm=[1.0] * NODES,
         spread=[0.0] * NODES,
         length_px=float(lengths[-1]),
-        width_px=instance.width_px or max(float(instance.mask_rle.array().sum() / lengths[-1]), 1.0),
+        width_px=width,
         start_px=0.0,
-        ends=(ends[0], ends[1]),
+        ends=(first, last),
         closed=instance.closed,
         state="seen",
         certainty=1.0,
@@ -63,6 +66,12 @@ def _nodes(instance: LabelledInstance, name: str) -> TrackNodes:
         missed=0,
         met=1,
     )
+
+
+def _end(point: Points, width_px: float, label: PictureLabel) -> Literal["free", "border"]:
+    """What a person drew up to the border goes on outside."""
+    inside = min(*point, label.width - 1 - point[0], label.height - 1 - point[1])
+    return "border" if inside < _BORDER_WIDTHS * width_px else "free"
 
 
 def label_of_frame(result: InstancesResult, name: str, sha256: str, known: frozenset[int]) -> PictureLabel:
