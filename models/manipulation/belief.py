@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from models.manipulation.dynamics import Dynamics, shape_distance
+from models.manipulation.dynamics import NODES, Dynamics, shape_distance
 from models.manipulation.frames import FloatArray, IntArray
 from models.manipulation.parameters import History
 from models.manipulation.sliding import STIFFNESS_M, Sliders, left_alone, slide
@@ -32,8 +32,6 @@ _NOISE_M, _NOISE_SHARE = 1.5e-3, (0.05, 0.15)
 """What even the right model leaves: of cameras, and of the motion, where the best model decides between the bounds."""
 _USUAL_RESIDUAL, _USUAL_COUNT = 0.2, 2.0
 """Share of a motion that no model explains, before anything is seen, and how many items that is worth."""
-_CALIBRATION = 1.0
-"""Of the stated spread, fitted on tasks in the two simulators that the models are from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,7 @@ class Belief:
     @staticmethod
     def certain(dynamics: Dynamics, rope: FloatArray) -> Belief:
         """In the network alone."""
-        none = np.zeros((0, 0, 2))
+        none = np.zeros((0, NODES, 2))
         history = History(none, np.zeros(0, np.int64), np.zeros((0, 3)), none)
         return Belief(dynamics, rope, np.zeros(0), np.ones(1), history, none)
 
@@ -93,7 +91,7 @@ class Belief:
         expected = float(self.weights @ error)
         between = float(self.weights @ (error - expected) ** 2)
         moved = float(self.weights @ shape_distance(reached, state))
-        spread = _CALIBRATION * np.sqrt(between + (self.unexplained * moved) ** 2 + _NOISE_M**2)
+        spread = np.sqrt(between + (self.unexplained * moved) ** 2 + _NOISE_M**2)
         return float(ndtr(0.5 * (float(shape_distance(state, target)) - expected) / spread))
 
     @property

@@ -110,6 +110,13 @@ def test_a_dlo_like_none_that_is_known(shipped):
     assert reason == "unlike_any_model"
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_is_certain_needs_no_history(shipped):
+    """The mean of no nodes was taken for its probability."""
+    chance = Belief.certain(shipped, ROPE).chance_of_half(LINE[0], half_circle()[0], 14, MOVE[0])
+    assert 0 <= chance <= 1
+
+
 def test_reasons(shipped):
     certain = Belief.certain(shipped, ROPE)
     assert reason_of(certain, half_circle()[0], Limits(), 0.01)[0] == "local_optimum"
