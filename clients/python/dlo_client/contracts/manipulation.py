@@ -161,7 +161,7 @@ class PlannedAction(Reply):
     error_at_end_m: float = Field(description="the same after the whole horizon")
     converged: bool = Field(description="the optimizer came to rest")
     probability: float | None = Field(
-        default=None, ge=0, le=1, description="that it brings at least half of what is expected of it"
+        default=None, ge=0, le=1, description="probability that it brings at least half of what is expected"
     )
     checks: list[PlanCheck] = Field(description="every limit and whether it is kept")
 
@@ -208,7 +208,7 @@ class Friction(Reply):
     """What holds the DLO on the table, and with dry friction how stiff it is over that."""
 
     friction: Literal["viscous", "dry"] = Field(default="viscous", description="of the table, the more probable kind")
-    friction_probability: float = Field(default=1.0, ge=0, le=1, description="of that kind")
+    friction_probability: float = Field(default=1.0, ge=0, le=1, description="probability of that kind, 0 to 1")
     stiffness_m: float | None = Field(
         default=None,
         description="with dry friction: bending moment of a joint a rad over the friction force of a node, of 16",

@@ -341,8 +341,8 @@ class DoneAction(Taken):
 
     hold: GripperPose = Field(description="the gripper that kept still")
     turn_rad: float = Field(ge=-7, le=7, description="from x towards y, about the held place")
-    crossings_after: int = Field(ge=0, le=1000, description="as the simulation counted them")
-    score: Probability = Field(description="that was stated")
+    crossings_after: int = Field(ge=0, le=1000, description="number of them, as the simulation counted")
+    score: Probability = Field(description="probability that was stated, 0 to 1")
 
 
 class Attempt(Contract):
