@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +37,23 @@ if [ -n "$HIDDEN" ]; then
   mkdir -p "$PYTHON_HOME"
   mount --bind "$PYTHON_BESIDE" "$PYTHON_HOME"
 fi
-mount -t tmpfs tmpfs /tmp
+case "$FOLDER" in
+  /tmp/*)
+    mount --rbind "$FOLDER" /mnt
+    mount -t tmpfs tmpfs /tmp
+    mkdir -p "$FOLDER"
+    mount --rbind /mnt "$FOLDER"
+    mount -o remount,bind,ro "$FOLDER"
+    cd "$APP" ;;
+  *) mount -t tmpfs tmpfs /tmp ;;
+esac
 mount -o remount,bind,ro /
 if touch /read-only 2>/dev/null; then echo "the root can be written to"; exit 1; fi
-unset DATA HIDDEN PYTHON_HOME PYTHON_BESIDE
+unset DATA FOLDER APP HIDDEN PYTHON_HOME PYTHON_BESIDE
 exec setpriv --reuid $USER_ID --regid $USER_ID --clear-groups --no-new-privs --bounding-set -all --inh-caps -all "$@"
 """
-"""An interpreter below a folder that only root may enter (``HIDDEN``) is put where everybody can reach it."""
+"""An interpreter below a folder that only root may enter (``HIDDEN``) is put where everybody can reach it; a checkout
+below ``/tmp`` is put into the empty one, read-only but for the data."""
 
 _KEY = "rehearsal"
 _TRAINING = ("torch", "onnx", "pytest")
@@ -83,7 +94,7 @@ def run(image: Image, folder: Path, python: Path, **environment: str) -> subproc
         home = Path(sys.base_prefix)
         hidden = [parent for parent in home.parents if not parent.stat().st_mode & stat.S_IXOTH]
         env |= {
-            "DATA": environment["DLO_DATA_DIR"], "HIDDEN": str(hidden[-1]) if hidden else "", "PYTHON_HOME": str(home),
+            "DATA": environment["DLO_DATA_DIR"], "FOLDER": str(folder.parent), "APP": str(folder / "app"), "HIDDEN": str(hidden[-1]) if hidden else "", "PYTHON_HOME": str(home),
             "PYTHON_BESIDE": str(folder / "python"), "USER_ID": image.user,
         }  # fmt: skip
     return subprocess.Popen(program, cwd=folder / "app", env=env)
@@ -113,7 +124,7 @@ def main() -> None:
                 run(found[name], folder / name, python, PORT=str(port), **common) for name in found if name != "base"
             )
             started.extend(both)
-            print(json.dumps(try_out(f"http://127.0.0.1:{port}")))
+            print(json.dumps(try_out(f"http://127.0.0.1:{port}", started)))
             for process in started:
                 process.terminate()
                 assert process.wait(30) in (0, -15), "does not end when asked"
@@ -124,12 +135,13 @@ def main() -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def try_out(url: str) -> dict[str, Any]:
-    """One job through HTTP; seconds until ready, and what was found."""
+def try_out(url: str, processes: Sequence[subprocess.Popen[bytes]]) -> dict[str, Any]:
+    """One job through HTTP; seconds until ready, and what was found. Raises AssertionError when a process ends."""
     begin = time.monotonic()
     with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {_KEY}"}, timeout=90) as client:
 
         def ready() -> bool:
+            assert all(process.poll() is None for process in processes), "a process ended before it was ready"
             try:
                 return client.get("/readyz").status_code == 200
             except httpx.HTTPError:
