@@ -94,7 +94,8 @@ def run(image: Image, folder: Path, python: Path, **environment: str) -> subproc
         home = Path(sys.base_prefix)
         hidden = [parent for parent in home.parents if not parent.stat().st_mode & stat.S_IXOTH]
         env |= {
-            "DATA": environment["DLO_DATA_DIR"], "FOLDER": str(folder.parent), "APP": str(folder / "app"), "HIDDEN": str(hidden[-1]) if hidden else "", "PYTHON_HOME": str(home),
+            "DATA": environment["DLO_DATA_DIR"], "FOLDER": str(folder.parent), "APP": str(folder / "app"),
+            "HIDDEN": str(hidden[-1]) if hidden else "", "PYTHON_HOME": str(home),
             "PYTHON_BESIDE": str(folder / "python"), "USER_ID": image.user,
         }  # fmt: skip
     return subprocess.Popen(program, cwd=folder / "app", env=env)
