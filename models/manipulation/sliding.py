@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from models.manipulation.frames import FloatArray, IntArray
+from models.manipulation.simulator import Actions, gripped
 
 STIFFNESS_M = (0.02, 5.0)
 """Range of s in which parameters are looked for: a limp thread to a rod that hardly bends."""
@@ -76,9 +76,10 @@ def slide(
     here = now = states
     held = _held(edges, states.shape[1])
     grip = params.grip * held.astype(np.float64)
+    actions, wanted = Actions(edges, moves[:, :2], moves[:, 2]), np.zeros(states.shape)
     pace = np.hypot(moves[:, :1], moves[:, 1:2]) / params.steps * np.ones(held.shape)
     for k in range(1, params.steps + 1):
-        wanted = np.where(held[..., None], _carried(states, edges, moves, k / params.steps), 0.0)
+        wanted[held] = gripped(states, actions, k / params.steps).reshape(-1, 2)
         for _ in range(params.rounds):
             now = _relaxed(chains, now, here, ropes, _weight(pace, params.slip_m), grip, wanted)
             pace = np.hypot(*np.moveaxis(now - here, -1, 0))
@@ -113,16 +114,6 @@ def _held(edges: IntArray, nodes: int) -> NDArray[np.bool_]:
     """(B, n) the two nodes of each gripped edge."""
     numbers = np.arange(nodes)
     return (numbers == edges[:, None]) | (numbers == edges[:, None] + 1)
-
-
-def _carried(states: FloatArray, edges: IntArray, moves: FloatArray, share: float) -> FloatArray:
-    """All nodes moved as the gripped edge is after this share of the way (B, n, 2)."""
-    rows = np.arange(len(states))
-    middle = (states[rows, edges] + states[rows, edges + 1])[:, None] / 2
-    arm, angle = states - middle, share * moves[:, 2, None]
-    cos, sin = np.cos(angle), np.sin(angle)
-    turned = np.stack([cos * arm[..., 0] - sin * arm[..., 1], sin * arm[..., 0] + cos * arm[..., 1]], -1)
-    return np.asarray(middle + turned + share * moves[:, None, :2])
 
 
 def _relaxed(

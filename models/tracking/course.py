@@ -13,10 +13,10 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray
 from models.tracking.placing import Piece
+from models.tracking.sliding import MODES, waves
 from models.tracking.state import NODES, TrackedCable
 
-_ORDER = np.arange(6)
-_BENDS_RAD = 1.2 / np.maximum(_ORDER, 0.1) ** 2
+_BENDS_RAD = 1.2 / np.maximum(np.arange(MODES), 0.1) ** 2
 """Standard deviation of what each cosine adds to the direction; a turn of the whole is free."""
 _MIDDLES_U = (np.arange(NODES - 1) + 0.5) / (NODES - 1)
 _NOISE_RAD, _INDEPENDENT = 0.06, 3.0
@@ -67,20 +67,16 @@ def _slide(pieces: Sequence[Piece], slide: float, cable: TrackedCable, usual: Fl
         here, known = np.interp(middle, at, usual), np.interp(middle, at, before)
         turned = np.angle(np.exp(1j * (direction - here))) + here - known
         slope = np.zeros(len(middle)) if piece.pinned else np.interp(middle, at, rising)
-        rows.append(np.column_stack([_waves(middle / cable.length_px), slope]))
+        rows.append(np.column_stack([waves(middle / cable.length_px), slope]))
         values.append(turned)
     matrix, wanted = np.concatenate(rows), np.concatenate(values)
     if len(wanted) < _LEAST_SAMPLES:
         return 0.0
     precision = np.append(1 / _BENDS_RAD**2, 1 / (_SLIDE_WIDTHS * cable.width_px) ** 2)
     weight = 1 / (_NOISE_RAD**2 * _INDEPENDENT)
-    pull = np.append(np.zeros(len(_ORDER)), -slide * precision[-1])
+    pull = np.append(np.zeros(MODES), -slide * precision[-1])
     system = weight * (matrix.T @ matrix) + np.diag(precision)
     return float(np.linalg.solve(system, weight * (matrix.T @ wanted) + pull)[-1])
-
-
-def _waves(u: FloatArray) -> FloatArray:
-    return np.asarray(np.cos(np.pi * u[:, None] * _ORDER))
 
 
 def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -110,7 +106,7 @@ def _bent(change: FloatArray, known: BoolArray) -> FloatArray:
     """(NODES - 1,) the smooth part of a change of direction that is ``known`` in places."""
     if known.sum() < _LEAST_SAMPLES:
         return np.zeros(NODES - 1)
-    waves = _waves(_MIDDLES_U)
+    basis = waves(_MIDDLES_U)
     weight = 1 / (_NOISE_RAD**2 * _INDEPENDENT)
-    system = weight * (waves[known].T @ waves[known]) + np.diag(1 / _BENDS_RAD**2)
-    return np.asarray(waves @ np.linalg.solve(system, weight * (waves[known].T @ change[known])))
+    system = weight * (basis[known].T @ basis[known]) + np.diag(1 / _BENDS_RAD**2)
+    return np.asarray(basis @ np.linalg.solve(system, weight * (basis[known].T @ change[known])))

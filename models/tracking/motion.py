@@ -16,6 +16,7 @@ from models.instances.scene import EndpointKind
 from models.tracking.course import laid_on
 from models.tracking.extent import end_kind, revised
 from models.tracking.placing import Piece, shows_all
+from models.tracking.sliding import waves
 from models.tracking.state import NODES, TrackedCable
 
 _GAIN = 0.6
@@ -31,7 +32,7 @@ _WHOLE = 0.93
 _SPREAD_WIDTHS, _SPREAD_SPEED, _MOST_SPREAD_WIDTHS = 0.1, 0.3, 12.0
 """By what a node out of view may be further off every frame: in widths, and as a share of its speed; at most."""
 _END_WIDTHS = 2.0
-_MODES = np.cos(np.pi * np.arange(6) * np.linspace(0, 1, NODES)[:, None])
+_MODES = waves(np.linspace(0, 1, NODES))
 _STIFFNESS = np.diag(0.02 * np.arange(6.0) ** 4)
 
 

@@ -24,6 +24,7 @@ from models.depth.order import covered_stretches
 from models.geometry import rle
 from models.geometry.polylines import resample
 from models.instances import scene as found
+from models.instances.confidence import SURE
 from models.instances.drawing import palette
 from models.instances.overlay import overlay
 from models.strands.stopwatch import Stopwatch
@@ -35,8 +36,6 @@ from workers.stages.perception import Perception, perceive
 from workers.stages.tracking import track_frame
 
 _DECIMALS = 2
-_SURE = 0.8
-"""What is less likely right makes the whole answer unsure."""
 
 
 def run(request: InstancesRequest, tools: Tools) -> Outcome:
@@ -108,14 +107,14 @@ def _files(request: InstancesRequest, seen: Perception) -> dict[str, File]:
 
 
 def _status(scene: found.Scene) -> SceneStatus:
-    unsure = [i for i in scene.instances if i.score < _SURE]
-    doubtful = [c for c in scene.crossings if min(c.score, c.existence) < _SURE]
+    unsure = [i for i in scene.instances if i.score < SURE]
+    doubtful = [c for c in scene.crossings if min(c.score, c.existence) < SURE]
     reasons: Counter[Reason] = Counter(reason for instance in unsure for reason in instance.reasons)
-    reasons["crossing"] = sum(c.existence < _SURE for c in scene.crossings)
-    reasons["order"] = sum(c.score < _SURE for c in scene.crossings)
+    reasons["crossing"] = sum(c.existence < SURE for c in scene.crossings)
+    reasons["order"] = sum(c.score < SURE for c in scene.crossings)
     code: Literal["ok", "unsure", "none_found"] = "unsure" if unsure or doubtful else "ok"
     return SceneStatus(
-        code=code if scene.instances else "none_found", limit=_SURE, reasons=[r for r, n in reasons.most_common() if n]
+        code=code if scene.instances else "none_found", limit=SURE, reasons=[r for r, n in reasons.most_common() if n]
     )
 
 

@@ -210,9 +210,7 @@ def _train(args: argparse.Namespace, params: CampaignParams) -> None:
     empty = load_empty(args.empty_pictures) if args.empty_pictures else None
 
     def stream(kind: SceneParams, first: int) -> SceneStream:
-        return SceneStream(
-            kind, pool, seed=first, slots=params.slots, renderers=params.renderers, reuse=params.reuse
-        )  # fmt: skip
+        return SceneStream(kind, pool, seed=first, slots=params.slots, renderers=params.renderers, reuse=params.reuse)
 
     workshop = stream(scenes, seed)
     plain = stream(SceneParams(size, width_share=(0.006, 0.12)), seed + 1) if params.plain else workshop
