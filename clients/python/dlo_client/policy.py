@@ -14,6 +14,7 @@ from dlo_client.contracts import (
     TopologyResult,
 )
 from dlo_client.errors import InvalidArgument
+from dlo_client.polylines import arc_lengths
 
 if TYPE_CHECKING:
     import numpy as np
@@ -93,7 +94,7 @@ def _resampled(line: FloatArray, nodes: int) -> tuple[FloatArray, FloatArray]:
     """(nodes, D) at equal arc length, and where they are as shares of the indices."""
     import numpy as np
 
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    along = arc_lengths(line)
     at = np.linspace(0, along[-1], nodes)
     points = np.stack([np.interp(at, along, column) for column in line.T], axis=1)
     return points, np.interp(at, along, np.linspace(0, 1, len(line)))

@@ -18,6 +18,7 @@ from dlo_client.contracts import InstancesResult, TrackedCable, TrackNodes, Trac
 from dlo_client.contracts.tracking import MOST_CABLES, NODES
 from dlo_client.labelling.formats.pixels import encode
 from dlo_client.labelling.labels import LabelledInstance, PictureLabel
+from dlo_client.polylines import arc_lengths
 
 Points = NDArray[np.float64]
 _REACH_WIDTHS = 0.75
@@ -40,7 +41,7 @@ def track_of(label: PictureLabel) -> TrackState:
 
 def _nodes(instance: LabelledInstance, label: PictureLabel) -> TrackNodes:
     line = np.array(instance.centerline_xy, float).reshape(-1, 2)
-    lengths = _arc_lengths(line)
+    lengths = arc_lengths(line)
     if len(line) < 2 or lengths[-1] <= 0:
         raise ValueError(f"{label.name}: instance {instance.id} has no centerline; draw one to label its clip")
     at = np.linspace(0.0, lengths[-1], NODES)
@@ -143,10 +144,6 @@ def _in_view(cable: TrackedCable) -> list[Points]:
 def _longest_in_view(cable: TrackedCable) -> list[tuple[float, float]]:
     longest = max(_in_view(cable), key=len, default=np.zeros((0, 2)))
     return [(float(x), float(y)) for x, y in longest]
-
-
-def _arc_lengths(line: Points) -> Points:
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))]) if len(line) > 1 else np.zeros(1)
 
 
 def _point_at(line: Points, lengths: Points, at: Points) -> Points:

@@ -25,6 +25,7 @@ from dlo_client.labelling.formats.drawn import inside, whole
 from dlo_client.labelling.formats.exchange import Imported, Refused
 from dlo_client.labelling.formats.gate import Wanted
 from dlo_client.labelling.formats.pixels import Ring
+from dlo_client.polylines import arc_lengths
 
 _MOST_FRAMES = 100_000
 _LONGEST_SIDE = 65_535
@@ -163,5 +164,5 @@ def _alike(before: Ring, after: Ring, closed: bool) -> tuple[Ring, Ring]:
 
 
 def _shares(line: Ring) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    way = arc_lengths(line)
     return np.asarray(way / way[-1] if way[-1] > 0 else np.linspace(0, 1, len(line)))
