@@ -29,6 +29,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "load": ["tests.load.__main__"],
         "faults": ["tests.faults.__main__"],
         "fuzz": ["tests.fuzz.__main__"],
+        "properties": ["tests.properties", "--count", "2000"],
+        "large": ["tests.benchmarks.bench_large"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
         "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
         "adaptation": ["tests.benchmarks.bench_adaptation", str(shared)],

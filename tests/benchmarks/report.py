@@ -24,8 +24,10 @@ from tests.benchmarks.report_plant import (
     faults_section,
     fuzz_section,
     hosts_section,
+    large_section,
     load_section,
     plant_section,
+    properties_section,
     throughput_section,
 )
 
@@ -150,6 +152,8 @@ SECTIONS: dict[str, Any] = {
     "load": load_section,
     "faults": faults_section,
     "fuzz": fuzz_section,
+    "properties": properties_section,
+    "large": large_section,
     "foreground": _foreground,
     "photographs": photographs,
     "adaptation": adaptation,

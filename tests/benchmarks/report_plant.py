@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from tests.benchmarks.markdown import table
@@ -136,4 +137,32 @@ def faults_section(data: dict[str, Any]) -> str:
         "fault until a job sent right after it had ended, the slowest; load: how many programs wanted the two cores "
         "(floor: 8 s where none else does). Floor: nothing lost, doubled or wrong.\n\n"
         + table(["fault", "jobs", "faults", "lost", "doubled", "wrong", "failed", "s", "load", "note"], rows)
+    )
+
+
+def properties_section(data: dict[str, Any]) -> str:
+    """Generated requests by kind: answered, refused with a reason, broken."""
+    rows = []
+    for kind, seeds in data.items():
+        ended: Counter[str] = Counter()
+        for run in seeds.values():
+            ended.update(run)
+        often = ", ".join(f"{what} {count}" for what, count in ended.most_common(4))
+        rows.append([kind, ", ".join(seeds), sum(ended.values()), ended["broken"], often])
+    total, broken = (sum(row[column] for row in rows) for column in (2, 3))
+    return (
+        "## Generated requests\n\n`python -m tests.properties`: numbers of any size and degenerate geometry to every "
+        "kind of job. Broken: `internal`, NaN, an answer that the contract does not allow, or one that took more than "
+        f"the stated time. {total} requests, {broken} broken (floor: 0 of 20 000).\n\n"
+        + table(["kind", "seeds", "requests", "broken", "most often"], rows)
+    )
+
+
+def large_section(data: dict[str, Any]) -> str:
+    """What the files of a result cost on a large picture."""
+    return (
+        "## A picture of 12 megapixels\n\n`python -m tests.benchmarks.bench_large`: processor seconds of a default "
+        f"`instances` request against `files: []`, in turn, {data['rounds']} rounds; the ratio is the median of the "
+        "rounds' (floor: 1.15, aim 1.05).\n\n"
+        + table(["default s", "without files s", "ratio"], [[data["default_s"], data["no_files_s"], data["ratio"]]])
     )

@@ -1,8 +1,12 @@
-"""The deep run: ``python -m tests.properties --count 20000 [--kind plan_shape …]``; goes on after a failure."""
+"""The deep run: ``python -m tests.properties --count 20000 [--kind plan_shape …]``; goes on after a failure.
+
+What became of the requests of each kind is added to ``build/bench/properties.json``, by kind and seed.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 import traceback
 from collections import Counter
@@ -12,6 +16,8 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 
 from tests.properties.judging import Bench
 from tests.properties.requests import KINDS, Request
+
+REPORT = Path("build/bench/properties.json")
 
 
 def main() -> None:
@@ -24,12 +30,24 @@ def main() -> None:
     kinds = asked.kind or list(KINDS)
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(Path(folder))
-        failures = sum(_run(bench, kind, asked.count // len(kinds), asked.seed, asked.show) for kind in kinds)
+        failures = 0
+        for kind in kinds:
+            ended = _run(bench, kind, asked.count // len(kinds), asked.seed, asked.show)
+            _keep(kind, asked.seed, ended)
+            failures += ended["broken"]
     raise SystemExit(1 if failures else 0)
 
 
-def _run(bench: Bench, kind: str, count: int, start: int, show: int) -> int:
-    """Number of requests that were neither answered nor refused with a reason."""
+def _keep(kind: str, start: int, ended: Counter[str]) -> None:
+    """The run of a kind with a seed takes the place of the one before it."""
+    REPORT.parent.mkdir(parents=True, exist_ok=True)
+    kept = json.loads(REPORT.read_text()) if REPORT.exists() else {}
+    kept.setdefault(kind, {})[str(start)] = dict(ended)
+    REPORT.write_text(json.dumps(kept))
+
+
+def _run(bench: Bench, kind: str, count: int, start: int, show: int) -> Counter[str]:
+    """What became of ``count`` requests; ``broken``: neither answered nor refused with a reason."""
     said: Counter[str] = Counter()
     kept: dict[str, str] = {}
 
@@ -52,7 +70,7 @@ def _run(bench: Bench, kind: str, count: int, start: int, show: int) -> int:
     print(kind, dict(said), flush=True)
     for text in list(kept.values())[:show]:
         print("  ", text[:1500], flush=True)
-    return said["broken"]
+    return said
 
 
 if __name__ == "__main__":
