@@ -81,13 +81,26 @@ def without_lookalikes(
     scene: Scene, probability: Float32Array, mask: BoolArray, image: ByteArray, rule: Calibration | None = None
 ) -> Scene:
     """The scene of a method, seen in ``image`` (H, W, 3) RGB with ``probability`` (H, W) and ``mask`` (H, W)."""
+    return rated(scene, chances(scene, probability, mask, image, rule), rule)
+
+
+def chances(
+    scene: Scene, probability: Float32Array, mask: BoolArray, image: ByteArray, rule: Calibration | None = None
+) -> FloatArray:
+    """``(I,)`` probability that each instance of a scene is a cable."""
+    if not scene.instances:
+        return np.zeros(0)
+    return chance(likeness(scene, probability, mask, image).rows(), (rule or calibration()).weights)
+
+
+def rated(scene: Scene, cable: FloatArray, rule: Calibration | None = None) -> Scene:
+    """The scene without what is more likely no cable than one, by the ``(I,)`` probabilities ``cable``."""
     if not scene.instances:
         return scene
-    rule = rule or calibration()
-    cable = chance(likeness(scene, probability, mask, image).rows(), rule.weights)
-    rated = tuple(_rated(i, c) for i, c in zip(scene.instances, cable.tolist(), strict=True))
-    likely = cable >= max(rule.least, EVEN)
-    return _only(replace(scene, instances=rated), likely if likely.any() else cable >= rule.least)
+    least = (rule or calibration()).least
+    named = tuple(_rated(i, c) for i, c in zip(scene.instances, cable.tolist(), strict=True))
+    likely = cable >= max(least, EVEN)
+    return _only(replace(scene, instances=named), likely if likely.any() else cable >= least)
 
 
 def chance(rows: FloatArray, weights: FloatArray) -> FloatArray:

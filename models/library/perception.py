@@ -16,6 +16,7 @@ from models.instances.published.fastdlo import FastDloParams
 from models.instances.published.rt_dlo import RtDloParams
 from models.instances.scene import Scene
 from models.instances.section_matching import SectionMatchingParams
+from models.instances.settling import settle
 from models.library import arguments, loading
 from models.library.arguments import ArgumentError
 from models.segmentation import segment as foreground
@@ -41,10 +42,12 @@ class Foreground:
 def segment(
     picture: ArrayLike, *, model: str | None = None, threshold: float | None = None, effort: Effort = "normal"
 ) -> Foreground:
-    """The foreground of a picture (thesis chapter 2).
+    """The foreground of a picture (thesis chapter 2), settled: without what is hardly a cable, with what of a cable
+    the network lost.
 
     ``picture``: ``(H, W, 3)`` uint8 RGB. ``model``: a network of the task ``foreground``. ``threshold``: 0 to 1; with
-    one, the mask is the probability cut there; without, patches that are small or not certain are left out.
+    one, the mask is the network's probability cut there; without, patches that are small or not certain are left
+    out, and the probability agrees with it.
     ``effort``: how hard to look, ``fast``, ``normal`` or ``thorough``.
 
     Raises ArgumentError.
@@ -57,7 +60,10 @@ def segment(
     limit = None if threshold is None else arguments.number(threshold, "threshold", 0, 1)
     probability = look(image, network, settings, effort)
     mask = foreground.foreground_mask(probability, settings, limit)
-    return Foreground(probability, mask, settings.threshold if limit is None else limit)
+    if limit is not None:
+        return Foreground(probability, mask, limit)
+    seen = settle(image, probability, mask, settings.threshold)
+    return Foreground(seen.probability, seen.cable, settings.threshold)
 
 
 def instances(

@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.bench_foreground [SHARED] [--network NAME] [--sheets DIR]
 
-Dice and IoU per picture at the network's one threshold, then the mean, by set and category; on ``m4nh``, whose
-truth is strokes of one width, middle lines within a tolerance. Pictures without cables: the background textures
+Dice and IoU per picture at the network's one threshold, then the mean, by set and category: of the foreground as the
+service answers it, and of the network alone; on ``m4nh``, whose truth is strokes of one width, middle lines within a
+tolerance. Pictures without cables: the background textures
 (share of pixels taken for cable, and instances found). RGB to instances on ``ewd``: the whole chain. Time: the
 network alone at 640 × 360, two threads. Prints tables, writes ``build/bench/foreground.json`` and, with
 ``--sheets``, the ten worst pictures of each set.
@@ -21,9 +22,10 @@ import cv2
 import numpy as np
 from skimage.morphology import skeletonize
 
-from models.instances.lookalikes import without_lookalikes
 from models.instances.overlay import overlay
-from models.instances.section_matching import extract
+from models.instances.scene import Scene
+from models.instances.settling import Settled, settle
+from models.segmentation.effort import look
 from models.segmentation.segment import ForegroundInput, foreground_mask, segment
 from models.weights.inference import Network, Runtime, default_name, eight_bit, load, manifest
 from tests.benchmarks.bench_instances import contact_sheet, photos
@@ -132,13 +134,14 @@ def _picked(files: list[Path], count: int) -> list[Path]:
     return [files[k] for k in np.random.default_rng(0).permutation(len(files))[:count]]
 
 
-def _measure_without(files: list[Path], probability: Segment, threshold: float, instances: Callable) -> dict:
+def _measure_without(
+    files: list[Path], probability: Segment, threshold: float, instances: Callable[[np.ndarray], Scene]
+) -> dict:
     shares, seen = [], []
     for path in files:
         image = np.ascontiguousarray(cv2.imread(str(path))[:, :, ::-1])
-        p = probability(image)
-        shares.append(float(np.mean(p >= threshold)))
-        if instances(p, image).instances:
+        shares.append(float(np.mean(probability(image) >= threshold)))
+        if instances(image).instances:
             seen.append(path.name)
     return {
         "pictures": len(files),
@@ -147,10 +150,10 @@ def _measure_without(files: list[Path], probability: Segment, threshold: float, 
     }
 
 
-def measure_rgb(root: Path, probability: Segment, instances: Callable, sheet: Path | None) -> dict:
+def measure_rgb(root: Path, instances: Callable[[np.ndarray], Scene], sheet: Path | None) -> dict:
     rows, drawn = [], {}
     for photo in photos(root, "ewd"):
-        scene = instances(probability(photo.image), photo.image)
+        scene = instances(photo.image)
         rows.append({"name": photo.name, **score_labels(scene.labels, photo.labels)})
         if sheet:
             drawn[photo.name] = overlay(photo.image, scene)
@@ -173,12 +176,18 @@ def main() -> None:
     seeing = load(eight_bit(network.spec.name), Runtime(threads=2))  # what looks unless it is to look thoroughly
     settings = ForegroundInput.from_manifest(network.spec.preprocess)
 
-    def probability(image: np.ndarray) -> np.ndarray:
-        return segment(image, seeing, settings)
+    def alone(image: np.ndarray) -> np.ndarray:
+        return look(image, seeing, settings)
 
-    def instances(p: np.ndarray, image: np.ndarray):
-        mask = foreground_mask(p, settings)
-        return without_lookalikes(extract(mask, image), p, mask, image)
+    def settled(image: np.ndarray) -> Settled:
+        p = alone(image)
+        return settle(image, p, foreground_mask(p, settings), settings.threshold)
+
+    def probability(image: np.ndarray) -> np.ndarray:
+        return settled(image).probability
+
+    def instances(image: np.ndarray) -> Scene:
+        return settled(image).scene
 
     def sheet(name: str) -> Path | None:
         return args.sheets / f"{name}.png" if args.sheets else None
@@ -190,11 +199,15 @@ def main() -> None:
         name: measure_set(args.shared / "data" / name, truth, probability, settings.threshold, sheet(name))
         for name, truth in SETS.items()
     }
+    report["alone"] = {
+        name: measure_set(args.shared / "data" / name, truth, alone, settings.threshold, None)["groups"]
+        for name, truth in SETS.items()
+    }
     strokes = args.shared / "data" / "m4nh"
     report["strokes"] = measure_strokes(strokes, probability, settings.threshold, sheet("m4nh"))
     report["empty"] = measure_empty(args.shared, probability, settings.threshold, instances, args.empty)
-    report["rgb_to_instances"] = measure_rgb(args.shared, probability, instances, sheet("rgb"))
-    report["time_ms"] = measure_time(probability)
+    report["rgb_to_instances"] = measure_rgb(args.shared, instances, sheet("rgb"))
+    report["time_ms"] = measure_time(alone)
     report["others"] = measure_others(args.shared / "data" / "ewd", seeing.spec.name)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "foreground.json").write_text(json.dumps(report, indent=1))

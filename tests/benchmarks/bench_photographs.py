@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from models.instances.section_matching import extract
+from models.instances.settling import settle
 from models.segmentation.effort import PASSES, Effort, look
 from models.segmentation.segment import ForegroundInput, foreground_mask
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
@@ -165,7 +166,8 @@ def main() -> None:
 
     def mask(image: np.ndarray, effort: Effort) -> np.ndarray:
         chosen = small if PASSES[effort].eight_bit else network
-        return foreground_mask(look(image, chosen, settings, effort), settings)
+        seen = look(image, chosen, settings, effort)
+        return settle(image, seen, foreground_mask(seen, settings), settings.threshold).cable
 
     if args.sheets:
         args.sheets.mkdir(parents=True, exist_ok=True)

@@ -10,6 +10,8 @@ from dlo_client.contracts.foreground import ForegroundOptions, ReferenceUsed
 from numpy.typing import NDArray
 
 from models.depth.evidence import alone, combined
+from models.instances.scene import Scene
+from models.instances.settling import settle
 from models.segmentation.effort import PASSES, look
 from models.segmentation.empty_place import weigh
 from models.segmentation.segment import ForegroundInput, foreground_mask
@@ -50,7 +52,8 @@ class Source:
 @dataclass(frozen=True)
 class Foreground:
     """``probability`` (H, W) of cable; ``cable`` (H, W) what counts as such at ``threshold``; ``picture`` (H, W, 3) to
-    draw on; ``models`` that took part; ``reference`` what pictures of the empty place were worth, if there were any."""
+    draw on; ``models`` that took part; ``reference`` what pictures of the empty place were worth, if there were any;
+    ``scene`` the strands of one that is settled."""
 
     probability: NDArray[np.float32]
     cable: NDArray[np.bool_]
@@ -58,6 +61,7 @@ class Foreground:
     picture: NDArray[np.uint8]
     models: list[ModelUsed]
     reference: ReferenceUsed | None = None
+    scene: Scene | None = None
 
     @property
     def references(self) -> list[ReferenceUsed]:
@@ -139,6 +143,19 @@ def find_foreground(
     applied = settings.threshold if threshold is None else threshold
     cable = foreground_mask(probability, settings, threshold)
     return Foreground(probability, cable, applied, source.image, [model_used(network.spec)], used)
+
+
+def settled(
+    found: Foreground, source: Source, options: ForegroundOptions, threshold: float | None = None
+) -> Foreground:
+    """What is left of a picture's foreground once its strands were looked at, and what was added; a mask, and what a
+    ``threshold`` was asked for, stay as they are."""
+    if source.mask is not None or source.image is None or threshold is not None:
+        return found
+    seen = settle(source.image, found.probability, found.cable, found.threshold)
+    probability = within(options.regions, seen.probability)
+    cable = seen.cable if options.regions is None else seen.cable & (probability > 0)
+    return replace(found, probability=probability, cable=cable, scene=seen.scene)
 
 
 def _network(options: ForegroundOptions, tools: Tools) -> Network:

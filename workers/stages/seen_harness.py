@@ -16,7 +16,7 @@ from models.topology.scene import Topology
 from models.weights.inference import Network, default_name
 from workers.stages.depth import SeenDepth, read_depth
 from workers.stages.encoding import model_used
-from workers.stages.foreground import Foreground, find_foreground, read_source
+from workers.stages.foreground import Foreground, find_foreground, read_source, settled
 from workers.stages.outcome import Tools
 
 
@@ -40,6 +40,7 @@ def see_harness(request: TopologyRequest | DisentangleRequest, tools: Tools, wat
     tools.progress(0.1)
     with watch.step("segment"):
         foreground = find_foreground(source, tools, request, request.threshold, depth=depth)
+        foreground = settled(foreground, source, request, request.threshold)
     network, classifiers = topology_networks(tools)
     models = [*foreground.models, *(model_used(n.spec) for n in (network, *classifiers))]
     with watch.step("topology"):

@@ -7,7 +7,7 @@ from dlo_client.contracts import SegmentRequest, SegmentResult
 
 from models.strands.stopwatch import Stopwatch
 from workers.stages.encoding import mask_png
-from workers.stages.foreground import Source, find_foreground
+from workers.stages.foreground import Source, find_foreground, settled
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.pictures import read_picture
 
@@ -21,6 +21,8 @@ def run(request: SegmentRequest, tools: Tools) -> Outcome:
     tools.progress(0.2)
     with watch.step("segment"):
         found = find_foreground(source, tools, request, request.threshold)
+    with watch.step("settle"):
+        found = settled(found, source, request, request.threshold)
     with watch.step("encode"):
         files = {"mask.png": mask_png(found.probability)}
     height, width = found.probability.shape

@@ -1,0 +1,251 @@
+"""Where a cable goes on that the foreground lost: from a free end to the border or to another strand.
+
+A network that sees half of a cable is often sure that there is none from some place on, without a second opinion at
+its edge. The picture has one: the strip of color between two edges goes on.
+
+Strategy: along the last widths of an instance its color is known. From a free end a few paths at a time are led on in
+steps of a third of a width, each turning a little; what counts is how near the color across the strip stays to the
+instance's own, against its distance from the ground on both sides. A path that leads to the picture's border or to
+other foreground is the rest of the cable. One that is lost on the way is none: cables do not end nowhere, shadows and
+scratches do.
+
+Symbols: B paths, K turns, T positions across, n points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.directions import quarter_turned, unit
+from models.geometry.polylines import arc_lengths, point_at
+from models.instances.scene import Instance, Scene
+
+_ACROSS = np.linspace(-1.3, 1.3, 27)
+"""Positions across the strip, in widths."""
+_CORE, _LEFT, _RIGHT = np.abs(_ACROSS) <= 0.32, np.abs(_ACROSS + 0.93) <= 0.22, np.abs(_ACROSS - 0.93) <= 0.22
+_LONGEST_PX = 960
+"""A larger picture is followed at this size."""
+_SMOOTHING_PX = 0.8
+_FORGETTING = 0.03
+"""Share of a path's color that each step renews: light changes along a cable."""
+
+
+@dataclass(frozen=True)
+class ContinuationParams:
+    """Lengths in widths. ``least_chance`` that the instance is a cable and ``certainty`` of the foreground along it;
+    ``least_length`` of the instance, ``least_width_px`` of it. ``known``: what its color is read from, behind the end.
+    ``turn_deg``: most of a step. ``near``: most distance from the color, over that from the ground, which is at
+    least ``contrast`` (CIELAB). ``gap`` that may look different, ``good`` share of the steps that may not; a
+    continuation is ``shortest`` to ``longest``. ``turned``: most of all together, radians."""
+
+    least_chance: float = 0.6
+    certainty: float = 0.9
+    least_length: float = 6.0
+    least_width_px: float = 2.0
+    known: tuple[float, float] = (1.0, 9.0)
+    turn_deg: float = 18.0
+    turns: int = 9
+    paths: int = 6
+    near: float = 0.42
+    contrast: float = 5.0
+    gap: float = 1.5
+    good: float = 0.85
+    shortest: float = 2.0
+    longest: float = 25.0
+    turned: float = 3.6
+
+
+class _Tip(NamedTuple):
+    """The end of a strip: ``xy`` (2,) a width behind it, ``angle`` it goes on in, ``width``, ``color`` (3,) and its
+    ``spread``."""
+
+    xy: FloatArray
+    angle: float
+    width: float
+    color: FloatArray
+    spread: float
+
+
+class _Paths(NamedTuple):
+    """``xy`` (B, n, 2) so far, ``good`` (B, n) which points look like the cable; ``angle`` (B,) and ``cost`` (B,)
+    at the last point, ``color`` (B, 3) there, ``lost`` (B,) px since the last good one."""
+
+    xy: FloatArray
+    good: BoolArray
+    angle: FloatArray
+    cost: FloatArray
+    color: FloatArray
+    lost: FloatArray
+
+
+class _Strip(NamedTuple):
+    """``color`` (…, 3) of the core and its ``spread``; ``contrast`` and ``mean_contrast`` (…) to the ground on the
+    less different side, and of both."""
+
+    color: FloatArray
+    spread: FloatArray
+    contrast: FloatArray
+    mean_contrast: FloatArray
+
+
+def continued(
+    scene: Scene,
+    chances: FloatArray,
+    probability: Float32Array,
+    cable: BoolArray,
+    image: ByteArray,
+    params: ContinuationParams | None = None,
+) -> BoolArray:
+    """(H, W) what ``cable`` (H, W) lacks of the instances of a scene; ``chances`` (I,) that each is a cable."""
+    settings = params or ContinuationParams()
+    scale = min(1.0, _LONGEST_PX / max(cable.shape))
+    size = tuple(max(1, round(scale * side)) for side in cable.shape[::-1])
+    drawn = np.zeros(size[::-1], np.uint8)
+    foreground, lab = _resized(cable.view(np.uint8), size) > 0, None
+    for instance, chance in zip(scene.instances, chances.tolist(), strict=True):
+        if not _whole_enough(instance, chance, scale, probability, settings):
+            continue
+        lab = _colors(_resized(image, size)) if lab is None else lab
+        for line in _free_ends(instance, scale):
+            tip = _tip(line, instance.width_px * scale, lab, settings)
+            path = None if tip is None else _followed(tip, lab, foreground, settings)
+            if tip is not None and path is not None:
+                points = [np.rint(path * 16).astype(np.int32)]
+                cv2.polylines(drawn, points, False, 1, max(1, round(tip.width)), cv2.LINE_8, 4)
+    return np.asarray((_resized(drawn, cable.shape[::-1], cv2.INTER_NEAREST) > 0) & ~cable)
+
+
+def _resized(picture: ByteArray, size: tuple[int, ...], how: int = cv2.INTER_AREA) -> ByteArray:
+    if picture.shape[1::-1] == size:
+        return picture
+    return np.asarray(cv2.resize(picture, size, interpolation=how), np.uint8)
+
+
+def _colors(image: ByteArray) -> Float32Array:
+    lab = cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    return np.asarray(cv2.GaussianBlur(lab, (0, 0), _SMOOTHING_PX), np.float32)
+
+
+def _whole_enough(
+    instance: Instance, chance: float, scale: float, probability: Float32Array, params: ContinuationParams
+) -> bool:
+    width = instance.width_px
+    if chance < params.least_chance or width * scale < params.least_width_px:
+        return False
+    if instance.closed or instance.length_px < params.least_length * width:
+        return False
+    x, y = np.rint(instance.centerline_xy).astype(np.int64).T
+    height, length = probability.shape
+    seen = probability[np.clip(y, 0, height - 1), np.clip(x, 0, length - 1)]
+    return float(np.median(seen)) >= params.certainty
+
+
+def _free_ends(instance: Instance, scale: float) -> list[FloatArray]:
+    """(n, 2) centerlines at the reduced size, each from a free end inward."""
+    line = (instance.centerline_xy + 0.5) * scale - 0.5
+    ends = zip(instance.endpoints, (line, line[::-1]), strict=True)
+    return [points for endpoint, points in ends if endpoint.kind == "free"]
+
+
+def _tip(line: FloatArray, width: float, lab: Float32Array, params: ContinuationParams) -> _Tip | None:
+    """None at the border, or where the strip does not stand out of the ground."""
+    limit = np.array(lab.shape[1::-1]) - 1
+    if np.minimum(line[0], limit - line[0]).min() < 1.2 * width + 2:
+        return None
+    arc = arc_lengths(line)
+    places = np.arange(params.known[0] * width, min(params.known[1] * width, float(arc[-1])), 1.0)
+    if len(places) < 6:
+        return None
+    at, ahead, behind = (point_at(line, arc, places + shift * width) for shift in (0.0, -1.0, 1.0))
+    strips = _strips(lab, at, unit(ahead - behind), width)
+    if np.median(strips.contrast) < params.contrast:
+        return None
+    step = at[0] - point_at(line, arc, np.array([4.0 * width]))[0]
+    near = max(3, len(places) // 3)
+    angle = float(np.arctan2(step[1], step[0]))
+    return _Tip(at[0], angle, width, strips.color[:near].mean(axis=0), float(np.median(strips.spread)))
+
+
+def _strips(lab: Float32Array, xy: FloatArray, direction: FloatArray, width: float) -> _Strip:
+    """What lies across (…, 2) points in a ``direction`` (…, 2)."""
+    at = xy[..., None, :] + (width * _ACROSS)[:, None] * quarter_turned(direction)[..., None, :]
+    x, y = (at[..., axis].reshape(-1, len(_ACROSS)).astype(np.float32) for axis in (0, 1))
+    read = cv2.remap(lab, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    read = read.reshape(*at.shape[:-1], 3).astype(np.float64)
+    color = read[..., _CORE, :].mean(axis=-2)
+    spread = np.linalg.norm(read[..., _CORE, :] - color[..., None, :], axis=-1).mean(axis=-1)
+    sides = [np.linalg.norm(read[..., side, :].mean(axis=-2) - color, axis=-1) for side in (_LEFT, _RIGHT)]
+    return _Strip(color, spread, np.minimum(*sides), (sides[0] + sides[1]) / 2)
+
+
+def _followed(tip: _Tip, lab: Float32Array, foreground: BoolArray, params: ContinuationParams) -> FloatArray | None:
+    """(n, 2) from a width behind the tip to the border or to other foreground; None where it leads nowhere."""
+    step = max(1.5, tip.width / 3)
+    start = np.full(1, tip.angle)
+    paths = _Paths(tip.xy[None, None], np.ones((1, 1), bool), start, np.zeros(1), tip.color[None], np.zeros(1))
+    for taken in range(1, int((params.longest + 1) * tip.width / step) + 1):
+        paths = _led_on(paths, tip, step, lab, params)
+        if not len(paths.cost):
+            return None
+        if _arrived(paths.xy[0, -1], tip.width, foreground, taken * step):
+            return paths.xy[0] if _is_cable(paths.xy[0], paths.good[0], tip.width, params) else None
+    return None
+
+
+def _arrived(xy: FloatArray, width: float, foreground: BoolArray, length: float) -> bool:
+    limit = np.array(foreground.shape[::-1]) - 1
+    if np.minimum(xy, limit - xy).min() < width / 2:
+        return True
+    x, y = np.rint(xy).astype(np.int64)
+    return length > (1 + 0.5) * width and bool(foreground[y, x])
+
+
+def _is_cable(path: FloatArray, good: BoolArray, width: float, params: ContinuationParams) -> bool:
+    steps = np.diff(path, axis=0)
+    turned = np.ptp(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
+    long_enough = float(arc_lengths(path)[-1]) >= (1 + params.shortest) * width
+    return bool(long_enough and good[1:].mean() >= params.good and turned < params.turned)
+
+
+def _led_on(paths: _Paths, tip: _Tip, step: float, lab: Float32Array, params: ContinuationParams) -> _Paths:
+    """The cheapest of all paths with each turn; of several at one place in one direction only the first."""
+    most = np.deg2rad(params.turn_deg)
+    turn = np.linspace(-most, most, params.turns)
+    angle = paths.angle[:, None] + turn
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    xy = paths.xy[:, -1, None] + step * direction
+    strip = _strips(lab, xy, direction, tip.width)
+    away = np.linalg.norm(strip.color - paths.color[:, None], axis=-1)
+    good = (away < params.near * strip.contrast) & (strip.contrast > params.contrast)
+    good &= strip.spread < 0.6 * np.maximum(strip.contrast, 1.0) + tip.spread
+    cost = paths.cost[:, None] + np.minimum(away / np.clip(strip.mean_contrast, 3.0, 40.0), 3.0)
+    cost += 0.25 * (turn / most) ** 2 + 0.6 * ~good
+    cost += 0.5 * np.maximum(strip.spread - 1.5 * tip.spread, 0.0) / np.maximum(strip.contrast, 3.0)
+    lost = np.where(good, 0.0, paths.lost[:, None] + step)
+    best = _distinct(xy, angle, cost, tip.width)[: params.paths]
+    best = best[lost.ravel()[best] <= params.gap * tip.width]
+    path, kept = np.unravel_index(best, cost.shape)
+    mixed = paths.color[path] + np.where(good, _FORGETTING, 0.0)[path, kept, None] * (
+        strip.color[path, kept] - paths.color[path]
+    )
+    return _Paths(
+        np.concatenate((paths.xy[path], xy[path, kept, None]), axis=1),
+        np.concatenate((paths.good[path], good[path, kept, None]), axis=1),
+        angle[path, kept],
+        cost[path, kept],
+        mixed,
+        lost[path, kept],
+    )
+
+
+def _distinct(xy: FloatArray, angle: FloatArray, cost: FloatArray, width: float) -> np.ndarray:
+    """Flat indices, cheapest first, one for each place and direction."""
+    cells = np.column_stack((xy.reshape(-1, 2) / max(1.0, width / 4), np.rad2deg(angle.ravel()) / 15.0))
+    order = np.argsort(cost, axis=None, kind="stable")
+    _, first = np.unique(np.floor(cells[order]).astype(np.int64), axis=0, return_index=True)
+    return order[np.sort(first)]

@@ -1,0 +1,54 @@
+"""What a picture's foreground is once its strands were looked at: lookalikes go, lost pieces of cables come.
+
+The network answers pixel by pixel; whether a strand is a cable at all, and whether it can end where it ends, shows only
+along it. Strategy: the strands are found by the default method and rated. Where none is likely a cable, what is hardly
+one leaves the foreground. From the free ends of cables it is continued (``continuation.py``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.instances.continuation import continued
+from models.instances.lookalikes import EVEN, calibration, chances, rated
+from models.instances.scene import Scene
+from models.instances.section_matching import extract
+
+_CONTINUED = 0.75
+"""Probability of what was not seen but follows."""
+_BELOW = 2 / 255
+"""Distance from the threshold of what was seen but is none, so that 8 bits keep it below."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """``cable`` (H, W) and the ``probability`` (H, W) that agrees with it at the threshold; ``scene``: its strands by
+    the default method, those left out that are more likely no cable."""
+
+    cable: BoolArray
+    probability: Float32Array
+    scene: Scene
+
+
+def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, threshold: float) -> Settled:
+    """``image`` (H, W, 3) RGB, ``probability`` (H, W) that its network sees and what of it counts, ``cable`` (H, W)."""
+    scene = extract(cable, image)
+    likely = chances(scene, probability, cable, image)
+    kept = cable & ~_hardly_any(scene, likely)
+    added = continued(scene, likely, probability, kept, image)
+    settled = kept | added
+    agreed = np.where(settled, probability, np.minimum(probability, threshold - _BELOW))
+    agreed[added] = np.maximum(agreed[added], max(_CONTINUED, threshold))
+    if added.any():
+        scene = extract(settled, image)
+        likely = chances(scene, agreed, settled, image)
+    return Settled(settled, np.asarray(agreed, np.float32), rated(scene, likely))
+
+
+def _hardly_any(scene: Scene, likely: FloatArray) -> BoolArray:
+    """(H, W) the instances that are hardly cables, of a picture in which none is likely one."""
+    none = (likely < calibration().least) & bool((likely < EVEN).all())
+    return np.asarray(np.concatenate(([False], none))[scene.labels])

@@ -1,0 +1,111 @@
+"""A picture's foreground once its strands were looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import pytest
+
+from models.instances.continuation import ContinuationParams, continued
+from models.instances.scene import Scene
+from models.instances.section_matching import extract
+from models.instances.settling import settle
+
+SIZE = (240, 400)
+COURSE = [(0, 150), (100, 120), (200, 120), (300, 150), (399, 140)]
+WIDTH = 9
+
+
+def drawn(courses: Sequence[Sequence[tuple[int, int]]], seed: int = 0) -> np.ndarray:
+    """A picture of blue cables, lighter along their middle, on uneven ground."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.normal(150, 10, (15, 25, 3)).astype(np.float32)
+    picture = cv2.resize(coarse, SIZE[::-1], interpolation=cv2.INTER_CUBIC)
+    for course in courses:
+        for width, color in ((WIDTH, (40, 60, 150)), (WIDTH // 3, (70, 90, 185))):
+            cv2.polylines(picture, [np.array(course, np.int32)], False, color, width, cv2.LINE_AA)
+    return np.rint(np.clip(picture + rng.normal(0, 3, picture.shape), 0, 255)).astype(np.uint8)
+
+
+def mask_of(course: Sequence[tuple[int, int]], until: int = 400) -> np.ndarray:
+    mask = np.zeros(SIZE, np.uint8)
+    cv2.polylines(mask, [np.array(course, np.int32)], False, 1, WIDTH)
+    mask[:, until:] = 0
+    return mask > 0
+
+
+def added(picture: np.ndarray, seen: np.ndarray, chance: float = 1.0, certainty: float = 0.99) -> np.ndarray:
+    scene = extract(seen, picture)
+    probability = np.where(seen, certainty, 0.01).astype(np.float32)
+    return continued(scene, np.full(len(scene.instances), chance), probability, seen, picture)
+
+
+def test_a_cable_that_breaks_off_is_continued_to_the_border() -> None:
+    """The network saw one half of a cable and was sure that the other is none."""
+    picture, whole, seen = drawn([COURSE]), mask_of(COURSE), mask_of(COURSE, until=250)
+    found = added(picture, seen) | seen
+    assert 2 * (found & whole).sum() / (found.sum() + whole.sum()) > 0.93
+    assert 2 * (seen & whole).sum() / (seen.sum() + whole.sum()) < 0.8
+
+
+def test_a_cable_seen_to_both_sides_of_what_is_lost_is_left_to_the_method() -> None:
+    """Methods bridge a gap; their instance has no free end there."""
+    seen = mask_of(COURSE)
+    seen[:, 180:230] = False
+    assert not added(drawn([COURSE]), seen).any()
+
+
+def test_an_end_is_an_end() -> None:
+    """A cable that ends in the picture, on ground that does not go on like it."""
+    short = [(0, 150), (100, 120), (230, 120)]
+    assert not added(drawn([short]), mask_of(short)).any()
+
+
+def test_a_scratch_that_leads_nowhere_is_no_cable() -> None:
+    """Something of its color goes on behind the end, but stops."""
+    course = [(0, 150), (100, 120), (260, 120)]
+    picture = drawn([course])
+    assert not added(picture, mask_of(course, until=200)).any()
+
+
+@pytest.mark.parametrize(("chance", "certainty"), [(0.4, 0.99), (1.0, 0.7)], ids=["lookalike", "unsure"])
+def test_what_may_be_no_cable_is_not_continued(chance: float, certainty: float) -> None:
+    assert not added(drawn([COURSE]), mask_of(COURSE, until=250), chance, certainty).any()
+
+
+def test_the_size_of_the_picture_does_not_matter() -> None:
+    picture, whole, seen = drawn([COURSE]), mask_of(COURSE), mask_of(COURSE, until=250)
+    larger = [np.repeat(np.repeat(a, 5, axis=0), 5, axis=1) for a in (picture, whole, seen)]
+    found = added(larger[0], larger[2]) | larger[2]
+    assert 2 * (found & larger[1]).sum() / (found.sum() + larger[1].sum()) > 0.93
+
+
+def test_an_empty_scene_is_continued_by_nothing() -> None:
+    nothing = np.zeros(SIZE, np.float32)
+    scene = Scene((), (), np.zeros(SIZE, np.uint8))
+    picture = np.zeros((*SIZE, 3), np.uint8)
+    assert not continued(scene, np.zeros(0), nothing, nothing > 0, picture, ContinuationParams()).any()
+
+
+def test_probability_and_foreground_agree_once_settled() -> None:
+    picture, seen = drawn([COURSE]), mask_of(COURSE, until=250)
+    probability = np.where(seen, 0.99, 0.01).astype(np.float32)
+    probability[10:20, 10:20] = 0.9  # a patch that did not count
+    got = settle(picture, probability, seen, 0.5)
+    assert np.array_equal(got.probability >= 0.5, got.cable)
+    assert np.array_equal(np.rint(255 * got.probability) >= 127.5, got.cable)
+    assert got.cable[:, 300:].any()
+    assert len(got.scene.instances) == 1
+    assert got.scene.instances[0].centerline_xy[:, 0].max() > 380
+
+
+def test_what_is_hardly_a_cable_leaves_a_picture_without_any() -> None:
+    """False pixels on tables without cables: straight edges that the network is not sure of."""
+    picture, mask = drawn([]), mask_of([(100, 150), (200, 120)])
+    probability = np.where(mask, 0.6, 0.01).astype(np.float32)
+    got = settle(picture, probability, mask, 0.5)
+    assert not got.cable.any()
+    assert not got.scene.instances
+    assert (got.probability < 0.5).all()
