@@ -29,7 +29,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "load": ["tests.load.__main__"],
         "faults": ["tests.faults.__main__"],
         "fuzz": ["tests.fuzz.__main__"],
-        "properties": ["tests.properties", "--count", "2000"],
+        "properties": ["tests.properties.__main__", "--count", "2000"],
         "large": ["tests.benchmarks.bench_large"],
         "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
         "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
