@@ -16,9 +16,10 @@ from models.synthesis.textures import TexturePool, load_pool
 from models.training import export
 from models.training.foreground.export import main as export_command
 from models.training.foreground.initial import unfold
-from models.training.foreground.int8 import compare, quantize
+from models.training.foreground.int8 import calibrating, compare, quantize
 from models.training.foreground.learning import Learning, foreground_loss
 from models.training.foreground.network_compact import CompactNetwork
+from models.training.foreground.real_pictures import load_labelled
 from models.training.foreground.validation import validate
 from models.training.state import Config
 from models.weights.inference import WEIGHTS, load, manifest
@@ -192,13 +193,26 @@ def test_the_eight_bit_network_sees_what_the_full_one_sees():
 def test_every_convolution_is_quantized(tmp_path):
     spec = manifest()["foreground_compact"]
     settings = replace(ForegroundInput.from_manifest(spec.preprocess), long_side=128)
-    quantize(WEIGHTS / spec.file, tmp_path / "small.onnx", settings, load_pool(None), 2)
+    quantize(WEIGHTS / spec.file, tmp_path / "small.onnx", settings, calibrating(load_pool(None), 2, None))
     graph = onnx.load(tmp_path / "small.onnx").graph
     quantized = {o for n in graph.node if n.op_type == "DequantizeLinear" for o in n.output}
     fed = [[i in quantized for i in n.input[:2]] for n in graph.node if n.op_type == "Conv"]
     assert fed == [[True, True]] * len(fed)
     session = onnxruntime.InferenceSession(tmp_path / "small.onnx", providers=["CPUExecutionProvider"])
     assert session.run(None, {"input": np.zeros((1, 3, 64, 64), np.float32)})[0].shape == (1, 1, 64, 64)
+
+
+def test_photographs_of_the_training_set_join_those_that_set_the_ranges(tmp_path):
+    for part in ("imgs", "masks"):
+        (tmp_path / part).mkdir()
+    for k in range(3):
+        levels = np.full((40, 60, 3), 200 + k, np.uint8)
+        cv2.imwrite(str(tmp_path / "imgs" / f"p{k}.jpg"), levels)
+        cv2.imwrite(str(tmp_path / "masks" / f"p{k}.png"), np.zeros((40, 60), np.uint8))
+    trained = len(load_labelled(tmp_path).photographs)
+    pictures = list(calibrating(load_pool(None), 2, tmp_path))
+    assert len(pictures) == 2 + min(trained, 2)
+    assert sum(p.shape == (40, 60, 3) for p in pictures) == min(trained, 2) > 0
 
 
 def test_a_small_picture_is_enlarged_as_far_as_the_network_wants():

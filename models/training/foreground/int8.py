@@ -1,15 +1,18 @@
 """A shipped foreground network to 8 bits: ``python -m models.training.foreground.int8 --textures PACK``.
 
 Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this repository renders,
-of every layer: with the last one in single precision the masks of photographs are as right, in a fifth more time.
+and, with ``--labelled``, from as many photographs of the training set, one after the other: photographs have darker
+shadows and sharper edges, and what is beyond a range is cut. Of every layer: with the last one in single precision the
+masks of photographs are as right, in a fifth more time.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import islice, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -21,20 +24,21 @@ from models.segmentation.segment import ForegroundInput, segment
 from models.synthesis.scenes import WORKSHOP, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
 from models.training.export import register
+from models.training.foreground.real_pictures import load_labelled
 from models.weights.inference import WEIGHTS, Card, Network, load, manifest
 
 _CALIBRATION_SEED, _HELD_OUT_SEED = 60_000_011, 70_000_027
 
 
-class RenderedScenes(CalibrationDataReader):  # type: ignore[misc]
-    """Feeds ``count`` rendered pictures, prepared by the manifest."""
+class Pictures(CalibrationDataReader):  # type: ignore[misc]
+    """Feeds pictures (H, W, 3), prepared by the manifest."""
 
-    def __init__(self, input_name: str, settings: ForegroundInput, pool: TexturePool, count: int) -> None:
-        self._feeds = self._make(input_name, settings, pool, count)
+    def __init__(self, input_name: str, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]]) -> None:
+        self._feeds = self._make(input_name, settings, pictures)
 
     @staticmethod
     def _make(
-        name: str, settings: ForegroundInput, pool: TexturePool, count: int
+        name: str, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]]
     ) -> Iterator[dict[str, NDArray[np.float32]]]:
         seen: list[NDArray[np.float32]] = []
 
@@ -42,12 +46,22 @@ class RenderedScenes(CalibrationDataReader):  # type: ignore[misc]
             seen.append(planes)
             return np.zeros_like(planes[:, :1])
 
-        for rgb, _ in scenes(_CALIBRATION_SEED, pool, count):
+        for rgb in pictures:
             segment(rgb, catch, settings)
             yield {name: seen.pop()}
 
     def get_next(self) -> dict[str, NDArray[np.float32]] | None:
         return next(self._feeds, None)
+
+
+def calibrating(pool: TexturePool, count: int, labelled: Path | None) -> Iterator[NDArray[np.uint8]]:
+    """``count`` rendered pictures, each followed by a photograph of ``labelled`` as far as there are some."""
+    taken = [] if labelled is None else [p.rgb for p in load_labelled(labelled).photographs]
+    order = np.random.default_rng(_CALIBRATION_SEED).permutation(len(taken))
+    rendered = (rgb for rgb, _ in scenes(_CALIBRATION_SEED, pool, count))
+    photographs = (taken[k] for k in order)
+    for both in zip_longest(rendered, islice(photographs, count)):
+        yield from (rgb for rgb in both if rgb is not None)
 
 
 def scenes(
@@ -60,13 +74,13 @@ def scenes(
         yield to_uint8(scene.rgb), scene.ids.numpy() > 0
 
 
-def quantize(source: Path, target: Path, settings: ForegroundInput, pool: TexturePool, count: int) -> None:
-    """Write ``target``, the 8-bit network of ``source``."""
+def quantize(source: Path, target: Path, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]]) -> None:
+    """Write ``target``, the 8-bit network of ``source`` with ranges from ``pictures`` (H, W, 3)."""
     graph = onnx.load(source).graph
     quantize_static(
         source,
         target,
-        RenderedScenes(graph.input[0].name, settings, pool, count),
+        Pictures(graph.input[0].name, settings, pictures),
         quant_format=QuantFormat.QDQ,
         per_channel=True,
         activation_type=QuantType.QUInt8,
@@ -100,13 +114,15 @@ def main() -> None:
     parser.add_argument("--network", default="foreground_compact")
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
     parser.add_argument("--calibration", type=int, default=200, help="rendered pictures for the ranges")
+    parser.add_argument("--labelled", type=Path, help="photographs with masks, as many for the ranges")
     parser.add_argument("--held-out", type=int, default=100, help="rendered pictures to compare on")
     args = parser.parse_args()
     pool, spec = load_pool(args.textures), manifest()[args.network]
     name = f"{args.network}_int8"
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / f"{name}.onnx"
-        quantize(WEIGHTS / spec.file, made, ForegroundInput.from_manifest(spec.preprocess), pool, args.calibration)
+        pictures = calibrating(pool, args.calibration, args.labelled)
+        quantize(WEIGHTS / spec.file, made, ForegroundInput.from_manifest(spec.preprocess), pictures)
         target = WEIGHTS / made.name
         target.write_bytes(made.read_bytes())
     card = Card(
@@ -121,6 +137,7 @@ def main() -> None:
             "command": "python -m models.training.foreground.int8",
             "seed": _CALIBRATION_SEED,
             "calibration_pictures": args.calibration,
+            "calibration_photographs": args.labelled is not None,
         },
         metrics={},
     )
