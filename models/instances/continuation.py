@@ -31,6 +31,8 @@ _CORE, _LEFT, _RIGHT = np.abs(_ACROSS) <= 0.32, np.abs(_ACROSS + 0.93) <= 0.22, 
 _LONGEST_PX = 960
 """A larger picture is followed at this size."""
 _SMOOTHING_PX = 0.8
+_UNITS = np.array([100 / 255, 1.0, 1.0])
+"""CIELAB of one level in 8 bits."""
 _FORGETTING = 0.03
 """Share of a path's color that each step renews: light changes along a cable."""
 
@@ -126,9 +128,9 @@ def _resized(picture: ByteArray, size: tuple[int, ...], how: int = cv2.INTER_ARE
     return np.asarray(cv2.resize(picture, size, interpolation=how), np.uint8)
 
 
-def _colors(image: ByteArray) -> Float32Array:
-    lab = cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
-    return np.asarray(cv2.GaussianBlur(lab, (0, 0), _SMOOTHING_PX), np.float32)
+def _colors(image: ByteArray) -> ByteArray:
+    """CIELAB in 8 bits, as OpenCV has it."""
+    return np.asarray(cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2LAB), (0, 0), _SMOOTHING_PX), np.uint8)
 
 
 def _whole_enough(
@@ -152,7 +154,7 @@ def _free_ends(instance: Instance, scale: float) -> list[FloatArray]:
     return [points for endpoint, points in ends if endpoint.kind == "free"]
 
 
-def _tip(line: FloatArray, width: float, lab: Float32Array, params: ContinuationParams) -> _Tip | None:
+def _tip(line: FloatArray, width: float, lab: ByteArray, params: ContinuationParams) -> _Tip | None:
     """None at the border, or where the strip does not stand out of the ground."""
     limit = np.array(lab.shape[1::-1]) - 1
     if np.minimum(line[0], limit - line[0]).min() < 1.2 * width + 2:
@@ -171,19 +173,19 @@ def _tip(line: FloatArray, width: float, lab: Float32Array, params: Continuation
     return _Tip(at[0], angle, width, strips.color[:near].mean(axis=0), float(np.median(strips.spread)))
 
 
-def _strips(lab: Float32Array, xy: FloatArray, direction: FloatArray, width: float) -> _Strip:
+def _strips(lab: ByteArray, xy: FloatArray, direction: FloatArray, width: float) -> _Strip:
     """What lies across (…, 2) points in a ``direction`` (…, 2)."""
     at = xy[..., None, :] + (width * _ACROSS)[:, None] * quarter_turned(direction)[..., None, :]
     x, y = (at[..., axis].reshape(-1, len(_ACROSS)).astype(np.float32) for axis in (0, 1))
     read = cv2.remap(lab, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    read = read.reshape(*at.shape[:-1], 3).astype(np.float64)
+    read = read.reshape(*at.shape[:-1], 3) * _UNITS
     color = read[..., _CORE, :].mean(axis=-2)
     spread = np.linalg.norm(read[..., _CORE, :] - color[..., None, :], axis=-1).mean(axis=-1)
     sides = [np.linalg.norm(read[..., side, :].mean(axis=-2) - color, axis=-1) for side in (_LEFT, _RIGHT)]
     return _Strip(color, spread, np.minimum(*sides), (sides[0] + sides[1]) / 2)
 
 
-def _followed(tip: _Tip, lab: Float32Array, foreground: BoolArray, params: ContinuationParams) -> FloatArray | None:
+def _followed(tip: _Tip, lab: ByteArray, foreground: BoolArray, params: ContinuationParams) -> FloatArray | None:
     """(n, 2) from a width behind the tip to the border or to other foreground; None where it leads nowhere."""
     step = max(1.5, tip.width / 3)
     start = np.full(1, tip.angle)
@@ -212,7 +214,7 @@ def _is_cable(path: FloatArray, good: BoolArray, width: float, params: Continuat
     return bool(long_enough and good[1:].mean() >= params.good and turned < params.turned)
 
 
-def _led_on(paths: _Paths, tip: _Tip, step: float, lab: Float32Array, params: ContinuationParams) -> _Paths:
+def _led_on(paths: _Paths, tip: _Tip, step: float, lab: ByteArray, params: ContinuationParams) -> _Paths:
     """The cheapest of all paths with each turn; of several at one place in one direction only the first."""
     most = np.deg2rad(params.turn_deg)
     turn = np.linspace(-most, most, params.turns)
