@@ -9,10 +9,11 @@ from pathlib import Path
 
 import torch
 
-from models.training.export import publish, refuse_useless
+from models.training.export import note_without, publish, refuse_useless
 from models.training.fit import AnyFamily, Source, fit
 from models.training.log import Log
 from models.training.state import Config
+from models.weights.inference import manifest
 
 
 def run(family: AnyFamily, config: Config, source: Source) -> dict[str, float]:
@@ -26,10 +27,24 @@ def run(family: AnyFamily, config: Config, source: Source) -> dict[str, float]:
     metrics = family.measure(network, held_out, config)
     log(network=family.name, config=asdict(config), metrics=metrics)
     refuse_useless(family.name, metrics, family.least)
-    training = {"command": f"python -m models.training {family.name}", "samples": len(samples), **asdict(config)}
+    training = {"command": _command(family), "samples": len(samples), **asdict(config)}
     for exported in family.exports(network, samples, config):
-        log(network=exported.name, onnx_difference=publish(exported, training, metrics))
+        without = family.without(held_out, config)
+        log(network=exported.name, without=without, onnx_difference=publish(exported, training, metrics, without))
     return metrics
+
+
+def compare(family: AnyFamily, config: Config, source: Source) -> None:
+    """Note in the manifest what there would be without the shipped networks of the family, on the held-out samples."""
+    without = family.without(family.samples(config, source)[1], config)
+    for name, spec in manifest().items():
+        if spec.training.get("command") == _command(family):
+            note_without(name, without)
+    print(family.name, dict(without))
+
+
+def _command(family: AnyFamily) -> str:
+    return f"python -m models.training {family.name}"
 
 
 def command(family: AnyFamily, arguments: Sequence[str] | None = None) -> None:
@@ -43,11 +58,12 @@ def command(family: AnyFamily, arguments: Sequence[str] | None = None) -> None:
     for name, default in defaults.items():
         typed = {"action": argparse.BooleanOptionalAction} if isinstance(default, bool) else {"type": type(default)}
         parser.add_argument(f"--{name.replace('_', '-')}", default=default, **typed)
+    parser.add_argument("--without", action="store_true", help="train nothing: note what there would be without it")
     args = parser.parse_args(arguments)
     torch.set_num_threads(1)
     try:
         config = family.config(**{name: getattr(args, name) for name in defaults})
         places = {name: getattr(args, name) for name in family.needs}
-        run(family, config, Source(args.state, args.textures, **places))
+        (compare if args.without else run)(family, config, Source(args.state, args.textures, **places))
     except ValueError as error:
         parser.error(str(error))

@@ -17,7 +17,7 @@ import tomli_w
 import torch
 from torch import Tensor, nn
 
-from models.weights.inference import WEIGHTS, Card, NetworkSpec
+from models.weights.inference import WEIGHTS, Card, NetworkSpec, manifest
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,13 @@ def refuse_useless(name: str, metrics: Mapping[str, float], least: Mapping[str, 
             raise ValueError(f"{name} is not exported: {figure} is {metrics.get(figure)}, no more than {bound}")
 
 
-def publish(exported: Exported, training: Mapping[str, Any], metrics: Mapping[str, float]) -> float:
+def publish(
+    exported: Exported, training: Mapping[str, Any], metrics: Mapping[str, float], without: Mapping[str, Any]
+) -> float:
     """Write a trained network's file and its manifest entry; returns the largest difference to torch."""
     card = Card(
         exported.version, exported.task, True, exported.input, "Apache-2.0", exported.origin, exported.preprocess,
-        {**training, **exported.facts}, metrics, exported.features,
+        {**training, **exported.facts}, metrics, exported.features, without,
     )  # fmt: skip
     return export(
         exported.module, exported.name, card, exported.examples, exported.dynamic, exported.tolerance,
@@ -133,6 +135,13 @@ def parity(module: nn.Module, path: Path, cases: Sequence[tuple[Tensor, ...]]) -
     return worst
 
 
+def note_without(name: str, without: Mapping[str, Any]) -> None:
+    """Write into the manifest what there would be without a network that ships."""
+    spec = manifest()[name]
+    register(name, WEIGHTS / spec.file, replace(spec, without=without), spec.parameters)
+    manifest.cache_clear()
+
+
 def register(name: str, path: Path, card: Card, parameters: int) -> None:
     """Write, or write anew, the manifest's entry of the file at ``path``."""
     file = WEIGHTS / "manifest.toml"
@@ -145,6 +154,6 @@ def register(name: str, path: Path, card: Card, parameters: int) -> None:
         name=name, file=path.name, sha256=hashlib.sha256(data).hexdigest(), bytes=len(data), parameters=parameters,
         **{field.name: getattr(card, field.name) for field in fields(Card)},
     )  # fmt: skip
-    empty = () if spec.features else ("features",)
+    empty = [name for name in ("features", "without") if not getattr(spec, name)]
     entries[name] = {key: value for key, value in asdict(spec).items() if key not in ("name", *empty)}
     file.write_text(tomli_w.dumps(dict(sorted(entries.items()))))

@@ -51,7 +51,8 @@ class Family(Generic[C, D]):
 
     ``config``: its settings, defaults are those of the shipped network; ``samples``: those for training and those held
     out; ``build``: the network with random weights; ``epoch``: the samples of one epoch; ``loss``: of some rows of
-    them; ``measure``: figures of the held-out samples; ``exports``: the files to write; ``least``: figures that a
+    them; ``measure``: figures of the held-out samples; ``without``: the same figures by a ``rule`` that would stand in
+    for the network; ``exports``: the files to write; ``least``: figures that a
     network has to exceed to be exported; ``needs``: fields of :class:`Source` that must be given.
     """
 
@@ -61,6 +62,7 @@ class Family(Generic[C, D]):
     build: Callable[[C, D], nn.Module]
     loss: Callable[[nn.Module, D, IntArray, np.random.Generator, C], Tensor]
     measure: Callable[[nn.Module, D, C], dict[str, float]]
+    without: Callable[[D, C], Mapping[str, Any]]
     exports: Callable[[nn.Module, D, C], Sequence[Exported]]
     least: Mapping[str, float]
     epoch: Callable[[D, C, np.random.Generator], D] = field(default=as_they_are)

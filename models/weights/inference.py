@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,8 @@ class FeaturesDifferError(RuntimeError):
 class Card:
     """What the manifest holds of a network besides what can be read off its file. ``preprocess``: what a caller needs
     to feed it: sizes, normalization, threshold; ``training`` and ``metrics``: where it comes from and how good it is;
-    ``features``: names of the columns of a row of evidence."""
+    ``features``: names of the columns of a row of evidence; ``without``: what the ``metrics`` would be without the
+    network, by the ``rule`` that would stand in for it."""
 
     version: str
     task: str
@@ -45,6 +46,7 @@ class Card:
     training: Mapping[str, Any]
     metrics: Mapping[str, float]
     features: Sequence[str] = ()
+    without: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,6 +72,10 @@ def test_every_network_is_trained_measured_and_ready_for_export(name, source, mo
     assert any(not torch.equal(a, b) for a, b in zip(before, network.parameters(), strict=True))
     metrics = family.measure(network, held_out, config)
     assert set(family.least) <= set(metrics), "what decides on the export is measured"
+    without = family.without(held_out, config)
+    assert without["rule"]
+    assert {figure for figure in without if figure != "rule"} <= set(metrics), "the same figures"
+    assert len(without) > 1
     for exported in family.exports(network, samples, config):
         assert inference.manifest()[exported.name].task == exported.task
         assert inference.manifest()[exported.name].input == exported.input
@@ -100,6 +104,9 @@ def line_family(**given) -> Family:
     def measure(network, samples, config):
         return {"slope": float(network.layer.weight)}
 
+    def without(samples, config):
+        return {"rule": "no slope", "slope": 0.0}
+
     def exports(network, samples, config):
         return [Exported("line", network, "line", "(n, 1)", "a test", {}, [(torch.rand(3, 1),)],
                          [{0: torch.export.Dim("n")}], 1e-5, features=("x",))]  # fmt: skip
@@ -107,7 +114,7 @@ def line_family(**given) -> Family:
     def samples(config, source):
         return np.linspace(-1, 1, 64, dtype=np.float32), np.ones(4, np.float32)
 
-    return Family("line", Config, samples, lambda config, samples: Line(), loss, measure, exports,
+    return Family("line", Config, samples, lambda config, samples: Line(), loss, measure, without, exports,
                   **{"least": {"slope": 2.0}, **given})  # fmt: skip
 
 

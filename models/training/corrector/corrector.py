@@ -10,6 +10,7 @@ The figures that are reported are of other crops than the watched ones: ``tests.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -119,6 +120,18 @@ def measure(network: nn.Module, crops: Crops, config: CorrectorConfig, count: in
     return {f"watched_{name}": value for name, value in figures.items()}
 
 
+def without(crops: Crops, config: CorrectorConfig, count: int = 1000) -> dict[str, Any]:
+    chosen = crops.take(np.flatnonzero(marked(crops))[:count])
+    error = chosen.columns - MIDDLE
+    figures = {
+        "mean_px": round(float(-error.mean()), 4),
+        "sd_px": round(float(error.std()), 4),
+        "median_abs_px": round(float(np.median(np.abs(error))), 4),
+        "over_3px": round(float((np.abs(error) > 3).mean()), 4),
+    }
+    return {"rule": "the line as it was drawn", **{f"watched_{name}": value for name, value in figures.items()}}
+
+
 def marked(crops: Crops) -> BoolArray:
     """(n,) crops that show which DLO is meant: it stands out from the ground by 12 of 255, and no other is within 4 px
     as near to the middle."""
@@ -164,6 +177,7 @@ FAMILY = Family(
     lambda config, crops: CorrectorNetwork(config.width),
     loss_of,
     measure,
+    without,
     exports,
     least={"watched_gain_px": 0.0},  # otherwise the stroke may as well stay where it is
     needs=("data", "watched"),

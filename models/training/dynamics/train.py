@@ -10,6 +10,7 @@ by the rope's parameters.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -120,6 +121,18 @@ def measure(network: nn.Module, data: Columns, config: DynamicsConfig) -> dict[s
     }
 
 
+def without(data: Columns, config: DynamicsConfig) -> dict[str, Any]:
+    error = torch.cat([
+        node_error(data.parts[0][rows], data.parts[-1][rows]) for rows in torch.arange(len(data)).split(4096)
+    ])  # fmt: skip
+    return {
+        "rule": "no motion",
+        "error_mm": round(1e3 * float(error.mean()), 4),
+        "median_mm": round(1e3 * float(error.median()), 4),
+        "error_share": 1.0,
+    }
+
+
 def example(batch: int, seed: int = 0) -> tuple[Tensor, ...]:
     """Inputs of a network: state in its frame, one-hot edge, scaled move and rope."""
     rng = torch.Generator().manual_seed(seed)
@@ -165,6 +178,7 @@ FAMILY = Family(
     lambda config, data: build(config.network, config.conditioned),
     loss_of,
     measure,
+    without,
     exports,
     least={"gain_share": 0.0},
     needs=("data",),

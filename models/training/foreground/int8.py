@@ -144,7 +144,8 @@ def main() -> None:
     register(name, target, card, spec.parameters)
     manifest.cache_clear()
     metrics = compare(load(args.network), load(name), pool, args.held_out)
-    register(name, target, replace(card, metrics=metrics), spec.parameters)
+    without = {"rule": f"{args.network}, of which it is made", "rendered_dice": metrics["rendered_dice_fp32"]}
+    register(name, target, replace(card, metrics=metrics, without=without), spec.parameters)
     of_full = {**spec.metrics, "rendered_dice": metrics["rendered_dice_fp32"]}
     register(args.network, WEIGHTS / spec.file, replace(spec, metrics=of_full), spec.parameters)
     print(name, metrics)

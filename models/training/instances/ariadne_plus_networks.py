@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -108,6 +109,33 @@ def top_right(network: nn.Module, scenes: Crossings, config: AriadneConfig) -> d
     return {"top_right": round(float(np.mean(right)), 4)}
 
 
+def nearest_color(scenes: Crossings, config: AriadneConfig) -> dict[str, Any]:
+    """What the triplet network replaces: the patch whose middle has the nearest mean color."""
+    rng, right = np.random.default_rng(0), []
+    inner = slice(NODE_PIXELS // 2 - 4, NODE_PIXELS // 2 + 4)
+    for scene in scenes:
+        colors = node_patches(scene, rng)[:, :, inner, inner].mean(axis=(2, 3))
+        apart = np.linalg.norm(colors[:, None] - colors[None], axis=2)
+        np.fill_diagonal(apart, np.inf)
+        right.extend(apart.argmin(axis=1) == np.arange(len(apart)) ^ 1)
+    return {"rule": "nearest mean color", "partner_right": round(float(np.mean(right)), 4)}
+
+
+def color_at_the_crossing(scenes: Crossings, config: AriadneConfig) -> dict[str, Any]:
+    """What the crossing network replaces: on top is the strand whose color beside the crossing is nearest to the color
+    at it."""
+    rng, right = np.random.default_rng(0), []
+    inner = slice(CROSSING_PIXELS // 2 - 2, CROSSING_PIXELS // 2 + 2)
+    for scene in scenes:
+        away = []
+        for part in crossing_patches(scene, rng):
+            seen = part[:, part.max(axis=0) > 0]
+            beside = np.median(seen, axis=1) if seen.size else np.zeros(3)
+            away.append(np.linalg.norm(part[:, inner, inner].mean(axis=(1, 2)) - beside))
+        right.append(int(np.argmin(away)) == scene.top)
+    return {"rule": "nearest color at the crossing", "top_right": round(float(np.mean(right)), 4)}
+
+
 def _exported(name: str, module: nn.Module, task: str, pixels: int) -> list[Exported]:
     return [
         Exported(
@@ -126,6 +154,7 @@ TRIPLET_FAMILY = Family(
     lambda config, scenes: TripletNet(),
     triplet_loss,
     partner_right,
+    nearest_color,
     lambda network, scenes, config: _exported(TRIPLET, network, "triplet", NODE_PIXELS),
     least={"partner_right": 0.4},  # one of three other patches is right by chance
 )
@@ -136,6 +165,7 @@ CROSS_FAMILY = Family(
     lambda config, scenes: CrossNet(),
     cross_loss,
     top_right,
+    color_at_the_crossing,
     lambda network, scenes, config: _exported(CROSS, AboveProbability(network), "above", CROSSING_PIXELS),
     least={"top_right": 0.6},  # one of two strands is right by chance
 )

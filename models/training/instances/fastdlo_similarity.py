@@ -90,6 +90,19 @@ def measure(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> 
     return {name: round(float(np.mean(values)), 4) for name, values in named.items()}
 
 
+def without(scenes: Crossings, config: SimilarityConfig) -> dict[str, Any]:
+    """The endpoint with the nearest features, each in units of its own spread."""
+    rng = np.random.default_rng(0)
+    rows = [endpoints_of(scene, rng) for scene in scenes]
+    spread = np.concatenate(rows).std(axis=0) + 1e-6
+    right: list[bool] = []
+    for ends in rows:
+        apart = np.linalg.norm((ends[:, None] - ends[None]) / spread, axis=2)
+        np.fill_diagonal(apart, np.inf)
+        right.extend(apart.argmin(axis=1) == np.arange(len(apart)) ^ 1)
+    return {"rule": "nearest color, width and direction", "partner_right": round(float(np.mean(right)), 4)}
+
+
 def exports(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> list[Exported]:
     return [
         Exported(
@@ -108,6 +121,7 @@ FAMILY = Family(
     lambda config, scenes: SimilarityNetwork(),
     loss_of,
     measure,
+    without,
     exports,
     least={"partner_right": 0.4},  # one of three other ends is right by chance
 )

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -96,8 +97,11 @@ def classifier(
             right = network(torch.from_numpy(table.rows)).numpy().argmax(axis=1) == table.truths
         shares = {f"{reading}_right": right[table.truths == k] for k, reading in enumerate(readings)}
         figures = {k: round(float(v.mean()), 4) for k, v in {"accuracy": right, **shares}.items() if len(v)}
+        return {**figures, "gain": round(figures["accuracy"] - without(table, config)["accuracy"], 4)}
+
+    def without(table: Table, config: ClassifierConfig) -> dict[str, Any]:
         most = np.bincount(table.truths).max() / len(table)
-        return {**figures, "gain": round(figures["accuracy"] - float(most), 4)}
+        return {"rule": "always the most frequent reading", "accuracy": round(float(most), 4)}
 
     def exports(network: nn.Module, table: Table, config: ClassifierConfig) -> list[Exported]:
         count = table.rows.shape[1]
@@ -113,7 +117,7 @@ def classifier(
             )
         ]  # fmt: skip
 
-    return Family(name, config, samples, build, loss_of, measure, exports, least={"gain": 0.0})
+    return Family(name, config, samples, build, loss_of, measure, without, exports, least={"gain": 0.0})
 
 
 def _both(make: Callable[[list[Scene]], Table]) -> Callable[[ClassifierConfig, Source], tuple[Table, Table]]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from models.geometry.arrays import BoolArray, IntArray
+from models.instances.published.rt_dlo.orientation import principal_angles
 from models.synthesis.harness import HarnessParams
 from models.synthesis.harness_masks import MaskParams
 from models.topology.encodings import EDGE_FEATURES, NODE_FEATURES, PATCH, Encoded
@@ -116,6 +118,31 @@ def measure(network: nn.Module, samples: Samples, config: TopologyConfig) -> dic
     return {name: round(value, 4) for name, value in metrics.items()}
 
 
+def without(samples: Samples, config: TopologyConfig) -> dict[str, Any]:
+    """Every node linked to its two nearest candidates; the main axis of the patch as its orientation."""
+    batch = collate(samples)
+    patches, nodes, edges, features = (part.numpy() for part in batch.inputs)
+    linked = np.zeros(edges.shape[1], bool)
+    order = np.argsort(features[:, 0], kind="stable")
+    taken = np.zeros(len(nodes), np.int64)
+    for k in order:
+        if (taken[edges[:, k]] < 2).all():
+            taken[edges[:, k]] += 1
+            linked[k] = True
+    on = batch.on.numpy()
+    # a patch has an even side here: the mean of its four shifted cuts has a middle
+    odd = sum(patches[on][:, y : y + PATCH - 1, x : x + PATCH - 1] for y in (0, 1) for x in (0, 1)) / 4
+    angles = np.rad2deg(principal_angles(odd))
+    away = np.mod(angles - np.argmax(batch.angles.numpy(), axis=1)[on], 180.0)
+    away = np.minimum(away, 180.0 - away)
+    return {
+        "rule": "the two nearest nodes; main axis of the patch",
+        "link_dice": round(_dice(linked, batch.links.numpy() > 0), 4),
+        "orientation_median_deg": round(float(np.median(away)), 4),
+        "orientation_mean_deg": round(float(away.mean()), 4),
+    }
+
+
 def _dice(found: BoolArray, true: BoolArray) -> float:
     both, either = int((found & true).sum()), int(found.sum()) + int(true.sum())
     return 2 * both / max(either, 1)
@@ -153,6 +180,7 @@ FAMILY = Family(
     lambda config, samples: TopologyNetwork(config.hidden),
     loss_of,
     measure,
+    without,
     exports,
     least={"link_dice": 0.5},
 )
