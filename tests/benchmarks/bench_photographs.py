@@ -19,6 +19,7 @@ from time import process_time
 import cv2
 import numpy as np
 
+from models.geometry.polylines import resample
 from models.instances.section_matching import extract
 from models.instances.settling import settle
 from models.segmentation.effort import PASSES, Effort, look
@@ -95,21 +96,32 @@ def measure_scales(folder: Path, truth: str, mask: Mask, every: int) -> dict[str
 
 
 def measure_middle(root: Path, mask: Mask) -> dict[str, float]:
-    """Distance of predicted centerlines on ``ewd`` to the true middle (the ridge of the labels' distance transform),
-    px and in widths, away from crossings and ends."""
+    """Distance of predicted centerlines on ``ewd``, a point every pixel, to the true middle (the ridge of the labels'
+    distance transform), px and in widths; away from crossings: 1.5 widths from where one label meets another."""
     px, widths = [], []
     for photo in photos(root, "ewd"):
         scene = extract(mask(photo.image, "normal"), photo.image)
-        ridge = _middle(photo.labels)
-        away = cv2.distanceTransform((~ridge).astype(np.uint8), cv2.DIST_L2, 5)
+        ridge, meeting = _middle(photo.labels), _meeting(photo.labels)
+        away, apart = (cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 5) for m in (ridge, meeting))
         for instance in scene.instances:
-            column, row = np.rint(instance.centerline_xy).astype(int).T
+            line = resample(instance.centerline_xy, max(2, round(instance.length_px)))
+            column, row = np.rint(line).astype(int).T
             inside = (row >= 0) & (column >= 0) & (row < ridge.shape[0]) & (column < ridge.shape[1])
             row, column = row[inside], column[inside]
-            near = away[row, column] < 1.5 * instance.width_px
-            px += away[row, column][near].tolist()
-            widths += (away[row, column][near] / instance.width_px).tolist()
+            counts = away[row, column] < 1.5 * instance.width_px
+            counts &= apart[row, column] > 1.5 * instance.width_px
+            px += away[row, column][counts].tolist()
+            widths += (away[row, column][counts] / instance.width_px).tolist()
     return {"mean_px": round(float(np.mean(px)), 3), "mean_widths": round(float(np.mean(widths)), 4)}
+
+
+def _meeting(labels: np.ndarray) -> np.ndarray:
+    """(H, W) bool: pixels of a label beside those of another."""
+    kernel = np.ones((3, 3), np.uint8)
+    some = labels.astype(np.uint8)
+    largest = cv2.dilate(some, kernel)
+    smallest = cv2.erode(np.where(some == 0, 255, some).astype(np.uint8), kernel)
+    return (some > 0) & (smallest < largest)
 
 
 def _middle(labels: np.ndarray) -> np.ndarray:
