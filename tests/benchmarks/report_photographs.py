@@ -28,8 +28,8 @@ def photographs(data: dict) -> str:
         + f"\n{empty['pictures']} photographs without cables, kept aside: {empty['false_pixels_percent']} % false "
         "pixels (floor 0.3).\n\nThe same pictures resized, Dice (floor: within 5 of 1 ×):\n\n"
         + table(["set", *(f"{s} ×" for s in next(iter(data["scales"].values())))], scales)
-        + f"\nCenterlines on `ewd` from RGB, 1.5 widths and more from crossings: {middle['mean_px']} px from the true middle on "
-        f"average, {middle['mean_widths']} widths (floor 1.1 px).\n\n"
+        + f"\nCenterlines on `ewd` from RGB, 1.5 widths and more from crossings: {middle['mean_px']} px from "
+        f"the true middle on average, {middle['mean_widths']} widths (floor 1.1 px).\n\n"
         f"A drawn photograph of 12 megapixels with {large['wires']} wires of 14 px: Dice {large['dice']}, of the wire "
         f"found worst {large['least_found_percent']} %; time {large['time_normal_over_fast']} × one pass "
         f"(floor 6), thorough {large['time_thorough_over_fast']} ×.\n\nThe worst, by Dice:\n\n"
