@@ -1,6 +1,8 @@
-"""Overhead of the whole path: no-op jobs with ``?wait=10``, end to end over HTTP, against one warm worker.
+"""The whole path over HTTP, one job after the other with ``?wait=10``, against one warm worker: no-op jobs, and
+`instances` without files of the bundled photograph of 640 × 360 px.
 
-``python -m tests.benchmarks.bench_http [--jobs N]`` starts a service of its own and prints p50 and p95.
+``python -m tests.benchmarks.bench_http [--jobs N]`` starts a service of its own and prints p50 and p95 of both, which
+run in turn.
 """
 
 from __future__ import annotations
@@ -18,23 +20,34 @@ import httpx
 import numpy as np
 
 WARM_UP = 20
+PICTURE = Path(__file__).parents[1] / "samples" / "busy.jpg"
 
 
-def measure(address: str, jobs: int) -> np.ndarray:
-    """Milliseconds (jobs,) from sending a request to having read the ended job, one after the other."""
-    took_ms = np.empty(WARM_UP + jobs)
+def measure(address: str, jobs: int) -> dict[str, np.ndarray]:
+    """Milliseconds (jobs,) from sending a request to having read the ended job, by kind."""
+    took_ms = {"noop": np.empty(WARM_UP + jobs), "instances": np.empty(WARM_UP + jobs)}
+    picture = PICTURE.read_bytes()
     with httpx.Client(base_url=address, timeout=30) as client:
-        for index in range(len(took_ms)):
-            started = time.perf_counter()
-            response = client.post("/v1/jobs?wait=10", json={"kind": "noop"})
-            took_ms[index] = (time.perf_counter() - started) * 1000
-            assert response.status_code == 200, response.text
-    return took_ms[WARM_UP:]
+        for index in range(WARM_UP + jobs):
+            for kind, taken in took_ms.items():
+                request = {"kind": kind} if kind == "noop" else {"kind": kind, "files": []}
+                started = time.perf_counter()
+                if kind == "noop":
+                    response = client.post("/v1/jobs?wait=10", json=request)
+                else:
+                    parts = {"request": (None, json.dumps(request)), "image": (PICTURE.name, picture)}
+                    response = client.post("/v1/jobs?wait=10", files=parts)
+                taken[index] = (time.perf_counter() - started) * 1000
+                assert response.status_code == 200, response.text
+    return {kind: taken[WARM_UP:] for kind, taken in took_ms.items()}
 
 
-def summary(took_ms: np.ndarray) -> dict[str, float]:
-    p50, p95 = np.percentile(took_ms, (50, 95))
-    return {"jobs": len(took_ms), "p50_ms": round(float(p50), 2), "p95_ms": round(float(p95), 2)}
+def summary(took_ms: dict[str, np.ndarray]) -> dict[str, dict[str, float]]:
+    found = {}
+    for kind, taken in took_ms.items():
+        p50, p95 = np.percentile(taken, (50, 95))
+        found[kind] = {"jobs": len(taken), "p50_ms": round(float(p50), 2), "p95_ms": round(float(p95), 2)}
+    return found
 
 
 def main() -> int:
