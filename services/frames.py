@@ -120,17 +120,17 @@ async def _run(backend: Backend, caller: Caller, request: InstancesRequest, stag
         for one in staged:
             one.keep()
 
-    submit = partial(
-        backend.queue.submit, Entry.of(request), keep=keep, origin=origin(caller.owner), most_jobs=caller.most_jobs
+    put = partial(
+        backend.queue.put, Entry.of(request), keep=keep, origin=origin(caller.owner), most_jobs=caller.most_jobs
     )
-    job, _ = await to_thread.run_sync(submit)
+    job_id, _ = await to_thread.run_sync(put)
     try:
-        record = await waiting.ended(backend.waiting, await backend.waiting.get(job.id), request.timeout_s)
+        record = await waiting.ended(backend.waiting, job_id, request.timeout_s)
     except BaseException:
-        await to_thread.run_sync(backend.queue.cancel, job.id)  # nobody waits for it any longer
+        await to_thread.run_sync(backend.queue.cancel, job_id)  # nobody waits for it any longer
         raise
     if not record.job.state.final:
-        await to_thread.run_sync(backend.queue.cancel, job.id)
+        await to_thread.run_sync(backend.queue.cancel, job_id)
         detail = f"the frame was not done within {request.timeout_s:g} s; send the next one"
         raise ProblemError(503, "frame_too_slow", detail, headers={"Retry-After": "1"})
     return record

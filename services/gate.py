@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import time
+from functools import lru_cache
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
@@ -92,13 +93,18 @@ def _too_slow() -> ProblemError:
 def _check_network(scope: Scope) -> None:
     """``server`` is the address that the connection came in on; a name there is a test's, a path a socket's."""
     address, _ = scope.get("server") or ("", None)
+    if _leads_elsewhere(address):
+        detail = "without API keys this service answers its own machine only; see DLO_API_KEYS_FILE"
+        raise ProblemError(403, "keys_required", detail)
+
+
+@lru_cache(maxsize=64)
+def _leads_elsewhere(address: str) -> bool:
     try:
         found = ipaddress.ip_address(address)
     except ValueError:
-        return
-    if not is_loopback(str(getattr(found, "ipv4_mapped", None) or found)):
-        detail = "without API keys this service answers its own machine only; see DLO_API_KEYS_FILE"
-        raise ProblemError(403, "keys_required", detail)
+        return False
+    return not is_loopback(str(getattr(found, "ipv4_mapped", None) or found))
 
 
 def _is_ours(origin: str, host: str, allowed: tuple[str, ...]) -> bool:

@@ -114,7 +114,7 @@ class Submissions:
             await self._read(request, form)
             yield Submission(await self._check(form, defaults or {}), form.staged)
         finally:
-            await to_thread.run_sync(_drop, form.staged)
+            await _drop(form.staged)
 
     @asynccontextmanager
     async def read_run(
@@ -128,7 +128,7 @@ class Submissions:
             form.text = await to_thread.run_sync(compose, len(form.images), flange)
             yield Submission(await self._check(form, defaults), form.staged)
         finally:
-            await to_thread.run_sync(_drop, form.staged)
+            await _drop(form.staged)
 
     async def _read_run(self, request: Request, form: _Form) -> list[FlangePose]:
         kind, most = media_type(request), self._settings.max_request_bytes
@@ -208,7 +208,8 @@ class Submissions:
         found = await checked(given, self._limiter)
         _check_webhook(found.entry, self._settings)
         await self._check_model(found.model)
-        await to_thread.run_sync(self._check_uploads, found)
+        if found.uploads:
+            await to_thread.run_sync(self._check_uploads, found)
         _check_sizes(found, await self._infos(found, form))
         return found.entry
 
@@ -238,9 +239,9 @@ def _flange(text: bytes) -> list[FlangePose]:
     return parsed(b'{"flange": %s}' % text, RunInput, "flange").flange
 
 
-def _drop(staged: list[Staged]) -> None:
+async def _drop(staged: list[Staged]) -> None:
     for one in staged:
-        one.drop()
+        await to_thread.run_sync(one.drop)
 
 
 def _check_webhook(entry: Entry, settings: ServiceSettings) -> None:

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Annotated
 
 from anyio import to_thread
-from dlo_client.contracts import AnyJob
 from fastapi import Header, Query, Request, Response
 
 from services import waiting
@@ -16,6 +15,8 @@ from services.problems import ProblemError
 from services.submissions import Submission
 from services.telemetry import origin
 from workers.record import TRAINING, JobRecord
+
+_SHORT_BODY = 64 * 1024
 
 Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
 IdempotencyKey = Annotated[
@@ -29,14 +30,17 @@ IdempotencyKey = Annotated[
 ]
 
 
-async def check_room(caller: Caller, backend: Backend, key: str | None) -> None:
-    """Raise QueueFull before a body is read for nothing."""
+async def check_room(request: Request, caller: Caller, backend: Backend, key: str | None) -> None:
+    """Raise QueueFull before a long body is read for nothing; with a short one it is found out when it is submitted."""
+    length = request.headers.get("content-length", "")
+    if length.isdecimal() and int(length) <= _SHORT_BODY:
+        return
     await to_thread.run_sync(backend.queue.check_room, key, caller.owner, caller.most_jobs)
 
 
-async def submitted(submission: Submission, caller: Caller, backend: Backend, key: str | None) -> AnyJob:
-    """Put it into the queue; its pictures are kept once there is room. What only few workers do is not left to wait
-    when none of them is there."""
+async def submitted(submission: Submission, caller: Caller, backend: Backend, key: str | None) -> str:
+    """Put it into the queue, and its pictures into the blobs once there is room; the job's id. What only few workers do
+    is not left to wait when none of them is there."""
     if submission.entry.priority == TRAINING and not await to_thread.run_sync(backend.queue.trains):
         detail = "no worker trains here; an operator starts one with `python -m workers --queues training`"
         raise ProblemError(503, "no_training_worker", detail, headers={"Retry-After": "60"})
@@ -45,22 +49,22 @@ async def submitted(submission: Submission, caller: Caller, backend: Backend, ke
         backend.queue.charge(caller.owner, caller.most_bytes, submission.sizes())
         submission.keep()
 
-    submit = partial(
-        backend.queue.submit,
+    put = partial(
+        backend.queue.put,
         submission.entry,
         idempotency_key=key,
         request_digest=hashlib.sha256(submission.entry.request.encode()).hexdigest(),
-        keep=keep,
+        keep=keep if submission.staged else None,
         origin=origin(caller.owner),
         most_jobs=caller.most_jobs,
     )
-    job, _ = await to_thread.run_sync(submit)
-    return job
+    job_id, _ = await to_thread.run_sync(put)
+    return job_id
 
 
 async def awaited(request: Request, backend: Backend, job_id: str, wait: float) -> Response:
     """200 and the ended job if it ends within ``wait`` seconds, else 202; and where it is."""
-    record = await waiting.ended(backend.waiting, await backend.waiting.get(job_id), wait)
+    record = await waiting.ended(backend.waiting, job_id, wait)
     status = 200 if wait and record.job.state.final else 202
     return answer(record, status, Location=str(request.app.url_path_for("read_job", job_id=job_id)))
 

@@ -11,6 +11,8 @@ from services.settings import ServiceSettings
 from workers.blobs import BlobMissing, Blobs, Staged
 from workers.pictures.headers import PictureError, Size, inspect
 
+_MOST_KNOWN = 10_000
+
 
 class Uploads:
     """Stages pictures and knows their sizes. The work is done in threads: it hashes and touches the disk."""
@@ -18,6 +20,8 @@ class Uploads:
     def __init__(self, settings: ServiceSettings, blobs: Blobs) -> None:
         self._max_pixels = settings.max_image_pixels
         self._blobs = blobs
+        self._looked_at: dict[str, ImageInfo] = {}
+        """What is known of pictures: their bytes never change, so they are read once, not with every request."""
 
     async def stage(self, data: bytes, *, field: str) -> tuple[ImageInfo, Staged]:
         """Look at the picture that came in as ``field`` and write it down, to be kept or dropped.
@@ -48,11 +52,13 @@ class Uploads:
     def _stage(self, data: bytes, field: str) -> tuple[ImageInfo, Staged]:
         size = self._inspect(data, field)
         staged = self._blobs.stage(data)
-        return _info(staged.blob_id, size, len(data)), staged
+        return self._remember(_info(staged.blob_id, size, len(data))), staged
 
     def _find(self, image_id: str, field: str) -> ImageInfo:
+        is_there, known = self._blobs.touch(image_id), self._looked_at.get(image_id)
+        if is_there and known:
+            return known
         try:
-            self._blobs.touch(image_id)
             data = self._blobs.get(image_id)
         except BlobMissing:
             if sample := PICTURES.get(image_id):
@@ -60,7 +66,13 @@ class Uploads:
                 return _info(image_id, self._inspect(sample, field), len(sample))
             message = "no uploaded picture has this id (any longer); upload it first"
             raise field_error(field, message, code="unknown_image") from None
-        return _info(image_id, self._inspect(data, field), len(data))
+        return self._remember(_info(image_id, self._inspect(data, field), len(data)))
+
+    def _remember(self, info: ImageInfo) -> ImageInfo:
+        while len(self._looked_at) >= _MOST_KNOWN:
+            self._looked_at.pop(next(iter(self._looked_at)), None)
+        self._looked_at[info.id] = info
+        return info
 
     def _inspect(self, data: bytes, field: str) -> Size:
         try:

@@ -14,19 +14,16 @@ _BLOCK_S = 5.0
 """Longest single wait for the next event."""
 
 
-async def ended(queue: AsyncJobQueue, record: JobRecord, wait_s: float) -> JobRecord:
+async def ended(queue: AsyncJobQueue, job_id: str, wait_s: float) -> JobRecord:
     """The job as soon as it has ended, or as it stands after ``wait_s`` seconds."""
-    if record.job.state.final or wait_s <= 0:
-        return record
-    job_id = record.job.id
     deadline = time.monotonic() + wait_s
-    after = "0"
-    while (left_s := deadline - time.monotonic()) > 0:
-        events = await queue.events(job_id, after, _milliseconds(min(left_s, _BLOCK_S)))
-        if events and events[-1].state.final:
-            break
-        after = events[-1].id if events else after
-    return await queue.get(job_id)
+    while True:
+        left_s = deadline - time.monotonic()
+        if left_s <= 0:
+            return await queue.get(job_id)
+        record = await queue.when_ended(job_id, _milliseconds(min(left_s, _BLOCK_S)))
+        if record.job.state.final:
+            return record
 
 
 async def follow(queue: AsyncJobQueue, job: AnyJob, after: str) -> AsyncIterator[JobEvent]:

@@ -7,7 +7,7 @@ from typing import cast
 from dlo_client.contracts import JobEvent
 
 from workers import quota
-from workers.connection import connect_async
+from workers.connection import LONGEST_BLOCK_MS, connect_async
 from workers.reading import absent, bounded_block, events_of, stream_after
 from workers.record import JobRecord
 from workers.settings import Settings
@@ -23,10 +23,18 @@ class AsyncJobQueue:
 
     async def get(self, job_id: str) -> JobRecord:
         """See :meth:`workers.view.QueueView.get`."""
-        record = cast(dict[str, str], await self._client.hgetall(self._keys.job(job_id)))
-        if not record:
-            raise absent(await self._client.exists(self._keys.tombstone(job_id)), job_id)
-        return JobRecord.read(record)
+        return await self._read(job_id, cast(dict[str, str], await self._client.hgetall(self._keys.job(job_id))))
+
+    async def when_ended(self, job_id: str, block_ms: int) -> JobRecord:
+        """The job as soon as it has ended, or as it stands after ``block_ms``. Raises JobUnknown or JobGone.
+
+        One trip: on a connection the server looks at the record only once it is through with the blocking read.
+        """
+        async with self._client.pipeline(transaction=False) as pipeline:
+            pipeline.xread({self._keys.ended(job_id): "0"}, block=max(1, min(block_ms, LONGEST_BLOCK_MS)))
+            pipeline.hgetall(self._keys.job(job_id))
+            _, record = await pipeline.execute()
+        return await self._read(job_id, record)
 
     async def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
         """See :meth:`workers.view.QueueView.events`."""
@@ -34,6 +42,11 @@ class AsyncJobQueue:
         if not answer and not await self._client.exists(self._keys.job(job_id)):
             raise absent(await self._client.exists(self._keys.tombstone(job_id)), job_id)
         return events_of(answer)
+
+    async def _read(self, job_id: str, record: dict[str, str]) -> JobRecord:
+        if not record:
+            raise absent(await self._client.exists(self._keys.tombstone(job_id)), job_id)
+        return JobRecord.read(record)
 
     async def pace(self, owner: str, per_minute: int) -> float:
         """Seconds that ``owner`` has to wait before its next request; 0 for one that may go on, and counts."""

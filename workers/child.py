@@ -1,7 +1,7 @@
 """What runs in the warm child: load the networks once, then one job after another as the parent says.
 
 Started by :mod:`workers.child_process`, with a socket to the parent: settings come in, the list of networks
-goes out, then for each job a claim in, at once a word that it is begun out, at its end the memory in use.
+goes out, then for each job a claim in, at its end the memory in use out.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ def main(socket: int, parent: int) -> None:
         connection.send_bytes(json.dumps([network.model_dump() for network in tools.networks]).encode())
         memory.limit(settings)
         while message := _receive(connection):
-            connection.send_bytes(b"begun")
             jobs.run(Claim(**json.loads(message)), ledger, tools)
             connection.send_bytes(json.dumps({"rss_mb": _rss_mb()}).encode())
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import signal
 import socket
 import subprocess
 import sys
+import termios
 import time
 from dataclasses import asdict
 from multiprocessing.connection import Connection
@@ -18,6 +20,9 @@ from dlo_client.contracts import NetworkInfo
 from workers import memory
 from workers.ledger import Claim
 from workers.settings import Settings
+
+PROGRAM = "workers.child"
+"""The module that runs as the child."""
 
 _LOAD_LIMIT_S = 300.0
 _BEGIN_WITHIN_S = 10.0
@@ -45,8 +50,8 @@ class ChildProcess:
         self._rss_mb = 0.0
         self._largest_mb = 0.0
         self._warm_mb = self._left_mb = 0.0
-        self._started = self._given = 0.0
-        self._begun = True
+        self._started = 0.0
+        self._given: float | None = None
         self.networks: list[NetworkInfo] = []
         """What it has loaded; stays when it dies."""
         self.ready = False
@@ -77,7 +82,8 @@ class ChildProcess:
     @property
     def frozen(self) -> bool:
         """Whether it was given a job and does not take it up."""
-        return not self._begun and time.monotonic() - self._given > _BEGIN_WITHIN_S
+        given_long_ago = self._given is not None and time.monotonic() - self._given > _BEGIN_WITHIN_S
+        return given_long_ago and self._connection is not None and _unread(self._connection) > 0
 
     @property
     def died_of_memory(self) -> bool:
@@ -98,13 +104,13 @@ class ChildProcess:
         ours, theirs = socket.socketpair()
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "workers.child", str(theirs.fileno()), str(os.getpid())],
+                [sys.executable, "-m", PROGRAM, str(theirs.fileno()), str(os.getpid())],
                 pass_fds=[theirs.fileno()],
                 process_group=0,
                 stdin=subprocess.DEVNULL,
             )
         self._connection = Connection(ours.detach())
-        self._jobs, self._rss_mb, self._largest_mb, self._begun = 0, 0.0, 0.0, True
+        self._jobs, self._rss_mb, self._largest_mb, self._given = 0, 0.0, 0.0, None
         self._warm_mb = self._left_mb = 0.0
         self._started = time.monotonic()
         self._send(self._settings.model_dump_json())
@@ -129,30 +135,21 @@ class ChildProcess:
 
     def give(self, claim: Claim) -> None:
         """Hand it a job; raises ChildDied."""
-        self._begun, self._given = False, time.monotonic()
+        self._given = time.monotonic()
         self._send(json.dumps(asdict(claim)))
 
     def wait(self, seconds: float) -> bool:
         """Whether, within ``seconds``, it is done with its job or has died."""
-        until = time.monotonic() + seconds
-        while self._connection is not None:
-            if not self._connection.poll(max(until - time.monotonic(), 0.0)):
-                self._largest_mb = max(self._largest_mb, self._taken_mb())
-                return False
-            if self._begun:
-                return True
-            try:
-                self._receive()
-            except ChildDied:
-                return True
-            self._begun = True
-        return True
+        if self._connection is None or self._connection.poll(seconds):
+            return True
+        self._largest_mb = max(self._largest_mb, self._taken_mb())
+        return False
 
     def finish(self) -> None:
         """Take its word that the job is over; raises ChildDied."""
         self._rss_mb = json.loads(self._receive())["rss_mb"]
         self._left_mb = self._taken_mb()
-        self._jobs += 1
+        self._jobs, self._given = self._jobs + 1, None
 
     def kill(self) -> None:
         """Kill the child with all that it has started; nothing happens if there is none."""
@@ -189,3 +186,11 @@ class ChildProcess:
         if self._connection is None:
             raise ChildDied("not started")
         return self._connection
+
+
+def _unread(connection: Connection) -> int:
+    """Bytes that were sent and are not taken up; 0 where the system does not say."""
+    if sys.platform != "linux":
+        return 0
+    answer = fcntl.ioctl(connection.fileno(), termios.TIOCOUTQ, bytes(4))
+    return int.from_bytes(answer, sys.byteorder)

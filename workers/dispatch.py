@@ -1,9 +1,10 @@
 """How ids of queued jobs come to workers: RQ by default, behind a protocol that another engine can fill.
 
 Strategy: a job's record says how it stands; an engine only carries ids, and may lose one (the reaper puts it
-back) or bring one twice (the claim refuses it). So little is asked of it: to put an id into a queue as part of
-the transaction that opens the record, and four functions in Lua that the ledger's steps call inside the queue
-server. The other side, what brings ids to a worker, is ``workers.runner.Runner`` being called with them.
+back) or bring one twice (the claim refuses it). So little is asked of it: five functions in Lua that the ledger's
+steps call inside the queue server, and what the first of them needs to put an id into a queue. The other side, what
+brings ids to a worker, is ``workers.runner.Runner`` being called with them. RQ writes its entry itself: the commands
+that it would send are recorded, and repeated inside the script that opens the record, in one trip to the server.
 
 Owners have equal shares of each queue, by start-time fair queueing (Goyal, Vin and Cheng, 1996): a job's turn is
 one after the later of its owner's last turn and the turn of the job last taken; the queue is kept in order of
@@ -27,35 +28,52 @@ RUN = "workers.jobs.run"
 """The one function that a queue entry may name."""
 
 
+Argument = str | float | bytes
+"""Of a script."""
+
+
 class Dispatch(Protocol):
     """The door's side of an engine."""
 
     script: str
-    """Lua: ``take()`` after a worker got the id, ``withdraw()``, ``put_back()`` to the front, ``has_place()``; each
-    about the job ``id``, whose record ``get(field)`` reads."""
+    """Lua: ``put(first)`` into the queue, with ``arguments`` from ARGV[first] on, ``take()`` after a worker got the id,
+    ``withdraw()``, ``put_back()`` to the front, ``has_place()``; each about the job ``id``, whose record ``get(field)``
+    reads."""
 
-    def put(self, pipeline: redis.client.Pipeline, job_id: str, priority: Priority, owner: str) -> None:
-        """Put the id of a job, whose record the same transaction has opened, into the queue of its priority."""
+    def arguments(self, job_id: str, priority: Priority) -> list[Argument]:
+        """What ``put`` needs for a job."""
 
-
-_PLACE = """
-local id, line, turns, last, owner = ARGV[1], ARGV[2], ARGV[3], ARGV[4], ARGV[5]
-if redis.call('EXISTS', turns) == 0 then redis.call('DEL', last) end
-local function turn_of(field) return tonumber(redis.call('HGET', last, field) or 0) end
-local turn = math.max(turn_of(owner), turn_of(' ')) + 1
-redis.call('HSET', last, owner, turn)
-for _, later in ipairs(redis.call('ZRANGEBYSCORE', turns, '(' .. turn, '+inf', 'LIMIT', 0, 20)) do
-  redis.call('LREM', line, -1, id)
-  if redis.call('LINSERT', line, 'BEFORE', later, id) > 0 then break end
-  redis.call('RPUSH', line, id)
-end
-redis.call('ZADD', turns, turn, id)
-"""
-"""Moves an id from the end of the queue, where RQ puts it, to its owner's turn."""
 
 _LUA = """
 local function line() return '@line@' .. get('priority') end
 local function turns() return '@turns@' .. get('priority') end
+
+local function queue_up(first)
+  while ARGV[first] do
+    local last = first + tonumber(ARGV[first])
+    redis.call(unpack(ARGV, first + 1, last))
+    first = last + 1
+  end
+end
+
+local function place()
+  local line, turns, last, owner = line(), turns(), '@last@' .. get('priority'), get('owner') or ''
+  if redis.call('EXISTS', turns) == 0 then redis.call('DEL', last) end
+  local function turn_of(field) return tonumber(redis.call('HGET', last, field) or 0) end
+  local turn = math.max(turn_of(owner), turn_of(' ')) + 1
+  redis.call('HSET', last, owner, turn)
+  for _, later in ipairs(redis.call('ZRANGEBYSCORE', turns, '(' .. turn, '+inf', 'LIMIT', 0, 20)) do
+    redis.call('LREM', line, -1, id)
+    if redis.call('LINSERT', line, 'BEFORE', later, id) > 0 then break end
+    redis.call('RPUSH', line, id)
+  end
+  redis.call('ZADD', turns, turn, id)
+end
+
+local function put(first)
+  queue_up(first)
+  place()
+end
 
 local function take()
   local turn = redis.call('ZSCORE', turns(), id)
@@ -78,14 +96,15 @@ end
 
 local function has_place() return redis.call('LPOS', line(), id) end
 """
+"""``queue_up`` repeats RQ's commands, each as the number of its words and the words; ``place`` moves the id from the
+end of the queue, where RQ puts it, to its owner's turn."""
 
 
 class RqDispatch:
     """RQ's queues, one a priority."""
 
     def __init__(self, client: redis.Redis, keys: Keys) -> None:
-        self._keys = keys
-        self._place = client.register_script(_PLACE)
+        self._client = client
         self._queues = {
             name: Queue(keys.queue(name), connection=client, serializer=JSONSerializer) for name in ALL_QUEUES
         }
@@ -97,10 +116,8 @@ class RqDispatch:
             entry=Job.redis_job_namespace_prefix,
         )
 
-    def put(self, pipeline: redis.client.Pipeline, job_id: str, priority: Priority, owner: str) -> None:
+    def arguments(self, job_id: str, priority: Priority) -> list[Argument]:
         """See :class:`Dispatch`."""
-        queue = self._queues[priority]
-        queue.enqueue_job(queue.create_job(RUN, args=(job_id,), job_id=job_id), pipeline=pipeline)
-        keys = self._keys
-        places = (queue.key, keys.turns(priority), keys.last_turns(priority))
-        self._place(args=[job_id, *places, owner], client=pipeline)
+        queue, recorded = self._queues[priority], self._client.pipeline()
+        queue.enqueue_job(queue.create_job(RUN, args=(job_id,), job_id=job_id), pipeline=recorded)
+        return [word for words, _ in recorded.command_stack for word in (len(words), *words)]

@@ -37,7 +37,7 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
         say = say.bind(kind=request.kind)
         span.update_name(f"job {request.kind}")
         tools.progress = _reporter(claim, ledger)
-        tools.owner = ledger.owner(claim)
+        tools.owner = claim.owner
         outcome = stages.run(request, tools)
         in_camera = getattr(request, "T_world_camera", None) is None
         poses = robot_poses(request.output, outcome.result, in_camera=in_camera) if request.output else None

@@ -70,6 +70,10 @@ class Keys:
         """Stream of a job's states and progress."""
         return f"{self.prefix}:events:{job_id}"
 
+    def ended(self, job_id: str) -> str:
+        """Stream of one entry, for a moment after a job's end: whoever waits for that is woken by nothing else."""
+        return f"{self.prefix}:ended:{job_id}"
+
     def tombstone(self, job_id: str) -> str:
         """There as long as a job that is gone is remembered."""
         return f"{self.prefix}:tombstone:{job_id}"

@@ -22,7 +22,8 @@ from dlo_client.contracts import Contract, FileRef, JobState, Problem
 from dlo_client.contracts.frames import RobotPoses
 
 from workers import problems
-from workers.dispatch import Dispatch, RqDispatch
+from workers.admission import Terms
+from workers.dispatch import Argument, Dispatch, RqDispatch
 from workers.record import Entry, Origin
 from workers.settings import Settings
 from workers.steps import scripts
@@ -49,6 +50,7 @@ class Claim:
     """Id of the blob with the JSON of a large request."""
     request_id: str = ""
     traceparent: str = ""
+    owner: str = ""
     """See :class:`workers.record.Origin`."""
 
 
@@ -58,7 +60,7 @@ class Ledger:
     def __init__(self, client: redis.Redis, settings: Settings, dispatch: Dispatch | None = None) -> None:
         """``dispatch``: RQ's unless another is given."""
         self.dispatch = dispatch or RqDispatch(client, settings.keys)
-        self._client, self._keys = client, settings.keys
+        self._settings = settings
         self._settings_arguments = (
             round(settings.result_ttl_s * 1000),
             round(settings.tombstone_ttl_s * 1000),
@@ -69,25 +71,35 @@ class Ledger:
         steps = scripts(settings.keys, self.dispatch.script)
         self._scripts = {name: client.register_script(text) for name, text in steps.items()}
 
+    def admit(self, terms: Terms) -> str | None:
+        """The job that the idempotency key stands for, None if there is room for one; raises as :meth:`open`."""
+        return terms.known_job(self._step("admit", "", *terms.arguments()))
+
     def open(
         self,
-        pipeline: redis.client.Pipeline,
         job_id: str,
         entry: Entry,
+        terms: Terms,
         *,
         request_blob: str = "",
         origin: Origin = Origin(),  # noqa: B008 (frozen)
-    ) -> None:
-        """Begin a record and put its id into a queue, as part of the transaction of ``pipeline``.
+    ) -> str | None:
+        """Begin a record and put its id into a queue; or the job that the idempotency key already stands for.
 
         The request is in the blob ``request_blob`` if there is one, else in the record.
+
+        Raises:
+            QueueFull: there is no room for it.
+            IdempotencyConflict: the key stands for another request.
         """
+        known = (terms.digest, round(self._settings.idempotency_ttl_s * 1000))
         texts = (entry.kind, entry.priority, entry.label or "")
         request = "" if request_blob else entry.request
         more = (entry.timeout_s, request, entry.webhook_url or "", request_blob)
-        came = (origin.owner, origin.request_id, origin.traceparent, entry.recipe)
-        self._step("open", job_id, *texts, *more, *came, client=pipeline)
-        self.dispatch.put(pipeline, job_id, entry.priority, origin.owner)
+        came = (origin.request_id, origin.traceparent, entry.recipe)
+        engine = self.dispatch.arguments(job_id, entry.priority)
+        answer = self._step("open", job_id, *terms.arguments(), *known, *texts, *more, *came, *engine)
+        return terms.known_job(answer)
 
     def claim(self, job_id: str, worker: str) -> Claim | None:
         """Make a queued job running; None if it is not queued, or too late (it then has failed)."""
@@ -96,10 +108,6 @@ class Ledger:
             return None
         attempt, request, remaining_s, waited_s, *rest = answer
         return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, *rest)
-
-    def owner(self, claim: Claim) -> str:
-        """The name of the API key that the job came with; empty without keys."""
-        return cast(str | None, self._client.hget(self._keys.job(claim.job_id), "owner")) or ""
 
     def renew(self, claim: Claim, worker: str) -> bool:
         """Say that the job is still being worked on; False if the claim is no longer held."""
@@ -151,7 +159,5 @@ class Ledger:
         pairs = [part for pair in fields.items() for part in pair]
         return bool(self._step("end", job_id, attempt, state.value, *pairs))
 
-    def _step(
-        self, name: str, job_id: str, *arguments: str | float, client: redis.client.Pipeline | None = None
-    ) -> Any:
-        return self._scripts[name](args=[job_id, *self._settings_arguments, *arguments], client=client)
+    def _step(self, name: str, job_id: str, *arguments: Argument) -> Any:
+        return self._scripts[name](args=[job_id, *self._settings_arguments, *arguments])

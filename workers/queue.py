@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
-from typing import cast
+from typing import Any, cast
 from uuid import uuid4
 
-import redis
 from dlo_client.contracts import AnyJob, AnyRequest
 
 from workers import quota, shared_blobs
+from workers.admission import Terms
 from workers.async_queue import AsyncJobQueue
 from workers.blobs import open_blobs
 from workers.dead_letters import DeadLetters
@@ -22,7 +23,7 @@ from workers.kept import Shelf
 from workers.ledger import Ledger
 from workers.presence import WorkerInfo
 from workers.reaper import reap
-from workers.record import ALL_QUEUES, QUEUES, Entry, Origin
+from workers.record import QUEUES, Entry, Origin
 from workers.settings import Settings
 from workers.view import QueueView
 
@@ -39,13 +40,8 @@ __all__ = [
     "WorkerInfo",
 ]
 
-_RETRY_AFTER_S = 5.0
 _LARGE_REQUEST = 32 * 1024
 """Characters; a larger request waits in a blob, not in the memory of the queue server."""
-
-
-def _nothing() -> None:
-    """Where no pictures have to be kept."""
 
 
 class JobQueue(QueueView):
@@ -61,52 +57,46 @@ class JobQueue(QueueView):
         self.cameras = Shelf(self._client, self._keys, "cameras")
         self._charge = self._client.register_script(quota.CHARGE)
 
-    def submit(
+    def submit(self, request: AnyRequest | Entry, **options: Any) -> tuple[AnyJob, bool]:
+        """As :meth:`put`; the job as it stands."""
+        job_id, is_new = self.put(request if isinstance(request, Entry) else Entry.of(request), **options)
+        return self.get(job_id), is_new
+
+    def put(
         self,
-        request: AnyRequest | Entry,
+        entry: Entry,
         *,
         idempotency_key: str | None = None,
-        request_digest: str | None = None,
-        keep: Callable[[], None] = _nothing,
+        request_digest: str = "",
+        keep: Callable[[], None] | None = None,
         origin: Origin = Origin(),  # noqa: B008 (frozen)
         most_jobs: int | None = None,
-    ) -> tuple[AnyJob, bool]:
-        """Put a request, its pictures all uploaded, into the queue; the job, and whether it is a new one.
+    ) -> tuple[str, bool]:
+        """Put a request, its pictures all uploaded, into the queue; the job's id, and whether it is a new one.
 
         With a key that was used within ``idempotency_ttl_s`` for a request of the same digest the job of
-        then is returned. ``keep`` is called, perhaps again, once there is room and before a worker can see
-        the job. The job is that of ``origin.owner``, who may have ``most_jobs`` under way. Raises QueueFull,
-        NoRoomError, IdempotencyConflict, and JobGone when the job of then has expired.
+        then is returned. ``keep`` is called once there is room and before a worker can see the job. The job is that of
+        ``origin.owner``, who may have ``most_jobs`` under way. Raises QueueFull, NoRoomError and IdempotencyConflict.
         """
-        entry = request if isinstance(request, Entry) else Entry.of(request)
-        key = idempotency_key and self._keys.idempotency(idempotency_key, origin.owner)
-        digest = request_digest or ""
-        job_id = uuid4().hex
-
-        def put(pipeline: redis.client.Pipeline) -> str:
-            if key and (known := _known(cast(str | None, pipeline.get(key)), digest)):
-                return known
-            self._make_room(origin.owner, most_jobs)
-            keep()
-            blob_id = self._blobs.put(entry.request.encode()) if len(entry.request) > _LARGE_REQUEST else ""
-            pipeline.multi()
-            self._ledger.open(pipeline, job_id, entry, request_blob=blob_id, origin=origin)
-            if key:
-                ttl_ms = round(self._settings.idempotency_ttl_s * 1000)
-                pipeline.set(key, f"{digest} {job_id}", px=ttl_ms)
-            return job_id
-
+        terms = self._terms(idempotency_key, origin.owner, most_jobs, request_digest)
+        is_large, request_blob = len(entry.request) > _LARGE_REQUEST, ""
+        if keep or is_large:  # what is written down is for a job that enters
+            if known := self._ledger.admit(terms):
+                return known, False
+            terms = terms.with_room()
+            if keep:
+                keep()
+            request_blob = self._blobs.put(entry.request.encode()) if is_large else ""
         for blob_id in entry.pictures:
             self._blobs.touch(blob_id)  # they live longer than any job may wait
-        watched = [key] if key else []
-        put_any = cast(Callable[[redis.client.Pipeline], None], put)  # redis-py's type forgets the value
-        put_id = cast(str, self._client.transaction(put_any, *watched, value_from_callable=True))
-        return self.get(put_id), put_id == job_id
+        job_id = uuid4().hex
+        known = self._ledger.open(job_id, entry, terms, request_blob=request_blob, origin=origin)
+        return known or job_id, known is None
 
     def check_room(self, idempotency_key: str | None = None, owner: str = "", most_jobs: int | None = None) -> None:
         """Raise QueueFull now if a submission like this would, before its body is read."""
-        if not (idempotency_key and self._client.exists(self._keys.idempotency(idempotency_key, owner))):
-            self._make_room(owner, most_jobs)
+        with contextlib.suppress(IdempotencyConflict):  # the digest is not known yet
+            self._ledger.admit(self._terms(idempotency_key, owner, most_jobs))
 
     def cancel(self, job_id: str) -> AnyJob:
         """Cancel a job that is not over, and return it; raises JobUnknown or JobGone.
@@ -140,26 +130,12 @@ class JobQueue(QueueView):
         """Why a worker that is there does not join; None if there is no such worker."""
         return cast(str | None, self._client.get(self._keys.outsider))
 
-    def _make_room(self, owner: str, most_jobs: int | None) -> None:
-        with self._client.pipeline(transaction=False) as pipeline:
-            for name in ALL_QUEUES:
-                pipeline.zcard(self._keys.waiting(name))
-            pipeline.scard(self._keys.owned(owner))
-            pipeline.info("memory")
-            *depths, owned, memory = pipeline.execute()
-        if sum(depths) >= self._settings.max_queue_depth:
-            raise QueueFull("too many jobs wait", _RETRY_AFTER_S)
-        if memory["used_memory"] >= self._settings.max_queue_bytes:
-            raise QueueFull("the queue server holds as much as it may", _RETRY_AFTER_S)
-        if most_jobs is not None and owned >= most_jobs:
-            raise QueueFull(f"this key has {owned} jobs under way, as many as it may", _RETRY_AFTER_S)
-
-
-def _known(value: str | None, digest: str) -> str | None:
-    """The job that an idempotency key stands for; raises IdempotencyConflict."""
-    if value is None:
-        return None
-    known_digest, job_id = value.rsplit(" ", 1)
-    if known_digest != digest:
-        raise IdempotencyConflict("the Idempotency-Key was used for another request")
-    return job_id
+    def _terms(self, given_key: str | None, owner: str, most_jobs: int | None, digest: str = "") -> Terms:
+        return Terms(
+            max_depth=self._settings.max_queue_depth,
+            max_bytes=self._settings.max_queue_bytes,
+            owner=owner,
+            most_jobs=most_jobs,
+            key=self._keys.idempotency(given_key, owner) if given_key else "",
+            digest=digest,
+        )

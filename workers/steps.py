@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from workers import measures
+from workers import admission, measures
 from workers.keys import Keys
 from workers.lua import filled
 
 LONGEST_KEPT_REQUEST = 8 * 1024
 """Bytes of a request that stays in the record of an ended job, so that a recipe can be made of it."""
+
+ENDED_MS = 15_000
+"""How long the end of a job is signalled: longer than anybody waits for it without looking at the record."""
 
 _LIBRARY = """
 local id, keep_ms, tombstone_ms = ARGV[1], tonumber(ARGV[2]), tonumber(ARGV[3])
@@ -57,6 +60,8 @@ local function conclude(state)
   tell()
   redis.call('PEXPIRE', job, keep_ms)
   redis.call('PEXPIRE', events, keep_ms)
+  redis.call('XADD', '@ended@' .. id, '*', 'state', state)
+  redis.call('PEXPIRE', '@ended@' .. id, @ended_ms@)
 end
 
 local function fail(problem)
@@ -87,21 +92,30 @@ local function mine(attempt) return get('state') == 'running' and get('attempts'
 """
 
 _STEPS = {
+    "admit": """
+return admission(7) or false
+""",
     "open": """
-local kind, priority, label, timeout_s, request = ARGV[7], ARGV[8], ARGV[9], tonumber(ARGV[10]), ARGV[11]
-local names = {[12] = 'webhook_url', [13] = 'request_blob', [14] = 'owner', [15] = 'request_id', [16] = 'traceparent',
-               [17] = 'recipe'}
+if get('state') then return false end -- the answer to an earlier try was lost
+local verdict = admission(7)
+if verdict then return verdict end
+if ARGV[7] ~= '' then redis.call('SET', ARGV[7], ARGV[12] .. ' ' .. id, 'PX', ARGV[13]) end
+local kind, priority, label, timeout_s, request = ARGV[14], ARGV[15], ARGV[16], tonumber(ARGV[17]), ARGV[18]
+local names = {[8] = 'owner', [19] = 'webhook_url', [20] = 'request_blob', [21] = 'request_id', [22] = 'traceparent',
+               [23] = 'recipe'}
 for place, field in pairs(names) do
   if ARGV[place] ~= '' then set(field, ARGV[place]) end
 end
 set('id', id, 'kind', kind, 'priority', priority, 'label', label, 'request', request, 'state', 'queued',
     'progress', '0', 'attempts', '0', 'created_at', text(now), 'deadline', text(now + timeout_s))
 redis.call('SADD', '@active@', id)
-redis.call('SADD', '@owned@' .. ARGV[14], id)
+redis.call('SADD', '@owned@' .. ARGV[8], id)
 redis.call('ZADD', waiting(), text(now), id)
 redis.call('ZADD', '@recent@', redis.call('INCR', '@recent@:number'), id)
 count('queued')
 tell()
+put(24)
+return false
 """,
     "claim": """
 if get('state') ~= 'queued' then return false end
@@ -116,7 +130,7 @@ tell()
 local waited = now - tonumber(get('created_at'))
 observe('wait|' .. get('priority'), waited)
 return {get('attempts'), get('request'), text(tonumber(get('deadline')) - now), text(waited),
-        get('request_blob') or '', get('request_id') or '', get('traceparent') or ''}
+        get('request_blob') or '', get('request_id') or '', get('traceparent') or '', get('owner') or ''}
 """,
     "renew": """
 if not mine(ARGV[7]) then return 0 end
@@ -171,7 +185,8 @@ def scripts(keys: Keys, dispatch: str) -> dict[str, str]:
         "job": keys.job(""), "alive": keys.alive(""), "events": keys.events(""), "tombstone": keys.tombstone(""),
         "owned": keys.owned(""), "waiting": keys.waiting(""), "active": keys.active, "recent": keys.recent,
         "counts": keys.counts, "webhooks": keys.webhooks, "measures": keys.measures,
-        "longest_kept": str(LONGEST_KEPT_REQUEST),
+        "longest_kept": str(LONGEST_KEPT_REQUEST), "ended": keys.ended(""), "ended_ms": str(ENDED_MS),
     }  # fmt: skip
-    library = filled(_LIBRARY, **names) + dispatch + measures.script(keys) + filled(_ENDS, **names)
+    parts = (filled(_LIBRARY, **names), dispatch, measures.script(keys), admission.script(keys), filled(_ENDS, **names))
+    library = "".join(parts)
     return {name: library + filled(body, **names) for name, body in _STEPS.items()}

@@ -1,11 +1,14 @@
 """The worker that RQ brings job ids to; what it does with them is :mod:`workers.runner`.
 
-Of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are used.
+Of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are used. What it writes
+down about its worker is kept off the way of a job: a dozen trips to the queue server around each, which nobody reads,
+as workers announce themselves (:mod:`workers.presence`).
 """
 
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from types import FrameType
@@ -14,12 +17,12 @@ from uuid import uuid4
 
 import redis
 from redis.backoff import NoBackoff
+from redis.client import Pipeline
 from redis.retry import Retry
 from rq.job import Job
 from rq.queue import Queue
 from rq.serializers import JSONSerializer
 from rq.worker import Worker
-from rq.worker.base import WorkerStatus
 from rq.worker_registration import clean_worker_registry
 
 from workers.allowed import AllowedJob
@@ -30,6 +33,8 @@ from workers.settings import Settings
 
 _LOOK_AFTER_CHILD_S = 3
 _RQ_WORKER_TTL_S = 30
+_HEARTBEAT_S = 10.0
+"""RQ forgets a worker a minute after its TTL."""
 
 
 class Turns:
@@ -66,6 +71,7 @@ class WarmWorker(Worker):
         self._both = tuple(queues) == QUEUES
         self._turns = Turns(settings.batch_share)
         self._asked_to_stop = False
+        self._beat = -_HEARTBEAT_S
 
     def serve(self) -> bool:
         """Work until SIGTERM; False if it ended for another reason."""
@@ -95,13 +101,28 @@ class WarmWorker(Worker):
 
     def execute_job(self, job: Job, queue: Queue) -> None:
         """Run one queue entry, if it may be and still has to be run."""
-        self.set_state(WorkerStatus.BUSY)
         if refusal := cast(AllowedJob, job).refusal:
             self._runner.refuse(job.id, refusal)
             self.connection.delete(job.key)
         else:
             self._runner.run(job.id)
-        self.set_state(WorkerStatus.IDLE)
+
+    def heartbeat(self, timeout: int | None = None, pipeline: Pipeline | None = None) -> None:
+        """Called several times a job."""
+        if pipeline is not None:
+            super().heartbeat(timeout, pipeline)
+        elif time.monotonic() - self._beat >= _HEARTBEAT_S:
+            self._beat = time.monotonic()
+            with self.connection.pipeline(transaction=False) as trip:
+                super().heartbeat(timeout, trip)
+                trip.execute()
+
+    def set_state(self, state: str, pipeline: Pipeline | None = None) -> None:
+        """Whether a worker is busy is in its announcement."""
+        self._state = state
+
+    def check_for_suspension(self, burst: bool) -> None:
+        """Workers are held by stopping them, not by a key in the queue server."""
 
     def request_stop(self, signum: int, frame: FrameType | None) -> None:
         """SIGTERM or SIGINT: finish the job, then end; a queue server that is away is not waited for.

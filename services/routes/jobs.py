@@ -71,10 +71,10 @@ async def submit_job(
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in time."""
-    await check_room(caller, backend, idempotency_key)
+    await check_room(request, caller, backend, idempotency_key)
     async with backend.submissions.read(request, caller.defaults) as submission:
-        job = await submitted(submission, caller, backend, idempotency_key)
-    return await awaited(request, backend, job.id, wait)
+        job_id = await submitted(submission, caller, backend, idempotency_key)
+    return await awaited(request, backend, job_id, wait)
 
 
 @router.get("", responses=documents.problems(403, 429))
@@ -93,7 +93,9 @@ def list_jobs(
 @router.get("/{job_id}", response_model=AnyJob, responses=documents.problems(403, 404, 410, 429))
 async def read_job(record: Existing, backend: BackendDep, wait: Wait = 0.0) -> Response:
     """The job; with `wait`, as soon as it has ended or the seconds are over."""
-    return answer(await waiting.ended(backend.waiting, record, wait))
+    if wait and not record.job.state.final:
+        record = await waiting.ended(backend.waiting, record.job.id, wait)
+    return answer(record)
 
 
 @router.get("/{job_id}/recipe", responses=documents.problems(403, 404, 409, 410, 429))

@@ -69,7 +69,7 @@ async def import_model(
     data = await whole(request, field="body", max_bytes=limit + _OVERHEAD_BYTES)
     await to_thread.run_sync(_look, data, limit)
     job_id = await to_thread.run_sync(_submit, backend, caller, data, name, idempotency_key)
-    record = await waiting.ended(backend.waiting, await backend.waiting.get(job_id), _CHECKED_WITHIN_S)
+    record = await waiting.ended(backend.waiting, job_id, _CHECKED_WITHIN_S)
     if record.job.state is JobState.SUCCEEDED and record.result:
         return ImportNetworkResult.model_validate_json(record.result).network
     if problem := record.job.problem:

@@ -116,18 +116,17 @@ async def run_recipe(
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Put the recipe's request with these pictures into the queue; as `POST /v1/jobs` with `wait`."""
-    await check_room(caller, backend, idempotency_key)
+    await check_room(request, caller, backend, idempotency_key)
     used, composed = await to_thread.run_sync(_composer, backend, number, version)
     async with backend.submissions.read_run(request, composed.compose, caller.defaults) as submission:
-        job = await submitted(_naming(submission, used), caller, backend, idempotency_key)
-    return await awaited(request, backend, job.id, wait)
+        job_id = await submitted(_naming(submission, used), caller, backend, idempotency_key)
+    return await awaited(request, backend, job_id, wait)
 
 
 @router.post("/{number}/dry-run", status_code=202, responses=documents.problems(403, 404, 409, 410, 413, 429, 507))
 async def dry_run(number: Number, caller: Submitter, backend: BackendDep, version: Version = None) -> list[AnyJob]:
     """Run the recipe with the pictures that are stored with it: one job for all of them where its request has `views`,
     else one job each."""
-    await check_room(caller, backend, None)
     recipe = await to_thread.run_sync(_recipe, backend, number, version)
     used, composed = await to_thread.run_sync(_composer, backend, number, recipe.version)
     if not recipe.samples:
@@ -136,7 +135,8 @@ async def dry_run(number: Number, caller: Submitter, backend: BackendDep, versio
     submissions = [
         await backend.submissions.named(_input(group), composed.compose, caller.defaults) for group in groups
     ]
-    return [await submitted(_naming(one, used), caller, backend, None) for one in submissions]
+    ids = [await submitted(_naming(one, used), caller, backend, None) for one in submissions]
+    return [(await backend.waiting.get(job_id)).job for job_id in ids]
 
 
 def _input(samples: list[Sample]) -> RunInput:

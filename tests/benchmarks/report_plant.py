@@ -61,18 +61,25 @@ def hosts_section(data: dict[str, Any]) -> str:
     rows = [
         [name.replace("_", " "), row["jobs"], row["bad"], row["taken up again"], row["s"], row.get("back after s", "")]
         for name, row in data.items()
-        if name != "rate"
+        if name not in ("rate", "timed")
     ]
     text = (
         "## Several hosts\n\n`python -m tests.rehearsal.hosts`: `deploy/three-hosts.yaml` on network namespaces with "
         "folders of their own, an S3 server, two replicas of the service behind a plain proxy, two hosts with a worker "
         "each.\n\n" + table(["what", "jobs", "lost, doubled or wrong", "taken up again", "s", "back after s"], rows)
     )
-    if rate := data.get("rate"):
-        text += (
-            f"\n{rate['pictures']} pictures: {rate['one']} a second on one host, {rate['two']} on two, "
-            f"{rate['ratio']} times as many (floor: 1.7), everything else on the same two cores.\n"
-        )
+    compared = {
+        "timed": "a picture from the bucket and a wait of {wait_ms} ms, as if the processor of another machine worked",
+        "rate": "real work, on the two cores that everything else runs on",
+    }
+    rows = [
+        [text.format(**one), one["jobs"], one["one"], one["two"], one["ratio"]]
+        for name, text in compared.items()
+        if (one := data.get(name))
+    ]
+    if rows:
+        text += "\nTwo hosts against one, in turn (floor: 1.7 times as many):\n\n"
+        text += table(["a job is", "jobs", "one host, per s", "two hosts, per s", "times"], rows)
     return text
 
 

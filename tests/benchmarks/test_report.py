@@ -29,7 +29,8 @@ def test_what_a_plant_asks_for_is_reported_with_its_figures(tmp_path: Path) -> N
         },
         "hosts": {
             "spread": {"jobs": 12, "bad": 0, "taken up again": 0, "s": 9.5},
-            "rate": {"pictures": 100, "one": 8.0, "two": 15.0, "ratio": 1.88, "bad": 0},
+            "rate": {"jobs": 100, "one": 8.0, "two": 15.0, "ratio": 1.88, "bad": 0},
+            "timed": {"jobs": 90, "wait_ms": 150, "one": 6.5, "two": 12.9, "ratio": 1.98, "bad": 0},
         },
         "fuzz": {"parts": {"pictures": {"refused 422": 90, "succeeded": 10}}, "seeds": [1, 2]},
     }  # fmt: skip
@@ -38,7 +39,8 @@ def test_what_a_plant_asks_for_is_reported_with_its_figures(tmp_path: Path) -> N
     write_report(tmp_path, tmp_path / "RESULTS.md")
     report = (tmp_path / "RESULTS.md").read_text()
     for part in (
-        "| 2 | 20.0 | 19.2 | 96.1 |", "| at rest | 120 | 400 |  |", "| spread | 12 | 0 |", "1.88 times as many",
+        "| 2 | 20.0 | 19.2 | 96.1 |", "| at rest | 120 | 400 |  |", "| spread | 12 | 0 |",
+        "| 100 | 8.0 | 15.0 | 1.88 |", "a wait of 150 ms",
         "| pictures | 100 | 0 | refused 422 90, succeeded 10 |",
     ):  # fmt: skip
         assert part in report

@@ -81,26 +81,27 @@ class Hosts:
         self._start(PROXY, [*front, f"{self.hosts[PROXY].address}:80", "--to", addresses])
         self.at_work(len(WORKERS))
 
-    def at_work(self, count: int) -> None:
-        """Let so many hosts have a worker; return once they are ready."""
+    def at_work(self, count: int, module: str = "workers", **changes: str) -> None:
+        """Let so many hosts have a worker; return once they are ready. Those that have one keep it."""
         for number in WORKERS[count:]:
             if number in self._started:
                 self.stop(number)
         for number in WORKERS[:count]:
             if number not in self._started:
-                self.work(number)
                 warm = self.log_of(number).count("child warm")
+                self.work(number, module, **changes)
                 wait_until(
                     lambda number=number, warm=warm: self.log_of(number).count("child warm") > warm, _READY_WITHIN_S
                 )
-        wait_until(self.ready, _READY_WITHIN_S)
+        if count:
+            wait_until(self.ready, _READY_WITHIN_S)
 
-    def work(self, number: int, **changes: str) -> None:
+    def work(self, number: int, module: str = "workers", **changes: str) -> None:
         """Start the worker of a host."""
-        values = self._values | changes
-        env = environment(_FILE, "worker", values, self._folder)
-        command = [*_program("worker"), "--name", f"host{number}", "--with-parent", str(os.getpid())]
-        self._start(number, command, env | {"DLO_SPARE_CHILD": "false"})
+        env = environment(_FILE, "worker", self._values | changes, self._folder)
+        program = [module if part == "workers" else part for part in _program("worker")]
+        command = [*program, "--name", f"host{number}", "--with-parent", str(os.getpid())]
+        self._start(number, command, env | {"DLO_SPARE_CHILD": "false"} | changes)
 
     def stop(self, number: int) -> None:
         process = self._started.pop(number)
@@ -118,7 +119,8 @@ class Hosts:
             process.wait()
 
     def log_of(self, number: int) -> str:
-        return (self._folder_of(number) / "log").read_text()
+        log = self._folder_of(number) / "log"
+        return log.read_text() if log.exists() else ""
 
     def ready(self) -> bool:
         """Whether each replica says so."""

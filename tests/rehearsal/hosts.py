@@ -1,8 +1,8 @@
 """``python -m tests.rehearsal.hosts [--rate 60]``: jobs on several hosts, whose cables are pulled one by one.
 
-The hosts are those of :mod:`tests.rehearsal.deployment`. ``--rate N`` measures besides how long N pictures take on one
-host with a worker and on two. Writes ``build/bench/hosts.json``; exits with 1 if a job was lost, doubled or wrong, and
-with 0 and a word on why where the machine lets nobody make hosts.
+The hosts are those of :mod:`tests.rehearsal.deployment`. ``--rate N`` compares besides N jobs on one host with a worker
+and on two: once with real work, once with a wait of ``--wait`` seconds in its place. Writes ``build/bench/hosts.json``;
+exits with 1 if a job was lost, doubled or wrong, and with 0 and a word on why where the machine lets nobody make hosts.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -20,6 +20,7 @@ from uuid import uuid4
 import httpx
 
 from tests.processes import ROOT, wait_until
+from tests.rehearsal import rates
 from tests.rehearsal.network import NoNamespacesError, go_inside
 
 _PICTURE = ROOT / "tests" / "samples" / "plain.jpg"
@@ -141,19 +142,9 @@ def queue_unplugged(there: Any) -> Row:
     return _run(there.client, [{"kind": "noop", "hold_s": 0.5}] * 8, off_and_on)
 
 
-def rate(there: Any, pictures: int) -> Row:
-    """Pictures a second of one host with one worker, and of two, in turn; the least of two runs of each."""
-    image = there.client.post("/v1/images", content=_PICTURE.read_bytes()).json()["id"]
-    bodies = [{"kind": "instances", "image": {"id": image}, "files": []}] * pictures
-    took: dict[int, list[float]] = {1: [], 2: []}
-    for hosts in (2, 1, 2, 1):
-        there.at_work(hosts)
-        _run(there.client, bodies[:4])
-        row = _run(there.client, bodies)
-        assert not row["bad"]
-        took[hosts].append(row["s"])
-    one, two = (pictures / min(took[hosts]) for hosts in (1, 2))
-    return {"pictures": pictures, "one": round(one, 2), "two": round(two, 2), "ratio": round(two / one, 2), "bad": 0}
+def _rates(there: Any, jobs: int, wait_s: float) -> Iterator[tuple[str, Row]]:
+    yield "timed", rates.timed(there, jobs, wait_s)
+    yield "rate", rates.computed(there, jobs)
 
 
 PARTS = (spread, stranger, worker_unplugged, replica_unplugged, bucket_unplugged, queue_unplugged)
@@ -161,7 +152,8 @@ PARTS = (spread, stranger, worker_unplugged, replica_unplugged, bucket_unplugged
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rate", type=int, default=0, metavar="N", help="pictures")
+    parser.add_argument("--rate", type=int, default=0, metavar="N", help="jobs")
+    parser.add_argument("--wait", type=float, default=0.15, help="seconds, in place of the work of a job")
     parser.add_argument("--only", default=",".join(part.__name__ for part in PARTS), help="names, or nothing")
     parser.add_argument("--out", type=Path, default=Path("build/bench/hosts.json"))
     asked = parser.parse_args()
@@ -182,8 +174,9 @@ def main() -> None:
                 found[part.__name__] = part(there)
                 print(part.__name__, found[part.__name__], flush=True)
         if asked.rate:
-            found["rate"] = rate(there, asked.rate)
-            print("rate", found["rate"], flush=True)
+            for name, measured in _rates(there, asked.rate, asked.wait):
+                found[name] = measured
+                print(name, measured, flush=True)
     finally:
         there.end()
         shutil.rmtree(folder, ignore_errors=True)

@@ -115,3 +115,17 @@ def test_the_limit_itself_is_accepted(client):
     """Bytes after a picture's end belong to the upload, but not to the picture."""
     picture = samples.encoded()
     assert client.post("/v1/images", content=picture.ljust(32 * MEBIBYTE, b"\0")).status_code == 201
+
+
+def test_a_picture_is_read_once_however_many_requests_name_it(app, client, monkeypatch):
+    """Each request read, and on several hosts fetched, the whole picture to learn its size."""
+    uploaded = client.post("/v1/images", content=samples.encoded()).json()["id"]
+    backend, read = app.state.backend, []
+    get = backend.blobs.get
+    monkeypatch.setattr(backend.blobs, "get", lambda blob_id: read.append(blob_id) or get(blob_id))
+    backend.uploads._looked_at.clear()  # another replica took it
+    segment = {"kind": "segment", "image": {"id": uploaded}}
+    assert [client.post("/v1/jobs", json=segment).status_code for _ in range(3)] == [202] * 3
+    assert read == [uploaded]
+    backend.blobs.path(uploaded).unlink()
+    assert client.post("/v1/jobs", json=segment).json()["code"] == "unknown_image"

@@ -98,6 +98,7 @@ class ListDispatch:
 
     script = filled(
         """
+local function put(first) redis.call('RPUSH', '@line@', ARGV[first]) end
 local function take() end
 local function withdraw() redis.call('LREM', '@line@', 0, id) end
 local function put_back() redis.call('LPUSH', '@line@', id) end
@@ -106,8 +107,8 @@ local function has_place() return redis.call('LPOS', '@line@', id) end
         line="other:line",
     )
 
-    def put(self, pipeline, job_id, priority, owner) -> None:
-        pipeline.rpush("other:line", job_id)
+    def arguments(self, job_id, priority):
+        return [job_id]
 
 
 def test_another_engine_can_take_its_place(settings, client):

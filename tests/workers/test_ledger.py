@@ -181,12 +181,12 @@ def test_reap_drops_a_late_job_although_no_worker_is_there(job_queue, ledger):
 
 
 def test_a_finished_job_leaves_only_what_expires(settings, client):
-    """The record, its events and a tombstone, each with an expiry; nothing of RQ's."""
+    """The record, its events, the signal of its end and a tombstone, each with an expiry; nothing of RQ's."""
     queue, ledger = JobQueue(settings), Ledger(client, settings)
     claim = ledger.claim(submit(queue), "w")
     ledger.succeed(claim, RESULT, [], {})
     kept = {key: client.pttl(key) for key in client.scan_iter(f"*{claim.job_id}*")}
-    assert sorted(key.split(":")[1] for key in kept) == ["events", "job", "tombstone"]
+    assert sorted(key.split(":")[1] for key in kept) == ["ended", "events", "job", "tombstone"]
     assert all(ttl > 0 for ttl in kept.values())
 
 

@@ -6,13 +6,15 @@ import pytest
 from dlo_client.contracts import AnyJob, ImageRef, JobState, NoopRequest, NoopResult, PlanShapeRequest, SegmentRequest
 
 from tests.processes import wait_until
+from tests.workers.trips import commands_during
+from workers.admission import Terms
 from workers.blobs import FolderBlobs
 from workers.connection import connect
 from workers.ledger import Ledger
 from workers.listing import trim
 from workers.presence import WorkerInfo, announce, depart
 from workers.queue import AsyncJobQueue, IdempotencyConflict, JobGone, JobQueue, JobUnknown, QueueFull
-from workers.record import REQUEST, Origin
+from workers.record import REQUEST, Entry, Origin
 from workers.settings import Settings
 
 
@@ -194,6 +196,47 @@ def test_workers_announce_themselves_and_depart(job_queue, settings):
 def test_ping(job_queue, settings):
     assert job_queue.ping()
     assert not with_settings(settings, redis_url="redis://127.0.0.1:1/0").ping()
+
+
+def test_a_submission_is_one_trip_to_the_queue_server(settings, job_queue):
+    """It was five, and a no-op took 9 ms."""
+    entry = Entry.of(NoopRequest())
+    for key in ("first", None, "second"):  # the first time the script is loaded
+        sent = commands_during(settings, lambda key=key: job_queue.put(entry, idempotency_key=key))
+    assert sent["evalsha"] == 1
+    assert not {"multi", "exec", "watch", "hgetall", "script|exists"} & sent.keys()
+    assert job_queue.depth()["interactive"] == 3
+
+
+def test_a_submission_that_is_sent_again_is_one_job(settings, ledger, job_queue):
+    """The answer was lost on its way: the connection sends the script once more."""
+    terms = Terms(max_depth=10, max_bytes=2**40)
+    for _ in range(2):
+        assert ledger.open("a" * 32, Entry.of(NoopRequest()), terms) is None
+    with connect(settings) as client:
+        assert client.lrange("rq:queue:dlo:interactive", 0, -1) == ["a" * 32]
+    assert len(job_queue.recent().jobs) == 1
+
+
+def test_everybody_who_waits_for_a_job_gets_its_end(settings, job_queue, ledger):
+    async def watch(job_id):
+        queue = AsyncJobQueue(settings)
+        try:
+            assert (await queue.when_ended(job_id, block_ms=10)).job.state is JobState.QUEUED
+            waiting = [asyncio.create_task(queue.when_ended(job_id, block_ms=9000)) for _ in range(3)]
+            await asyncio.sleep(0.05)
+            await asyncio.to_thread(finish, ledger, job_id)
+            late = queue.when_ended(job_id, block_ms=9000)
+            with pytest.raises(JobUnknown):
+                await queue.when_ended("0" * 32, block_ms=1)
+            return await asyncio.wait_for(asyncio.gather(*waiting, late), 8)
+        finally:
+            await queue.close()
+
+    job, _ = job_queue.submit(NoopRequest())
+    records = asyncio.run(watch(job.id))
+    assert [record.job.state for record in records] == [JobState.SUCCEEDED] * 4
+    assert {record.result for record in records} == {'{"kind":"noop","held_s":0.0}'}
 
 
 def test_a_large_request_waits_in_a_blob(job_queue, settings, ledger):

@@ -15,6 +15,7 @@ from models.geometry import rle
 from models.weights import inference
 from workers import stages
 from workers.settings import Settings
+from workers.stages import first_use
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.pictures import read_mask, read_picture
 
@@ -56,6 +57,18 @@ def test_every_default_network_is_loaded_before_the_first_job(tmp_path):
     assert {network.name: network.warm for network in fresh.networks} == {
         name: name in defaults for name in inference.manifest()
     }
+
+
+def test_a_child_has_used_before_the_first_job_what_is_slow_at_first(tools, tmp_path, monkeypatch):
+    """The first picture took 190 ms longer than the second: it was the first one with a cable in it."""
+    seen, harness, plan = first_use.use(tools)
+    assert (len(seen.result.instances), len(seen.result.crossings), len(harness.result.crossings)) == (2, 1, 1)
+    assert {"segment", "instances", "lookalikes", "encode"} <= seen.timings_ms.keys()
+    assert all("overlay.png" in outcome.files for outcome in (seen, harness))
+    assert plan.result.status.code == "ok"
+    used = []
+    monkeypatch.setattr(first_use, "use", used.append)
+    assert used == [stages.warm(Settings(data_dir=tmp_path, onnx_threads=1))]
 
 
 def test_noop_holds():

@@ -4,13 +4,15 @@ Needs ``requirements/s3.txt``. Who we are and where the server is comes from the
 (``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL_S3``, …), or from the role that the machine has.
 
 Strategy: a blob is an object under its id. The age of an object is its lifetime, so touching one copies it onto
-itself inside the server. Staged bytes are objects beside, copied to their place when they are kept: several
+itself inside the server; one that this process touched a moment ago is left as it is, and the lifetime is longer by
+that moment. Staged bytes are objects beside, copied to their place when they are kept: several
 replicas of the service need no disk of their own.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 import time
 from collections.abc import Iterator
@@ -32,6 +34,8 @@ _ID = re.compile(r"[0-9a-f]{64}")
 _ABSENT = ("NoSuchKey", "404", "NotFound")
 _FULL = ("507", "InsufficientStorage", "XMinioStorageFull", "QuotaExceeded")
 _STAGED_FOR_S = 3600.0
+_FRESH_S = 60.0
+_MOST_FRESH = 10_000
 KEPT = "kept/"
 """Below the folder of the blobs: objects that are none and have no lifetime."""
 CONFIG = Config(
@@ -73,6 +77,9 @@ class BucketBlobs:
         self._folder = folder
         self._lifetime_s = lifetime_s
         self.place = f"the bucket s3://{bucket}/{folder}"
+        self._fresh_s = min(_FRESH_S, lifetime_s / 2)
+        self._touched: dict[str, float] = {}
+        """Blob ids to when this process last touched them, on the monotonic clock."""
 
     @classmethod
     def at(cls, url: str, lifetime_s: float) -> BucketBlobs:
@@ -109,6 +116,8 @@ class BucketBlobs:
 
     def touch(self, blob_id: str) -> bool:
         """See :class:`workers.blobs.Blobs`."""
+        if time.monotonic() - self._touched.get(blob_id, -math.inf) < self._fresh_s:
+            return True
         try:
             self._copy(self._name(blob_id), self._name(blob_id), blob_id)
         except BlobMissing:
@@ -137,7 +146,8 @@ class BucketBlobs:
         removed = 0
         for name, age_s in self._ages(now):
             last = name.rpartition("/")[2]
-            lifetime_s = self._lifetime_s if _ID.fullmatch(last) else min(_STAGED_FOR_S, self._lifetime_s)
+            is_blob = _ID.fullmatch(last)
+            lifetime_s = self._lifetime_s + self._fresh_s if is_blob else min(_STAGED_FOR_S, self._lifetime_s)
             if last != "mark" and age_s > lifetime_s and not name.startswith(f"{self._folder}{KEPT}"):
                 self.remove(name)
                 removed += 1
@@ -181,6 +191,7 @@ class BucketBlobs:
 
     def _copy(self, source: str, target: str, blob_id: str) -> None:
         """With new metadata, as a server refuses to copy an object onto itself without."""
+        now = time.monotonic()
         with told(blob_id):
             self._client.copy_object(
                 Bucket=self._bucket,
@@ -189,6 +200,9 @@ class BucketBlobs:
                 MetadataDirective="REPLACE",
                 Metadata={"touched": f"{time.time():.3f}"},
             )
+        if len(self._touched) >= _MOST_FRESH:
+            self._touched.clear()
+        self._touched[blob_id] = now
 
 
 @contextmanager

@@ -12,7 +12,6 @@ from dlo_client.contracts import (
     AdaptRequest,
     AnyRequest,
     DisentangleRequest,
-    DloObject,
     EstimateParametersRequest,
     ImportNetworkRequest,
     InstancesRequest,
@@ -27,7 +26,6 @@ from dlo_client.contracts import (
     SegmentRequest,
     TopologyRequest,
 )
-from dlo_client.contracts.foreground import ForegroundOptions
 from pydantic import ValidationError
 
 from models.weights import inference
@@ -38,6 +36,7 @@ from workers.settings import Settings
 from workers.stages import (
     adapt,
     estimate_parameters,
+    first_use,
     import_network,
     instances,
     label_tracked,
@@ -50,9 +49,7 @@ from workers.stages import (
     segment,
     topology,
 )
-from workers.stages.foreground import Source
 from workers.stages.outcome import InvalidInput, Outcome, Tools
-from workers.stages.perception import perceive
 from workers.unsure import UnsureStore
 
 log = structlog.get_logger(__name__)
@@ -115,8 +112,7 @@ def _run(request: AnyRequest, tools: Tools) -> Outcome:
 
 
 def warm(settings: Settings) -> Tools:
-    """Load every default network and use the slowest to start, so that the first job of a kind is not the slow one:
-    one picture goes through the whole chain, and one plan is made."""
+    """Load every default network and use what is slow at first, so that the first job of a kind is not the slow one."""
     threads = settings.onnx_threads or max(1, (os.cpu_count() or 1) // settings.workers)
     cv2.setNumThreads(threads)
     tools = Tools(
@@ -132,15 +128,9 @@ def warm(settings: Settings) -> Tools:
     for spec in inference.manifest().values():
         if spec.default:
             tools.network(spec.name)
-    perceive(Source(np.zeros((360, 640, 3), np.uint8), None, []), tools, ForegroundOptions())
-    plan_shape.run(_FIRST_PLAN, tools)
+    first_use.use(tools)
     tools.networks = [_info(spec, warm=spec.name in tools.weights.loaded) for spec in inference.manifest().values()]
     return tools
-
-
-_FIRST_PLAN = PlanShapeRequest(
-    state_m=[(0.0, 0.0), (0.3, 0.0)], target_m=[(0.0, 0.0), (0.2, 0.15)], object=DloObject(mass_kg=0.05)
-)
 
 
 def _info(spec: NetworkSpec, *, warm: bool) -> NetworkInfo:
