@@ -63,7 +63,6 @@ def test_a_child_has_used_before_the_first_job_what_is_slow_at_first(tools, tmp_
     """The first picture took 190 ms longer than the second: it was the first one with a cable in it."""
     seen, harness, plan = first_use.use(tools)
     assert (len(seen.result.instances), len(seen.result.crossings), len(harness.result.crossings)) == (2, 1, 1)
-    assert {"segment", "instances", "lookalikes", "encode"} <= seen.timings_ms.keys()
     assert all("overlay.png" in outcome.files for outcome in (seen, harness))
     assert plan.result.status.code == "ok"
     used = []
