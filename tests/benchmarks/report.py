@@ -63,8 +63,8 @@ def _http(data: dict) -> str:
     rows = [[kind, part["jobs"], part["p50_ms"], part["p95_ms"]] for kind, part in data.items()]
     return (
         "## Over HTTP\n\n`python -m tests.benchmarks.bench_http`: jobs with `?wait=10`, one after the other, both "
-        "kinds in turn, one warm worker on two cores: no-ops, and a photograph of 640 × 360 px to the JSON of its instances. "
-        "Floors for p50: 15 ms and 60 ms.\n\n" + _table(["kind", "jobs", "p50 ms", "p95 ms"], rows)
+        "kinds in turn, one warm worker on two cores: no-ops, and a photograph of 640 × 360 px to the JSON of its "
+        "instances. Floors for p50: 15 ms and 60 ms.\n\n" + _table(["kind", "jobs", "p50 ms", "p95 ms"], rows)
     )
 
 
