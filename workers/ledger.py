@@ -110,7 +110,8 @@ class Ledger:
         return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, *rest)
 
     def renew(self, claim: Claim, worker: str) -> bool:
-        """Say that the job is still being worked on; False if the claim is no longer held."""
+        """Note that the job is still being worked on; False if the claim is no longer held: it was cancelled or taken
+        over, but did not end well."""
         return bool(self._step("renew", claim.job_id, claim.attempt, worker, ALIVE_MS))
 
     def progress(self, claim: Claim, fraction: float) -> None:

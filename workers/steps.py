@@ -133,7 +133,10 @@ return {get('attempts'), get('request'), text(tonumber(get('deadline')) - now), 
         get('request_blob') or '', get('request_id') or '', get('traceparent') or '', get('owner') or ''}
 """,
     "renew": """
-if not mine(ARGV[7]) then return 0 end
+if not mine(ARGV[7]) then
+  -- ended well by its own child, which comes to its end now
+  return get('state') == 'succeeded' and get('attempts') == ARGV[7] and 1 or 0
+end
 redis.call('SET', alive, ARGV[8], 'PX', ARGV[9])
 return 1
 """,

@@ -1,5 +1,6 @@
 """Every step of a job's record, from every state: each is taken once, or not at all."""
 
+import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from threading import Barrier
@@ -102,6 +103,15 @@ def test_what_a_cancelled_job_still_says_is_not_heard(job_queue, ledger):
     assert ledger.lost(claim) is None
     job = job_queue.get(claim.job_id)
     assert (job.state, job.result, job.progress) == (JobState.CANCELLED, None, 0.0)
+
+
+def test_the_worker_of_a_job_that_has_just_ended_well_does_not_lose_it(job_queue, ledger):
+    """The child had written the result a moment before the worker renewed: it was killed as if by a cancel."""
+    claim = ledger.claim(submit(job_queue), "w")
+    assert ledger.succeed(claim, RESULT, [], {})
+    assert ledger.renew(claim, "w")
+    assert not ledger.renew(dataclasses.replace(claim, attempt=7), "w"), "another attempt ended well"
+    assert job_queue.get(claim.job_id).state is JobState.SUCCEEDED
 
 
 def test_a_cancelled_job_leaves_the_queue(job_queue, ledger):
