@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import redis
 from dlo_client.contracts import Contract, FileRef, JobState, Problem
@@ -33,6 +33,9 @@ ALIVE_MS = 5000
 
 GRACE_MS = 1500
 """… if it is still silent so much later: right after a restart of the queue server all of them are."""
+
+Hold = Literal["held", "ended", "gone"]
+"""How a claim stands: its job runs, this attempt has ended it, or it was cancelled or taken over."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +112,9 @@ class Ledger:
         attempt, request, remaining_s, waited_s, *rest = answer
         return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, *rest)
 
-    def renew(self, claim: Claim, worker: str) -> bool:
-        """Note that the job is still being worked on; False if the claim is no longer held: it was cancelled or taken
-        over, but did not end well."""
-        return bool(self._step("renew", claim.job_id, claim.attempt, worker, ALIVE_MS))
+    def renew(self, claim: Claim, worker: str) -> Hold:
+        """Write down that the job is still being worked on, if the claim is held."""
+        return cast(Hold, self._step("renew", claim.job_id, claim.attempt, worker, ALIVE_MS))
 
     def progress(self, claim: Claim, fraction: float) -> None:
         self._step("progress", claim.job_id, claim.attempt, f"{fraction:.4f}")

@@ -28,12 +28,14 @@ from workers.child_process import ChildDied, ChildProcess
 from workers.children import Children
 from workers.connection import connect
 from workers.kept import sweep
-from workers.ledger import Claim, Ledger
+from workers.ledger import Claim, Hold, Ledger
 from workers.record import QUEUES
 from workers.repeater import Repeater
 from workers.settings import Settings
 
 _RENEW_S = 0.2
+_REPORT_WITHIN_S = 5.0
+"""A child reports a moment after it has ended a job; one that does not is at work on what was taken from it."""
 _ANNOUNCE_S = 1.0
 _SWEEP_S = 300.0
 _STUCK_S = 60.0
@@ -141,16 +143,19 @@ class Runner:
                 self._ledger.fail(claim, problems.timed_out())
                 log.warning("job stopped at its time limit", job_id=claim.job_id)
                 return False
-            if not self._held(claim):
+            hold = self._hold(claim)
+            if hold == "ended" and child.wait(_REPORT_WITHIN_S):
+                return True
+            if hold != "held":
                 log.info("job stopped: cancelled, or taken over", job_id=claim.job_id)
                 return False
         return True
 
-    def _held(self, claim: Claim) -> bool:
+    def _hold(self, claim: Claim) -> Hold:
         try:
             return self._renewals.renew(claim, self.name)
         except redis.RedisError:
-            return True  # the queue server is away: go on, and ask again
+            return "held"  # the queue server is away: go on, and ask again
 
     def _announce(self) -> None:
         """Write down that we are there, and give whoever supervises us a sign of life."""

@@ -133,12 +133,12 @@ return {get('attempts'), get('request'), text(tonumber(get('deadline')) - now), 
         get('request_blob') or '', get('request_id') or '', get('traceparent') or '', get('owner') or ''}
 """,
     "renew": """
-if not mine(ARGV[7]) then
-  -- ended well by its own child, which comes to its end now
-  return get('state') == 'succeeded' and get('attempts') == ARGV[7] and 1 or 0
+local state = get('state')
+if mine(ARGV[7]) then
+  redis.call('SET', alive, ARGV[8], 'PX', ARGV[9])
+  return 'held'
 end
-redis.call('SET', alive, ARGV[8], 'PX', ARGV[9])
-return 1
+return get('attempts') == ARGV[7] and (state == 'succeeded' or state == 'failed') and 'ended' or 'gone'
 """,
     "progress": """
 if mine(ARGV[7]) then set('progress', ARGV[8]); tell() end

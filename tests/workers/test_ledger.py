@@ -1,6 +1,5 @@
 """Every step of a job's record, from every state: each is taken once, or not at all."""
 
-import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from threading import Barrier
@@ -97,7 +96,7 @@ def test_of_a_cancel_and_an_end_that_race_one_wins(job_queue, ledger):
 def test_what_a_cancelled_job_still_says_is_not_heard(job_queue, ledger):
     claim = ledger.claim(submit(job_queue), "w")
     job_queue.cancel(claim.job_id)
-    assert not ledger.renew(claim, "w")
+    assert ledger.renew(claim, "w") == "gone"
     ledger.progress(claim, 0.5)
     assert not ledger.succeed(claim, RESULT, [], {})
     assert ledger.lost(claim) is None
@@ -109,8 +108,8 @@ def test_the_worker_of_a_job_that_has_just_ended_well_does_not_lose_it(job_queue
     """The child had written the result a moment before the worker renewed: it was killed as if by a cancel."""
     claim = ledger.claim(submit(job_queue), "w")
     assert ledger.succeed(claim, RESULT, [], {})
-    assert ledger.renew(claim, "w")
-    assert not ledger.renew(dataclasses.replace(claim, attempt=7), "w"), "another attempt ended well"
+    assert ledger.renew(claim, "w") == "ended"
+    assert ledger.renew(replace(claim, attempt=7), "w") == "gone", "another attempt ended well"
     assert job_queue.get(claim.job_id).state is JobState.SUCCEEDED
 
 
@@ -161,7 +160,7 @@ def test_reap_takes_a_silent_running_job_after_the_grace(job_queue, ledger, clie
     client.delete(KEYS.alive(job_id))  # as by expiry
     assert ledger.reap(job_id) is None
     assert ledger.reap(job_id) == "requeued"
-    assert not ledger.renew(claim, "w")
+    assert ledger.renew(claim, "w") == "gone"
     assert job_queue.get(job_id).state is JobState.QUEUED
 
 
@@ -171,7 +170,7 @@ def test_reap_forgives_a_worker_that_speaks_up_in_the_grace(job_queue, ledger, c
     for _ in range(2):
         client.delete(KEYS.alive(claim.job_id))
         assert ledger.reap(claim.job_id) is None
-        assert ledger.renew(claim, "w")
+        assert ledger.renew(claim, "w") == "held"
         assert ledger.reap(claim.job_id) is None
 
 
