@@ -6,6 +6,7 @@ Imports: contracts, the queue's door, the blobs and the settings; nothing that c
 from __future__ import annotations
 
 import asyncio
+import gc
 import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -142,6 +143,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     tasks = [asyncio.create_task(_reap_forever(backend.queue))]
     if not backend.settings.has_keys:
         tasks.append(asyncio.create_task(_stop_if_exposed()))
+    gc.collect()
+    gc.freeze()  # the application itself is no garbage: looking through it held requests up
     yield
     for task in tasks:
         task.cancel()

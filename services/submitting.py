@@ -16,6 +16,9 @@ from services.submissions import Submission
 from services.telemetry import origin
 from workers.record import TRAINING, JobRecord
 
+JOBS = "/v1/jobs"
+"""Where jobs are."""
+
 _SHORT_BODY = 64 * 1024
 
 Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
@@ -62,11 +65,11 @@ async def submitted(submission: Submission, caller: Caller, backend: Backend, ke
     return job_id
 
 
-async def awaited(request: Request, backend: Backend, job_id: str, wait: float) -> Response:
+async def awaited(backend: Backend, job_id: str, wait: float) -> Response:
     """200 and the ended job if it ends within ``wait`` seconds, else 202; and where it is."""
     record = await waiting.ended(backend.waiting, job_id, wait)
     status = 200 if wait and record.job.state.final else 202
-    return answer(record, status, Location=str(request.app.url_path_for("read_job", job_id=job_id)))
+    return answer(record, status, Location=f"{JOBS}/{job_id}")
 
 
 def answer(record: JobRecord, status: int = 200, **headers: str) -> Response:

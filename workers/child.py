@@ -6,6 +6,7 @@ goes out, then for each job a claim in, at its end the memory in use out.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -32,6 +33,8 @@ def main(socket: int, parent: int) -> None:
         tools = stages.warm(settings)
         ledger = Ledger(connect(settings, patient=True), settings)
         connection.send_bytes(json.dumps([network.model_dump() for network in tools.networks]).encode())
+        gc.collect()
+        gc.freeze()  # networks and modules are no garbage: looking through them held jobs up
         memory.limit(settings)
         while message := _receive(connection):
             jobs.run(Claim(**json.loads(message)), ledger, tools)

@@ -17,11 +17,11 @@ from services.access import BackendDep, Reader, Submitter, has_form_of_id
 from services.problems import ProblemError
 from services.recipe_of_job import body_of, recipe_of_job
 from services.recipes import camera_of, recipe_of
-from services.submitting import IdempotencyKey, Wait, answer, awaited, check_room, submitted
+from services.submitting import JOBS, IdempotencyKey, Wait, answer, awaited, check_room, submitted
 from workers.queue import JobUnknown
 from workers.record import REQUEST, JobRecord
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = APIRouter(prefix=JOBS, tags=["jobs"])
 
 Cursor = Annotated[str | None, Query(pattern=r"^\d{1,18}$", description="`next_cursor` of the page before")]
 EventId = Annotated[
@@ -74,7 +74,7 @@ async def submit_job(
     await check_room(request, caller, backend, idempotency_key)
     async with backend.submissions.read(request, caller.defaults) as submission:
         job_id = await submitted(submission, caller, backend, idempotency_key)
-    return await awaited(request, backend, job_id, wait)
+    return await awaited(backend, job_id, wait)
 
 
 @router.get("", responses=documents.problems(403, 429))

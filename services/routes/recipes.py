@@ -120,7 +120,7 @@ async def run_recipe(
     used, composed = await to_thread.run_sync(_composer, backend, number, version)
     async with backend.submissions.read_run(request, composed.compose, caller.defaults) as submission:
         job_id = await submitted(_naming(submission, used), caller, backend, idempotency_key)
-    return await awaited(request, backend, job_id, wait)
+    return await awaited(backend, job_id, wait)
 
 
 @router.post("/{number}/dry-run", status_code=202, responses=documents.problems(403, 404, 409, 410, 413, 429, 507))
