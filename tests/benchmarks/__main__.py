@@ -40,6 +40,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "chroma_key": ["tests.benchmarks.bench_chroma_key", str(shared)],
         "synthesis": ["tests.benchmarks.bench_synthesis"],
         "methods": ["tests.benchmarks.bench_methods", str(shared)],
+        "masks": ["tests.benchmarks.bench_masks", str(shared)],
         "tangles": ["tests.benchmarks.bench_tangles"],
         "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
         "topology": ["tests.benchmarks.bench_topology", str(shared), "--sheet", "build/sheets/topology.png"],

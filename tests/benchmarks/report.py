@@ -17,7 +17,7 @@ from tests.benchmarks import (
 )
 from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_adaptation import adaptation, reference
-from tests.benchmarks.report_methods import methods_section, tangles_section
+from tests.benchmarks.report_methods import masks_section, methods_section, tangles_section
 from tests.benchmarks.report_photographs import photographs
 from tests.benchmarks.report_plant import (
     bridge_section,
@@ -171,6 +171,7 @@ SECTIONS: dict[str, Any] = {
     "reconstruction": report_reconstruction.section,
     **report_labelling.SECTIONS,
     "methods": methods_section,
+    "masks": masks_section,
     "tangles": tangles_section,
     "topology": report_topology.topology,
     "disentangling": report_topology.disentangling,

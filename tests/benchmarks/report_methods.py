@@ -43,6 +43,29 @@ def methods_section(data: dict[str, Any]) -> str:
     return "".join(parts)
 
 
+def masks_section(data: dict[str, Any]) -> str:
+    """The methods on masks of several kinds, and by the number of crossings."""
+    header = ["method", "masks", "eroded", "iou", "iou_strict", "pq", "count", "ms"]
+    crossed = [
+        [r["method"], r["crossings"], r["pictures"], r["iou"], r["ms"],
+         ", ".join(f"{part} {ms}" for part, ms in r["stages"].items())]
+        for r in data["methods"]
+    ]  # fmt: skip
+    counts = sorted({r["superpixels"] for r in data["superpixels"]})
+    numbers = sorted({r["crossings"] for r in data["superpixels"]})
+    found = {(r["crossings"], r["superpixels"]): r["iou"] for r in data["superpixels"]}
+    return (
+        "## Instance methods by mask and by crossings\n\n`python -m tests.benchmarks.bench_masks`, `ewd`. As Table 3.1 "
+        "and Fig. 3.19 for both published backbones; in place of the salient-object networks of Figs. 3.21 and 3.22 "
+        "our network at its fast setting and a rule without any.\n\n"
+        + _table(header, [[r[key.split()[0]] for key in header] for r in data["masks"]])
+        + "\nBy the number of true crossings (3: three and more; as Tables 3.3 and 3.4), median ms of one thread:\n\n"
+        + _table(["method", "crossings", "pictures", "iou", "ms", "stages"], crossed)
+        + "\nAriadne+, IoU by superpixels and crossings (Fig. 3.23):\n\n"
+        + _table(["crossings", *counts], [[n, *(found[n, c] for c in counts)] for n in numbers])
+    )
+
+
 def tangles_section(data: dict[str, Any]) -> str:
     """Share of rendered scenes whose whole crossing sequence is right."""
     rows = [[r["crossings"], r["scenes"], r["sequence"], r["order"]] for r in data["rows"]]
