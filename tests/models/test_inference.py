@@ -159,3 +159,11 @@ def test_an_export_that_differs_is_not_registered(weights):
         export.export(Noisy(), "noisy", CARD, [torch.rand(4, 3)], {0: torch.export.Dim("n")}, 1e-6)
     assert not (weights / "noisy.onnx").exists()
     assert not (weights / "manifest.toml").exists()
+
+
+@pytest.mark.parametrize("name", sorted(inference.manifest()))
+def test_every_network_has_beside_its_figures_what_there_would_be_without_it(name):
+    spec = inference.manifest()[name]
+    assert spec.without["rule"]
+    assert len(spec.without) > 1
+    assert {figure for figure in spec.without if figure != "rule"} <= set(spec.metrics)

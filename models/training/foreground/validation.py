@@ -1,14 +1,14 @@
 """What a foreground network finds in rendered pictures that it never trains on, and what a rule finds there.
 
-``python -m models.training.foreground.validation NAME --textures PACK`` notes the rule's figures in the manifest.
+``python -m models.training.foreground.validation NAME --textures PACK`` writes both into the manifest.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -16,15 +16,17 @@ import torch
 from torch import Tensor
 
 from models.geometry.arrays import BoolArray, ByteArray
+from models.segmentation.segment import ForegroundInput, segment
 from models.synthesis.scenes import WORKSHOP, SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
-from models.training.export import note_without
+from models.training.export import register
 from models.training.foreground.learning import normalize
 from models.training.foreground.networks import ForegroundNetwork
-from models.weights.inference import manifest
+from models.weights.inference import WEIGHTS, load
 
 _SEED = 10_000_019
 _SHOWN = 12
+RULE = "Otsu's threshold of the distance from the median color"
 
 
 @torch.no_grad()
@@ -50,19 +52,21 @@ def validate(
     return {"dice": float(np.mean(dice)), "false": float(np.mean(false)) if false else 0.0}
 
 
-def without(pool: TexturePool, scenes: SceneParams, count: int = 64) -> dict[str, Any]:
-    """The same figures without a network."""
+def figures(
+    mask: Callable[[ByteArray], BoolArray], pool: TexturePool, scenes: SceneParams, count: int
+) -> dict[str, float]:
+    """The same of any way to get a (H, W) mask of a picture (H, W, 3)."""
     dice, false = [], []
     for k in range(count):
         scene = render_scene(np.random.default_rng([_SEED, k]), scenes, pool)
-        found, true = by_color(to_uint8(scene.rgb)), scene.ids.numpy() > 0
+        found, true = mask(to_uint8(scene.rgb)), scene.ids.numpy() > 0
         if true.any():
-            dice.append(2 * np.count_nonzero(found & true) / max(np.count_nonzero(found) + np.count_nonzero(true), 1))
+            total = int(np.count_nonzero(found)) + int(np.count_nonzero(true))
+            dice.append(2 * int(np.count_nonzero(found & true)) / max(total, 1))
         else:
             false.append(found.mean())
-    rule = "Otsu's threshold of the distance from the median color"
-    figures = {"rendered_dice": float(np.mean(dice)), "rendered_false": float(np.mean(false)) if false else 0.0}
-    return {"rule": rule, **{name: round(value, 4) for name, value in figures.items()}}
+    named = {"rendered_dice": float(np.mean(dice)), "rendered_false": float(np.mean(false)) if false else 0.0}
+    return {name: round(value, 4) for name, value in named.items()}
 
 
 def by_color(rgb: ByteArray) -> BoolArray:
@@ -85,11 +89,18 @@ def main() -> None:
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
     parser.add_argument("--count", type=int, default=64)
     args = parser.parse_args()
-    trained = manifest()[args.name].training
-    scenes = replace(WORKSHOP, size=(trained["height"], trained["width"]))
-    figures = without(load_pool(args.textures), scenes, args.count)
-    note_without(args.name, figures)
-    print(args.name, figures)
+    network, pool = load(args.name), load_pool(args.textures)
+    spec = network.spec
+    settings = ForegroundInput.from_manifest(spec.preprocess)
+    scenes = replace(WORKSHOP, size=(spec.training["height"], spec.training["width"]))
+
+    def seen(rgb: ByteArray) -> BoolArray:
+        return np.asarray(segment(rgb, network, settings) >= settings.threshold)
+
+    metrics = {**spec.metrics, **figures(seen, pool, scenes, args.count)}
+    without = {"rule": RULE, **figures(by_color, pool, scenes, args.count)}
+    register(args.name, WEIGHTS / spec.file, replace(spec, metrics=metrics, without=without), spec.parameters)
+    print(args.name, metrics, without)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,6 @@ class SimilarityNetwork(nn.Module):
         )
 
     def forward(self, features: Tensor) -> Tensor:
-        """``(n, 6)`` float32 endpoint features to ``(n, 16)`` embeddings."""
+        """``(n, 7)`` float32 endpoint features to ``(n, 16)`` embeddings."""
         embeddings: Tensor = self.layers(features)
         return embeddings

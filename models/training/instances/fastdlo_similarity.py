@@ -18,6 +18,10 @@ from models.training.instances.crossing_samples import CrossingConfig, Crossings
 from models.training.instances.fastdlo_network_similarity import EMBEDDING, SimilarityNetwork
 
 NAME = "fastdlo_similarity"
+_ALIKE = 0.1
+"""Distance of RGB, 0 to 1, up to which strands have about one color."""
+_PLAIN = 6
+"""Features that compare two endpoints."""
 _WIDTH_NOISE, _ANGLE_NOISE = 0.2, np.deg2rad(12.0)
 
 
@@ -32,7 +36,7 @@ class SimilarityConfig(CrossingConfig):
 
 
 def endpoints_of(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Array:
-    """``(2 k, 6)`` features at both sides of the crossing of the k strands; rows 2 i and 2 i + 1 are strand i's.
+    """``(2 k, 7)`` features at both sides of the crossing of the k strands; rows 2 i and 2 i + 1 are strand i's.
 
     Endpoints are up to three widths away; width and direction get the errors that a mask leaves.
     """
@@ -49,7 +53,7 @@ def endpoints_of(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Ar
 
 
 def triplets(scenes: list[RenderedCrossing], rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
-    """``(n, 6)`` anchors, positives (other side of the strand), negatives (other strands of the crossing)."""
+    """``(n, 7)`` anchors, positives (other side of the strand), negatives (other strands of the crossing)."""
     anchors, positives, negatives = [], [], []
     for scene in scenes:
         rows = endpoints_of(scene, rng)
@@ -75,19 +79,34 @@ def measure(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> 
     """Share of endpoints whose most probable partner is the other side of their strand; mean probabilities."""
     rng = np.random.default_rng(0)
     right: list[bool] = []
+    alike: list[bool] = []
     same: list[float] = []
     other: list[float] = []
     for scene in scenes:
+        ends = endpoints_of(scene, rng)
         with torch.inference_mode():
-            embedded = network(torch.from_numpy(endpoints_of(scene, rng))).numpy()
+            embedded = network(torch.from_numpy(ends)).numpy()
         table = probabilities(embedded[:, None] - embedded[None])
         np.fill_diagonal(table, -1)
         rows = np.arange(len(table))
         right.extend(table.argmax(axis=1) == rows ^ 1)
+        alike.extend(np.full(len(rows), _alike(ends)))
         same.extend(table[rows, rows ^ 1])
         other.extend(table[rows, (rows + 2) % len(rows)])
     named: dict[str, list[Any]] = {"partner_right": right, "same_strand": same, "other_strand": other}
-    return {name: round(float(np.mean(values)), 4) for name, values in named.items()}
+    figures = {name: round(float(np.mean(values)), 4) for name, values in named.items()}
+    return figures | _of_alike(right, alike)
+
+
+def _alike(ends: Float32Array) -> bool:
+    """Whether the strands of an intersection have about one color; ``ends`` (2 k, 7), a strand's two after another."""
+    colors = ends[:, :3].reshape(-1, 2, 3).mean(axis=1)
+    return bool(np.linalg.norm(colors[:, None] - colors[None], axis=2).max() < _ALIKE)
+
+
+def _of_alike(right: list[bool], alike: list[bool]) -> dict[str, float]:
+    of_them = np.array(right)[np.array(alike, bool)]
+    return {"partner_right_alike": round(float(of_them.mean()), 4)} if len(of_them) else {}
 
 
 def without(scenes: Crossings, config: SimilarityConfig) -> dict[str, Any]:
@@ -96,18 +115,22 @@ def without(scenes: Crossings, config: SimilarityConfig) -> dict[str, Any]:
     rows = [endpoints_of(scene, rng) for scene in scenes]
     spread = np.concatenate(rows).std(axis=0) + 1e-6
     right: list[bool] = []
+    alike: list[bool] = []
     for ends in rows:
-        apart = np.linalg.norm((ends[:, None] - ends[None]) / spread, axis=2)
+        apart = np.linalg.norm(((ends[:, None] - ends[None]) / spread)[..., :_PLAIN], axis=2)
+        alike.extend(np.full(len(ends), _alike(ends)))
         np.fill_diagonal(apart, np.inf)
         right.extend(apart.argmin(axis=1) == np.arange(len(apart)) ^ 1)
-    return {"rule": "nearest color, width and direction", "partner_right": round(float(np.mean(right)), 4)}
+    figures = {"partner_right": round(float(np.mean(right)), 4)}
+    return {"rule": "nearest color, width and direction", **figures, **_of_alike(right, alike)}
 
 
 def exports(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> list[Exported]:
     return [
         Exported(
             NAME, network, "similarity",
-            f"(n, {FEATURES}) float32: RGB 0 to 1, log relative width, cos and sin of twice the direction",
+            f"(n, {FEATURES}) float32: RGB 0 to 1, log relative width, cos and sin of twice the direction, "
+            "log spread of the colors",
             "trained from scratch on crossings that this repository renders", {"embedding": EMBEDDING},
             [(torch.rand(n, FEATURES),) for n in (4, 0, 1, 7)], [{0: torch.export.Dim("n")}], 1e-4,
         )
