@@ -25,7 +25,7 @@ export function withProbability(view, bitmap) {
   const p = new Float32Array(w * h);
   for (let i = 0; i < p.length; i += 1) p[i] = seen[4 * i] / 255;
   const coarse = { ...view.coarse, ...prepare(p, w, h) };
-  return { ...view, coarse, last: null, ...(view.bytes ? {} : coarse) };
+  return { ...view, coarse, traces: null, ...(view.bytes ? {} : coarse) };
 }
 
 /** Between both sizes; the center of the top-left pixel is (0, 0) in either. */
@@ -33,6 +33,8 @@ function coarseOf(width, height, sx, sy) {
   return {
     width,
     height,
+    sx,
+    sy,
     inside: ([x, y]) => [(x + 0.5) / sx - 0.5, (y + 0.5) / sy - 0.5],
     outside: ({ line, width: wide }) => ({
       line: line.map(([x, y]) => [(x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5]),

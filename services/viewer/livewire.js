@@ -1,13 +1,9 @@
 // A line that snaps to the centerline of a cable: the cheapest path between two clicks, over the service's foreground
 // probability and what has the color of the clicks, then every point moved to the middle of the cable.
 
-const SIDE_PX = 60; // how far a path may leave the box around its two clicks, and as far as these are apart
+import { cheapest, likely, searchable } from "./search.js";
+
 const SPACING_PX = 4;
-const SAME_TONE = 12; // gray levels from a click's color, within which it is the cable's
-const TONE_SHARE = 0.8; // the probability there, at least
-const OTHER_TONE = 40; // gray levels, beyond which it is something else
-const OTHER_SHARE = 0.5; // of the probability, that is taken away there
-const STEPS = [[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1], [1, 1, Math.SQRT2], [1, -1, Math.SQRT2], [-1, 1, Math.SQRT2], [-1, -1, Math.SQRT2]];
 
 /** `{ p, depth, width, height }` of a probability map (Float32Array, row by row): `depth` is a pixel's distance to
  *  the background, by which the middle of a wide cable is cheaper than its edge. */
@@ -34,8 +30,7 @@ export function prepare(p, width, height) {
 /** The snapped centerline along all clicks: `{ line, width }`, as `settle` gives it. `view` is a prepared map with the
  *  picture's `planes`. */
 export function trace(view, clicks) {
-  const prices = new Float32Array(view.width * view.height); // 0 where none was asked for yet
-  const map = { ...view, prices, tones: clicks.map((click) => toneAt(view, click)) };
+  const map = searchable(view, clicks);
   const path = [clicks[0]];
   for (let i = 1; i < clicks.length; i += 1) path.push(...cheapest(map, clicks[i - 1], clicks[i]).slice(1));
   const { line, width } = settle(map, path);
@@ -62,10 +57,6 @@ function through(line, clicks, slack) {
   });
 }
 
-const toneAt = ({ planes, width, height }, [x, y]) => planes.map((plane) => plane[clamp(y, height - 1) * width + clamp(x, width - 1)]);
-
-const clamp = (v, most) => Math.max(0, Math.min(most, Math.round(v)));
-
 /** The line moved to the middle of the cable, smoothed; where no cable is seen it stays. `width` is the median of the
  *  widths seen, or null. */
 function settle(map, path) {
@@ -86,60 +77,6 @@ function settle(map, path) {
     line = smooth(line, 1);
   }
   return { line, width };
-}
-
-/** Pixels from one click to the next, both included. */
-function cheapest(map, from, to) {
-  const side = SIDE_PX + Math.hypot(to[0] - from[0], to[1] - from[1]);
-  const left = clamp(Math.min(from[0], to[0]) - side, map.width - 1);
-  const top = clamp(Math.min(from[1], to[1]) - side, map.height - 1);
-  const w = clamp(Math.max(from[0], to[0]) + side, map.width - 1) - left + 1;
-  const h = clamp(Math.max(from[1], to[1]) + side, map.height - 1) - top + 1;
-  const at = ([x, y]) => (clamp(y, map.height - 1) - top) * w + clamp(x, map.width - 1) - left;
-  const [start, goal] = [at(from), at(to)];
-  const reached = new Float64Array(w * h).fill(Infinity);
-  const before = new Int32Array(w * h).fill(-1);
-  const done = new Uint8Array(w * h);
-  const open = new Heap();
-  reached[start] = 0;
-  open.push(start, 0);
-  while (open.size) {
-    const i = open.pop();
-    if (i === goal) break;
-    if (done[i]) continue;
-    done[i] = 1;
-    const [x, y] = [i % w, Math.floor(i / w)];
-    for (const [dx, dy, length] of STEPS) {
-      if (x + dx < 0 || x + dx >= w || y + dy < 0 || y + dy >= h) continue;
-      const j = i + dy * w + dx;
-      const next = reached[i] + length * price(map, x + dx + left, y + dy + top);
-      if (next < reached[j]) {
-        [reached[j], before[j]] = [next, i];
-        open.push(j, next);
-      }
-    }
-  }
-  const path = [];
-  for (let i = goal; i >= 0; i = before[i]) path.push([(i % w) + left, Math.floor(i / w) + top]);
-  return path.reverse();
-}
-
-function price(map, x, y) {
-  const i = y * map.width + x;
-  map.prices[i] ||= 0.05 + 3 * (1 - likely(map, i)) ** 2 + 0.6 / (1 + map.depth[i]);
-  return map.prices[i];
-}
-
-/** The probability, raised where the color is that of a click, for the network misses a gray cable on gray ground, and
- *  lowered where it is far from that, for there are other cables. */
-function likely({ p, planes, tones }, i) {
-  let least = Infinity;
-  for (const tone of tones) {
-    const brighter = 0.5 * (planes[0][i] - tone[0]); // light changes along a cable more than its color does
-    least = Math.min(least, brighter ** 2 + (planes[1][i] - tone[1]) ** 2 + (planes[2][i] - tone[2]) ** 2);
-  }
-  const other = 1 - Math.exp(-least / (2 * OTHER_TONE ** 2));
-  return Math.max(p[i] * (1 - OTHER_SHARE * other), TONE_SHARE * Math.exp(-least / (2 * SAME_TONE ** 2)));
 }
 
 /** Where the cut along `normal` through `point` crosses the cable: `{ middle, width }` in pixels, or null. */
@@ -170,14 +107,6 @@ function between(map, x, y) {
 }
 
 const within = ({ width, height }, x, y) => x >= 0 && y >= 0 && x <= width - 1 && y <= height - 1;
-
-/** Between the samples of `plane`; beyond its border, the border's. */
-export function sample(plane, { width, height }, x, y) {
-  const [cx, cy] = [Math.max(0, Math.min(width - 1.001, x)), Math.max(0, Math.min(height - 1.001, y))];
-  const [u, v] = [Math.floor(cx), Math.floor(cy)];
-  const [a, b, i] = [cx - u, cy - v, v * width + u];
-  return (1 - b) * ((1 - a) * plane[i] + a * plane[i + 1]) + b * ((1 - a) * plane[i + width] + a * plane[i + width + 1]);
-}
 
 /** The unit normal of a line at its `i`-th point, from the points `reach` before and after. */
 export function normalAt(line, i, reach) {
@@ -212,49 +141,4 @@ function smooth(line, reach) {
     const near = line.slice(i - r, i + r + 1);
     return [0, 1].map((axis) => near.reduce((sum, point) => sum + point[axis], 0) / near.length);
   });
-}
-
-class Heap {
-  #items = [];
-  #keys = [];
-
-  get size() {
-    return this.#items.length;
-  }
-
-  push(item, key) {
-    const [items, keys] = [this.#items, this.#keys];
-    let at = items.length;
-    while (at > 0) {
-      const parent = (at - 1) >> 1;
-      if (keys[parent] <= key) break;
-      items[at] = items[parent];
-      keys[at] = keys[parent];
-      at = parent;
-    }
-    items[at] = item;
-    keys[at] = key;
-  }
-
-  /** The item with the lowest key. */
-  pop() {
-    const [items, keys] = [this.#items, this.#keys];
-    const first = items[0];
-    const [item, key] = [items.pop(), keys.pop()];
-    const count = items.length;
-    if (!count) return first;
-    let at = 0;
-    for (;;) {
-      let child = 2 * at + 1;
-      if (child >= count) break;
-      if (child + 1 < count && keys[child + 1] < keys[child]) child += 1;
-      if (keys[child] >= key) break;
-      items[at] = items[child];
-      keys[at] = keys[child];
-      at = child;
-    }
-    items[at] = item;
-    keys[at] = key;
-    return first;
-  }
 }

@@ -2,13 +2,16 @@
 // from surroundings best (dynamic programming over the middle and the half width, along the cable). What a person pulls
 // at the edges is kept.
 
+import { divided, missed } from "./dividing.js";
+import { weighed } from "./evidence.js";
 import { normalAt, resample, trace } from "./livewire.js";
-import { straightened, weighed } from "./strip.js";
+import { straightened } from "./strip.js";
 
 const USUAL_PX = 10; // a cable's width where nothing is known of it
 const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
 const COARSER = 1.7; // times these steps in all rounds but the last, which only teach the colors
 const FINE_LENGTH_PX = 700; // longer ones have no more cuts, further apart
+const KEPT_TRACES = 8;
 const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
 export const WEIGHTS = Object.freeze({
   color: 0.9, probability: 0.3, edge: 2.6, // what is seen
@@ -28,11 +31,16 @@ export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
   return { ...outline(view, line, width ?? USUAL_PX, held, weights), clicks, pulls };
 }
 
-/** The last trace in a view is kept: a pull does not change it. */
-function traced(view, clicks) {
+/** The snapped centerline along all clicks, as `trace` gives it. The view keeps the newest: the line that was traced to
+ *  the pointer is asked for again by the click there, and a pull does not change it. */
+export function traced(view, clicks) {
+  view.traces ??= new Map();
   const key = JSON.stringify(clicks);
-  if (view.last?.key !== key) view.last = { key, ...path(view, clicks) };
-  return view.last;
+  const known = view.traces.get(key) ?? path(view, clicks);
+  view.traces.delete(key);
+  view.traces.set(key, known);
+  if (view.traces.size > KEPT_TRACES) view.traces.delete(view.traces.keys().next().value);
+  return known;
 }
 
 /** A large picture's path is searched on its coarse copy. */
@@ -107,12 +115,6 @@ function peak(values, k) {
   return before > here || after > here || !bend ? 0 : top - k + (before - after) / (2 * bend);
 }
 
-/** How far an edge, or the whole cable, is from where a pin says. */
-function missed({ side, t }, low, high) {
-  if (!side) return Math.max(0, low - t, t - high);
-  return Math.abs(t - (side < 0 ? low : high));
-}
-
 const along = ([x, y], [nx, ny], t) => [x + t * nx, y + t * ny];
 
 /** The line, longer where it ends at the border: the cable goes on, and its end is cut at a slant. */
@@ -167,67 +169,6 @@ function solved(matrix, values) {
   return x;
 }
 
-/** Both edges of every cut, in pixels from the line: the best path through all of them. A state of a cut is a middle `a`
- *  and a half width `b`; `even` is the half width expected, or null; `pins` are kept. */
-function divided({ n, m, r, fine }, { gain, edge, trust }, even, half, pins, o) {
-  const c = 10; // samples that the middle may lie off the line
-  const least = Math.max(2, Math.floor((0.4 * Math.min(...half)) / fine));
-  const widest = Math.max(least, Math.min(r - c - 2, Math.ceil((1.9 * Math.max(...half)) / fine)));
-  const [columns, rows] = [2 * c + 1, widest - least + 1];
-  const states = columns * rows;
-  const before = new Int8Array(n * states);
-  const [sums, widened, swelled] = [new Float64Array(m + 1), new Float64Array(states), new Int8Array(states)];
-  let [score, came] = [new Float64Array(states), new Float64Array(states)];
-  for (let i = 0; i < n; i += 1) {
-    const own = pins.filter((pin) => pin.i === i);
-    for (let k = 0; k < m; k += 1) sums[k + 1] = sums[k] + gain[i * m + k] * fine;
-    arrived({ score, widened, swelled, came, from: before.subarray(i * states, (i + 1) * states) }, rows, o);
-    const usual = even ? even[i] / fine : 0;
-    const prior = even ? o.prior : 0;
-    for (let at = 0; at < states; at += 1) {
-      const [a, b] = [Math.floor(at / rows), at % rows];
-      const low = r + a - c - b - least;
-      const high = r + a - c + b + least;
-      const first = i * m + low;
-      const last = i * m + high;
-      // A sample on the edge is half cable.
-      const body = sums[high + 1] - sums[low] - 0.5 * fine * (gain[first] + gain[last]);
-      came[at] += trust[i] * (body + o.edge * (edge[first] + edge[last])) - prior * Math.abs(b + least - usual);
-      if (own.length) for (const pin of own) came[at] -= (o.firm * missed(pin, (low - r) * fine, (high - r) * fine)) / fine;
-    }
-    [score, came] = [came, score];
-  }
-  const [low, high] = [new Array(n), new Array(n)];
-  let at = score.indexOf(score.reduce((x, y) => Math.max(x, y), -Infinity));
-  for (let i = n - 1; i >= 0; i -= 1) {
-    const [middle, wide] = [Math.floor(at / rows) - c, (at % rows) + least];
-    [low[i], high[i]] = [(middle - wide) * fine, (middle + wide) * fine];
-    const step = before[i * states + at];
-    const moved = Math.round(step / 3);
-    at += moved * rows + step - 3 * moved;
-  }
-  return { low, high };
-}
-
-/** For every state the best `score` of the cut before from which it can be reached, into `came`, and `from` which way:
- *  three times the change of the middle, and that of the half width. The other buffers are for what lies between. */
-function arrived({ score, widened, swelled, came, from }, rows, { swell, bend }) {
-  const states = score.length;
-  for (let k = 0; k < states; k += 1) {
-    const b = k % rows;
-    const thinner = b > 0 ? score[k - 1] - swell : -Infinity;
-    const wider = b < rows - 1 ? score[k + 1] - swell : -Infinity;
-    widened[k] = Math.max(score[k], thinner, wider);
-    swelled[k] = widened[k] === score[k] ? 0 : widened[k] === thinner ? -1 : 1;
-  }
-  for (let k = 0; k < states; k += 1) {
-    const left = k >= rows ? widened[k - rows] - bend : -Infinity;
-    const right = k + rows < states ? widened[k + rows] - bend : -Infinity;
-    came[k] = Math.max(widened[k], left, right);
-    from[k] = came[k] === widened[k] ? swelled[k] : came[k] === left ? swelled[k - rows] - 3 : swelled[k + rows] + 3;
-  }
-}
-
 /** The straight line through the half widths, few outliers disregarded: a cable gets evenly thinner with distance. */
 function fitted(half, trust) {
   let weights = trust;
@@ -274,18 +215,20 @@ function soft(line, sigma) {
   });
 }
 
-/** Indices of the pixels between the two edges. */
+/** Indices of the pixels between the two edges; those on a seam of its triangles more than once. */
 export function filled({ line, low, high, normals }, columns, rows) {
-  const inside = new Set();
+  const inside = [];
   for (let i = 1; i < line.length; i += 1) {
     const [a, b] = [i - 1, i].map((k) => along(line[k], normals[k], low[k]));
     const [d, c] = [i - 1, i].map((k) => along(line[k], normals[k], high[k]));
-    for (const triangle of [[a, b, c], [a, c, d]]) for (const at of covered(triangle, columns, rows)) inside.add(at);
+    cover(inside, [a, b, c], columns, rows);
+    cover(inside, [a, c, d], columns, rows);
   }
   return inside;
 }
 
-function* covered([[ax, ay], [bx, by], [cx, cy]], columns, rows) {
+/** Adds the pixels of a triangle. */
+function cover(inside, [[ax, ay], [bx, by], [cx, cy]], columns, rows) {
   const [left, right] = [Math.max(0, Math.ceil(Math.min(ax, bx, cx))), Math.min(columns - 1, Math.floor(Math.max(ax, bx, cx)))];
   const [top, bottom] = [Math.max(0, Math.ceil(Math.min(ay, by, cy))), Math.min(rows - 1, Math.floor(Math.max(ay, by, cy)))];
   for (let y = top; y <= bottom; y += 1) {
@@ -293,7 +236,7 @@ function* covered([[ax, ay], [bx, by], [cx, cy]], columns, rows) {
       const p = (bx - ax) * (y - ay) - (by - ay) * (x - ax);
       const q = (cx - bx) * (y - by) - (cy - by) * (x - bx);
       const s = (ax - cx) * (y - cy) - (ay - cy) * (x - cx);
-      if ((p >= 0 && q >= 0 && s >= 0) || (p <= 0 && q <= 0 && s <= 0)) yield y * columns + x;
+      if ((p >= 0 && q >= 0 && s >= 0) || (p <= 0 && q <= 0 && s <= 0)) inside.push(y * columns + x);
     }
   }
 }

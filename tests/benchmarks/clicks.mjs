@@ -16,6 +16,6 @@ for await (const row of createInterface({ input: process.stdin })) {
     last = { map, view: { ...prepare(probability, width, height), planes: paint(readFileSync(rgb), width, height) } };
   }
   const { line, low, high, normals } = outlined(last.view, clicks, pulls);
-  const mask = [...filled({ line, low, high, normals }, width, height)];
+  const mask = filled({ line, low, high, normals }, width, height);
   console.log(JSON.stringify({ line, low, high, normals, mask }));
 }
