@@ -17,9 +17,8 @@ export function button(text, act, className = "") {
   return made;
 }
 
-/** A problem in the box `#error`, or none: what the service refused, with its fields, or what went wrong here. */
-export function showProblem(problem) {
-  const box = byId("error");
+/** A problem in the box, or none: what the service refused, with its fields, or what went wrong here. */
+export function showProblem(problem, box = byId("error")) {
   box.hidden = !problem;
   if (!problem) return;
   const errors = problem.errors ?? [];

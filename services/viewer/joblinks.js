@@ -13,10 +13,11 @@ const PAGES = {
 /** Kinds that a recipe can repeat with other pictures. */
 const WITH_PICTURES = new Set(["segment", "instances", "topology", "plan_disentangle", "reconstruct", "label_tracked", "plan_shape"]);
 
-/** A link to the page that draws this kind, or else to the job's JSON. */
-export function jobLink({ id, kind }) {
-  const page = PAGES[kind];
-  return element("a", "mono", id.slice(0, 8), { href: page ? `${page}?job=${id}` : `v1/jobs/${id}`, title: id });
+/** A link to the page that draws what a job found, or where nothing can be drawn to its record on the page of the jobs:
+ *  the service's own address of it asks for a key that a link cannot carry. */
+export function jobLink({ id, kind, state }) {
+  const page = (state === "succeeded" && PAGES[kind]) || "viewer/jobs.html";
+  return element("a", "mono", id.slice(0, 8), { href: `${page}?job=${id}`, title: id });
 }
 
 /** A link to the page that makes a recipe of a finished job; null where there is none. */

@@ -14,7 +14,7 @@ const STATES = ["queued", "succeeded", "failed", "cancelled"];
 let [cursor, older] = [null, []];
 
 async function look() {
-  const parts = [showReadiness, showMetrics, showJobs, showFailures, showNetworks].map((show) => show());
+  const parts = [showReadiness, showMetrics, showJobs, showFailures, showNetworks, showRecord].map((show) => show());
   const failed = (await Promise.allSettled(parts)).find(({ status }) => status === "rejected");
   showProblem(failed ? problemOf(failed.reason, "The service cannot be reached") : null);
 }
@@ -111,6 +111,19 @@ async function showFailures() {
     return made;
   });
   byId("failures").replaceChildren(...(rows.length ? rows : [emptyRow(4, t("no job has failed"))]));
+}
+
+/** The record of the job that the address names, and in words why it failed. */
+async function showRecord() {
+  const id = new URLSearchParams(location.search).get("job");
+  byId("record").hidden = !id;
+  if (!id) return;
+  byId("record-id").value = id;
+  const job = await api.json(`v1/jobs/${encodeURIComponent(id)}`);
+  byId("record-state").textContent = `${job.kind}, ${t(job.state)}`;
+  showProblem(job.problem, byId("record-problem"));
+  const text = JSON.stringify(job, null, 2);
+  if (byId("record-json").textContent !== text) byId("record-json").textContent = text; // a selection in it stays
 }
 
 async function showNetworks() {

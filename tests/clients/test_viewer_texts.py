@@ -6,8 +6,10 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import get_args
 
 import pytest
+from dlo_client.contracts import Reason
 
 from services.page_frame import PAGES, document
 
@@ -101,6 +103,14 @@ def test_no_script_has_a_sentence_of_its_own() -> None:
     assert "not opened yet" in sentences(VIEWER / "bench_lists.js")
     untold = {(script.name, text) for script in scripts for text in sentences(script) - german().keys()}
     assert {(name, text) for name, text in untold if " " in text.strip()} == set()
+
+
+def test_every_reason_of_the_contract_has_words() -> None:
+    """A reason that the page does not know is shown as its code."""
+    _, _, rest = (VIEWER / "panels.js").read_text().partition("const REASONS = {")
+    words = dict(re.findall(r'(\w+): "([^"]+)"', rest.partition("}")[0]))
+    assert words.keys() == set(get_args(Reason))
+    assert set(words.values()) <= german().keys()
 
 
 def test_translations_keep_what_is_filled_in() -> None:

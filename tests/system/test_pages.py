@@ -25,6 +25,7 @@ from models.geometry.rle import encode
 from services.page_frame import PAGES
 from tests.browser import NEEDS_BROWSER
 from tests.clients.browser_pages import place
+from tests.clients.curve_samples import straight
 from tests.processes import ROOT, running_service, wait_until
 
 pytestmark = NEEDS_BROWSER
@@ -107,6 +108,24 @@ def test_a_sample_picture_is_found_again_after_a_reload(address: str, browser: A
         page.goto(f"{address}/viewer/jobs.html")
         page.wait_for_selector("#jobs a >> nth=0")
         assert "instances" in page.inner_text("#jobs")
+    assert wrong == []
+
+
+def test_a_failed_job_is_one_click_from_the_failures(address: str, browser: Any) -> None:
+    """The link of a job that no page draws went to the API, which refuses a link without a key."""
+    wrong: list[str] = []
+    curve = straight().model_dump(mode="json")
+    curve["covariance_m2"] = [[-1e-6, 0, 0, 0, 0, 0]] * len(curve["points_m"])
+    with httpx.Client(base_url=address, timeout=60) as client:
+        job = client.post("/v1/jobs?wait=30", json={"kind": "merge_curves", "curves": [curve]}).json()
+    assert job["state"] == "failed"
+    with opened(browser, address, wrong) as page:
+        page.goto(f"{address}/viewer/jobs.html")
+        page.click("#failures a")
+        page.wait_for_url(f"**/viewer/jobs.html?job={job['id']}")
+        page.wait_for_selector("#record-problem:not([hidden])")
+        assert job["problem"]["title"] in page.inner_text("#record-problem")
+        assert json.loads(page.text_content("#record-json"))["id"] == job["id"]
     assert wrong == []
 
 
