@@ -5,9 +5,10 @@
 A person who sees the true cable (``clicking.py``) clicks its two ends; while the IoU of the drawn cable is below 90 %,
 one more click or drag goes where the error is largest, 20 at most (counted as 20 where that is not enough). Pixels
 that belong to another cable (one that passes over) count neither way. What answers is the page's own ``outline.js``;
-the probability is that of the shipped network on the photograph. All cables of the set count. The page's weights were
-set on rendered scenes (``SceneParams((360, 640), (0.011, 0.036), max_cables=4, empty_share=0)``, seeds [7741, k]), and
-``rim``, ``shade``, ``color`` and ``kinds`` on every third picture here: the others are stated apart. Needs node.
+the probability is the one that the page gets: of the shipped network, settled. All cables of the set count. The
+page's weights were set on rendered scenes (``SceneParams((360, 640), (0.011, 0.036), max_cables=4, empty_share=0)``,
+seeds [7741, k]), and ``rim``, ``shade``, ``color`` and ``kinds`` on every third picture here: the others are stated
+apart. Needs node.
 """
 
 from __future__ import annotations
@@ -25,8 +26,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray
-from models.segmentation.segment import ForegroundInput, segment
-from models.weights.inference import default_name, load
+from models.library.perception import segment
 from tests.benchmarks.clicking import Person
 
 MOST = 20
@@ -88,8 +88,6 @@ def pictures(folder: Path) -> Iterator[tuple[str, ByteArray, np.ndarray]]:
 
 
 def measure(folder: Path, limit: int | None = None, hand_px: float = 0.0) -> dict[str, Any]:
-    network = load(default_name("foreground"))
-    settings = ForegroundInput.from_manifest(network.spec.preprocess)
     rows: list[dict[str, Any]] = []
     page = Page()
     with tempfile.TemporaryDirectory() as scratch:
@@ -98,7 +96,7 @@ def measure(folder: Path, limit: int | None = None, hand_px: float = 0.0) -> dic
                 break
             rgb, raw = Path(scratch) / f"{name}.rgb", Path(scratch) / f"{name}.raw"
             rgb.write_bytes(image.tobytes())
-            raw.write_bytes(np.rint(segment(image, network, settings) * 255).astype(np.uint8).tobytes())
+            raw.write_bytes(np.rint(segment(image).probability * 255).astype(np.uint8).tobytes())
             request = {"rgb": str(rgb), "map": str(raw), "width": image.shape[1], "height": image.shape[0]}
             for number in np.unique(labels[labels > 0]):
                 mask = labels == number
