@@ -1,8 +1,8 @@
 """Frames of a track over a WebSocket: the newest picture is looked at, older ones that wait are dropped.
 
-A client sends a picture as a binary message; a text message before it, ``{"time_s": 12.5}``, tells when it was taken.
-Each answer is a text message: a frame result with ``dropped``, the pictures passed over since the answer before; or
-``{"problem": {…}}``, an RFC 9457 problem, after which the stream goes on.
+A client sends a picture as a binary message; a text message before it, ``{"time_s": 12.5, "number": 7}``, tells when it
+was taken, and a number that its answer repeats. Each answer is a text message: a frame result with ``dropped``, the
+pictures passed over since the answer before; or ``{"problem": {…}}``, an RFC 9457 problem, and the stream goes on.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 import asyncio
 import json
 from contextlib import suppress
+from typing import NamedTuple
 
-from dlo_client.contracts import FrameResult
+from dlo_client.contracts import StreamedFrame
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -25,16 +26,19 @@ REFUSED = 1008
 """Close code for a policy."""
 
 
-class StreamedFrame(FrameResult):
-    """A frame result as it is streamed."""
-
-    dropped: int = Field(description="pictures that were passed over since the answer before")
-
-
 class _About(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     time_s: float | None = Field(default=None, ge=0, le=1e12)
+    number: int | None = Field(default=None, ge=0, le=2**53)
+
+
+class _Taken(NamedTuple):
+    """A picture, what was sent about it, and how many were dropped before it."""
+
+    picture: bytes
+    about: _About
+    dropped: int
 
 
 class _Newest:
@@ -43,28 +47,28 @@ class _Newest:
     def __init__(self) -> None:
         self.dropped = 0
         self.ended = False
-        self._picture: tuple[bytes, float | None] | None = None
+        self._picture: tuple[bytes, _About] | None = None
         self._news = asyncio.Event()
 
-    def put(self, picture: bytes, time_s: float | None) -> None:
+    def put(self, picture: bytes, about: _About) -> None:
         self.dropped += self._picture is not None
-        self._picture = picture, time_s
+        self._picture = picture, about
         self._news.set()
 
     def end(self) -> None:
         self.ended = True
         self._news.set()
 
-    async def take(self) -> tuple[bytes, float | None, int] | None:
-        """The picture, its time, and how many were dropped before it; None at the end."""
+    async def take(self) -> _Taken | None:
+        """None at the end."""
         await self._news.wait()
         if self._picture is None:
             return None
-        (picture, time_s), dropped = self._picture, self.dropped
+        taken = _Taken(*self._picture, self.dropped)
         self._picture, self.dropped = None, 0
         if not self.ended:
             self._news.clear()
-        return picture, time_s, dropped
+        return taken
 
 
 async def serve(socket: WebSocket, backend: Backend, caller: Caller, track_id: str) -> None:
@@ -74,16 +78,16 @@ async def serve(socket: WebSocket, backend: Backend, caller: Caller, track_id: s
     reading = asyncio.create_task(_read(socket, newest, backend.settings.max_image_bytes))
     try:
         while (taken := await newest.take()) is not None:
-            picture, time_s, dropped = taken
+            number = taken.about.number
             try:
-                frame = await frames.answer(backend, caller, track_id, {"image": picture}, time_s)
-                answer = StreamedFrame(**dict(frame), dropped=dropped).model_dump_json()
+                frame = await frames.answer(backend, caller, track_id, {"image": taken.picture}, taken.about.time_s)
+                answer = StreamedFrame(**dict(frame), number=number, dropped=taken.dropped).model_dump_json()
             except TrackUnknown as error:
-                await socket.send_text(_problem(error))
+                await socket.send_text(_problem(error, number))
                 await socket.close(_GOING_AWAY)
                 return
             except Exception as error:  # the stream goes on after a bad picture
-                answer = _problem(error)
+                answer = _problem(error, number)
             await socket.send_text(answer)
     except WebSocketDisconnect:
         pass
@@ -100,30 +104,34 @@ async def refuse(socket: WebSocket, error: Exception) -> None:
 
 async def _read(socket: WebSocket, newest: _Newest, most_bytes: int) -> None:
     """Messages into ``newest`` until the client closes."""
-    time_s: float | None = None
+    about = _About()
     with suppress(WebSocketDisconnect):
         while (message := await socket.receive())["type"] == "websocket.receive":
             try:
                 if (text := message.get("text")) is not None:
-                    time_s = _time(text)
+                    about = _about(text)
                     continue
-                picture = message.get("bytes") or b""
-                if len(picture) > most_bytes:
-                    raise field_error("image", f"is larger than {most_bytes} bytes", code="too_large", status=413)
-                newest.put(picture, time_s)
-                time_s = None
+                picture, sent, about = message.get("bytes") or b"", about, _About()
+                if len(picture) <= most_bytes:
+                    newest.put(picture, sent)
+                    continue
+                fault = field_error("image", f"is larger than {most_bytes} bytes", code="too_large", status=413)
+                await socket.send_text(_problem(fault, sent.number))
             except ProblemError as error:
                 await socket.send_text(_problem(error))
     newest.end()
 
 
-def _time(text: str) -> float | None:
+def _about(text: str) -> _About:
     try:
-        return _About.model_validate_json(text).time_s
-    except ValidationError:
-        raise field_error("time_s", 'a text message is {"time_s": SECONDS}, before its picture') from None
+        return _About.model_validate_json(text)
+    except ValidationError as error:
+        field = next((str(found["loc"][0]) for found in error.errors() if found["loc"]), "time_s")
+        wanted = 'a text message is {"time_s": SECONDS, "number": INTEGER}, both optional, before its picture'
+        raise field_error(field, wanted) from None
 
 
-def _problem(error: Exception) -> str:
+def _problem(error: Exception, number: int | None = None) -> str:
     problem = problem_of(error).problem
-    return json.dumps({"problem": problem.model_dump(mode="json", exclude_none=True)})
+    numbered = {} if number is None else {"number": number}
+    return json.dumps({"problem": problem.model_dump(mode="json", exclude_none=True), **numbered})

@@ -8,6 +8,7 @@ import time
 
 import httpx
 import pytest
+from dlo_client import Client
 from dlo_client.contracts import FrameResult, InstancesRequest, InstancesResult, SceneStatus, TrackInfo, TrackState
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
@@ -260,10 +261,11 @@ class TestStream:
 
     def test_pictures_and_their_times(self, stream, worker):
         for number in (1, 2):
-            stream.send_text(json.dumps({"time_s": 2.0 * number}))
+            stream.send_text(json.dumps({"time_s": 2.0 * number, "number": 7 * number}))
             stream.send_bytes(samples.encoded())
             frame = stream.receive_json()
             assert (frame["frame"], frame["time_s"], frame["dropped"]) == (number, 2.0 * number, 0)
+            assert frame["number"] == 7 * number
 
     def test_old_pictures_are_dropped(self, stream, worker, client):
         """While one is looked at, only the newest of those that come in waits."""
@@ -281,11 +283,23 @@ class TestStream:
         assert len(worker.requests) == 2
 
     def test_a_bad_picture_does_not_end_the_stream(self, stream, worker):
+        stream.send_text(json.dumps({"number": 3}))
         stream.send_bytes(b"this is no picture")
-        problem = stream.receive_json()["problem"]
-        assert (problem["status"], problem["errors"][0]["field"]) == (422, "image")
+        answer = stream.receive_json()
+        problem = answer["problem"]
+        assert (problem["status"], problem["errors"][0]["field"], answer["number"]) == (422, "image", 3)
         stream.send_bytes(samples.encoded())
         assert stream.receive_json()["frame"] == 1
+
+    def test_a_number_that_is_none_is_named(self, stream, worker):
+        stream.send_text(json.dumps({"number": "seven"}))
+        assert stream.receive_json()["problem"]["errors"][0]["field"] == "number"
+
+    def test_the_sdk_over_a_real_server(self, address, worker):
+        with Client(address) as client, client.track() as track, track.stream() as stream:
+            stream.show(samples.encoded(), time_s=1.5)
+            (frame,) = stream
+            assert (frame.number, frame.frame, frame.time_s, frame.dropped) == (1, 1, 1.5, 0)
 
     def test_a_track_that_is_ended_ends_its_stream(self, stream, worker, client, track):
         client.delete(f"/v1/tracks/{track}")

@@ -14,7 +14,14 @@ import httpx
 
 from dlo_client import calls, recipe_calls, track
 from dlo_client.calls import LONGEST_WAIT_S, Call, JobOrId, T
-from dlo_client.connection import DEFAULT_TIMEOUT_S, POLL_PAUSE_S, base_headers, base_url
+from dlo_client.connection import (
+    DEFAULT_TIMEOUT_S,
+    POLL_PAUSE_S,
+    Address,
+    base_headers,
+    base_url,
+    stream_address,
+)
 from dlo_client.contracts import (
     AnyJob,
     FileRef,
@@ -276,6 +283,10 @@ class AsyncClient:
     async def track(self, options: TrackOptions | None = None) -> AsyncTrack:
         """Begin a track: pictures in which cables keep their ids."""
         return AsyncTrack(self, await self.send(track.begin(options)))
+
+    def stream_address(self, path: str) -> Address:
+        """Where a WebSocket of the service is."""
+        return stream_address(self._http, path, self._timeout_s)
 
     async def send(self, call: Call[T]) -> T:
         """Send what :mod:`dlo_client.calls` describes, again where that may help; its answer."""

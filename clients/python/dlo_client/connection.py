@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import httpx
 
@@ -56,3 +56,25 @@ def header_value(text: str, argument: str) -> str:
     if not isinstance(text, str) or not text.isascii() or not text.isprintable():
         raise InvalidArgument(argument, "takes printable ASCII characters only")
     return text
+
+
+class Address(NamedTuple):
+    """Where a stream is, and who asks; ``timeout_s`` to open it."""
+
+    url: str
+    headers: dict[str, str]
+    timeout_s: float
+
+
+def stream_address(http: httpx.Client | httpx.AsyncClient, path: str, timeout_s: float) -> Address:
+    """Of the WebSocket at ``path``, with what every request of ``http`` has. Raises ConnectionFailed."""
+    if http.is_closed:
+        raise ConnectionFailed("this client has been closed")
+    request = http.build_request("GET", path)
+    url = request.url.copy_with(scheme="wss" if request.url.scheme == "https" else "ws")
+    sent = {name: request.headers[name] for name in _OF_A_STREAM if name in request.headers}
+    return Address(str(url), sent, timeout_s)
+
+
+_OF_A_STREAM = ("User-Agent", "Authorization")
+"""The other headers of a request are the WebSocket's own."""

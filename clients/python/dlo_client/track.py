@@ -10,20 +10,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from numbers import Real
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
 
 from dlo_client.calls import Call, nothing, reader
 from dlo_client.contracts import FrameResult, TrackInfo, TrackOptions
-from dlo_client.errors import InvalidArgument
+from dlo_client.errors import ConnectionFailed, InvalidArgument
 from dlo_client.pictures import Picture, part_of
+from dlo_client.times import time_of
 
 if TYPE_CHECKING:
     from dlo_client.async_client import AsyncClient
     from dlo_client.client import Client
+    from dlo_client.track_stream import AsyncTrackStream, TrackStream
 
 _BINARY = "application/octet-stream"
 
@@ -54,6 +56,16 @@ class Track:
         """What the next picture shows: the picture, its foreground ``mask``, its ``depth``, or several of these.
         ``time_s`` is when it was taken; without it, pictures are equally far apart."""
         return self._client.send(frame(self.id, {"image": image, "mask": mask, "depth": depth}, time_s))
+
+    def stream(self) -> TrackStream:
+        """Pictures of a fast camera over one connection: see :mod:`dlo_client.track_stream`."""
+        with _needing_extra():
+            from dlo_client.track_stream import opened
+        try:
+            return opened(self._client.stream_address(f"{_path(self.id)}/stream"))
+        except ConnectionFailed:
+            self.info()  # where the track or the key is refused, this tells why
+            raise
 
     def info(self) -> TrackInfo:
         """How many frames it had, how many cables it knows, when it will be forgotten."""
@@ -91,6 +103,16 @@ class AsyncTrack:
         ``time_s`` is when it was taken; without it, pictures are equally far apart."""
         return await self._client.send(frame(self.id, {"image": image, "mask": mask, "depth": depth}, time_s))
 
+    async def stream(self) -> AsyncTrackStream:
+        """Pictures of a fast camera over one connection: see :mod:`dlo_client.track_stream`."""
+        with _needing_extra():
+            from dlo_client.track_stream import opened_on_loop
+        try:
+            return await opened_on_loop(self._client.stream_address(f"{_path(self.id)}/stream"))
+        except ConnectionFailed:
+            await self.info()  # where the track or the key is refused, this tells why
+            raise
+
     async def info(self) -> TrackInfo:
         """How many frames it had, how many cables it knows, when it will be forgotten."""
         return await self._client.send(look(self.id))
@@ -118,14 +140,22 @@ def end(track_id: str) -> Call[None]:
 def frame(track_id: str, given: Mapping[str, Picture | None], time_s: float | None) -> Call[FrameResult]:
     if not any(picture is not None for picture in given.values()):
         raise InvalidArgument("image", "give a picture, its mask, or its depth")
-    if time_s is not None and not (isinstance(time_s, Real) and time_s >= 0):
-        raise InvalidArgument("time_s", f"{time_s!r} is no number of seconds from 0 on")
+    time_s = time_of(time_s)
     parts = {name: part_of(picture, name) for name, picture in given.items() if picture is not None}
     body: dict[str, Any] = {"files": {name: (part.name, part.data, _BINARY) for name, part in parts.items()}}
-    params: dict[str, float] = {} if time_s is None else {"time_s": float(time_s)}
+    params: dict[str, float] = {} if time_s is None else {"time_s": time_s}
     return Call("POST", f"{_path(track_id)}/frames", reader(FrameResult), params=params, body=body, held_s=_LONGEST_S)
 
 
+@contextmanager
+def _needing_extra() -> Iterator[None]:
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise InvalidArgument("stream", _NEEDS_EXTRA.format(name=error.name)) from error
+
+
+_NEEDS_EXTRA = 'needs the extra: pip install "dlo-client[stream]" (not found: {name})'
 _LONGEST_S = 60.0
 """The longest time limit of a frame."""
 

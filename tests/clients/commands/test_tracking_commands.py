@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from dlo_client.commands import tracking_commands  # noqa: F401  it registers the command
 from dlo_client.commands.app import app
-from dlo_client.contracts import FrameResult
+from dlo_client.contracts import FrameResult, StreamedFrame
 from typer.testing import CliRunner, Result
 
 from tests.clients import track_samples
 from tests.clients.replies import ok, reply
+from tests.clients.test_track_stream import Service, serving
 
 SIZE = (160, 120)
 
@@ -83,3 +84,27 @@ def test_what_is_neither_a_video_nor_pictures(tmp_path: Path) -> None:
     done = run([], tmp_path / "nothing", "--out", tmp_path / "out")
     assert done.exit_code == 1
     assert "neither a video nor pictures" in done.output
+
+
+def test_live_shows_pictures_as_a_camera_would(film: Path, tmp_path: Path) -> None:
+    """What the service is too slow for is left out, and every answer is drawn on its own picture."""
+    service = Service()
+    service.free.release(100)
+    with serving(service) as address:
+        arguments = ["--url", address, "track", str(film), "--out", str(tmp_path / "out"), "--live"]
+        done = CliRunner().invoke(app, arguments, obj=network([]))
+    assert done.exit_code == 0, done.output
+    found = lines(tmp_path / "out")
+    assert [frame.frame for frame in found] == list(range(1, len(service.got) + 1))
+    assert [about["time_s"] for about, _ in service.got] == pytest.approx(sorted(a["time_s"] for a, _ in service.got))
+    assert len(found) + sum(StreamedFrame.model_validate_json(x).dropped for x in raw(tmp_path / "out")) == 6
+
+
+def raw(out: Path) -> list[str]:
+    return (out / "track.jsonl").read_text().splitlines()
+
+
+def test_a_stream_takes_no_masks(film: Path, tmp_path: Path) -> None:
+    done = run([], film, "--out", tmp_path / "out", "--live", "--masks")
+    assert done.exit_code == 2
+    assert "--masks" in done.output

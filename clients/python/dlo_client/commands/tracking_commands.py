@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from dlo_client.client import Client
 from dlo_client.commands.app import app
 from dlo_client.commands.printing import print_error
-from dlo_client.contracts import FrameResult, TrackOptions
+from dlo_client.contracts import FrameResult, StreamedFrame, TrackOptions
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
+from dlo_client.track import Track
+
+if TYPE_CHECKING:
+    from dlo_client.video import Shot
 
 _NEEDS_EXTRA = 'dlo track needs the extra: pip install "dlo-client[label]" (not found: {name})'
 
@@ -34,8 +40,13 @@ def track(
     threshold: Annotated[float | None, typer.Option(min=0, max=1, help="Foreground threshold.")] = None,
     masks: Annotated[bool, typer.Option("--masks", help="The pictures are masks.")] = False,
     video: Annotated[bool, typer.Option(help="Write overlay.mp4.")] = True,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the pictures as fast as a camera would; what is too slow is left out.")
+    ] = False,
 ) -> None:
     """Follow every cable through a video: track.jsonl has a line a frame, overlay.mp4 shows the ids."""
+    if live and masks:
+        raise typer.BadParameter("a stream takes pictures: leave out --live or --masks")
     try:
         from dlo_client.video import Film, drawn, shots
     except ModuleNotFoundError as error:
@@ -52,14 +63,41 @@ def track(
         (out / "track.jsonl").open("w", encoding="utf-8") as lines,
         Film(out / "overlay.mp4", rate) if video else nullcontext() as film,
     ):
-        for shot in pictures:
-            picture = {"mask": shot.data} if masks else {"image": shot.data}
-            last = followed.frame(**picture, time_s=shot.time_s)
+        answers = _live(followed, pictures, rate) if live else _one_by_one(followed, pictures, masks)
+        for shot, last in answers:
             lines.write(last.model_dump_json() + "\n")
             states.update(cable.state for cable in last.cables)
             if film is not None:
                 film.add(drawn(shot.pixels, last))
     _report(last, states, out)
+
+
+def _one_by_one(followed: Track, pictures: Iterable[Shot], masks: bool) -> Iterator[tuple[Shot, FrameResult]]:
+    for shot in pictures:
+        picture = {"mask": shot.data} if masks else {"image": shot.data}
+        yield shot, followed.frame(**picture, time_s=shot.time_s)
+
+
+def _live(followed: Track, pictures: Iterable[Shot], rate: float) -> Iterator[tuple[Shot, FrameResult]]:
+    """Pictures, ``rate`` a second, and their answers; some have none."""
+    shown: dict[int, Shot] = {}
+    with followed.stream() as stream:
+        begun = time.monotonic()
+        for k, shot in enumerate(pictures):
+            while (frame := stream.answer(timeout_s=max(begun + k / rate - time.monotonic(), 0.0))) is not None:
+                yield _matched(shown, frame)
+            shown[stream.show(shot.data, time_s=k / rate)] = shot
+        for frame in stream:
+            yield _matched(shown, frame)
+
+
+def _matched(shown: dict[int, Shot], frame: StreamedFrame) -> tuple[Shot, FrameResult]:
+    """The picture of an answer; it and earlier ones are forgotten."""
+    number = frame.number or min(shown)
+    shot = shown[number]
+    for earlier in [k for k in shown if k <= number]:
+        del shown[earlier]
+    return shot, frame
 
 
 def _report(last: FrameResult | None, states: Counter[str], out: Path) -> None:

@@ -141,6 +141,13 @@ class FrameResult(Reply):
     track: TrackState = Field(description="to be sent as `previous` with the next picture, where there is no session")
 
 
+class StreamedFrame(FrameResult):
+    """A frame result as it is streamed."""
+
+    number: int | None = Field(default=None, description="of the picture, as it was sent with it")
+    dropped: int = Field(ge=0, description="how many pictures were passed over since the answer before")
+
+
 class TrackOptions(ForegroundOptions):
     """How the frames of a track are looked at: as in an ``instances`` request; a ``reference`` is uploaded before."""
 
