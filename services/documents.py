@@ -50,7 +50,7 @@ SUBMISSION: dict[str, Any] = {
                         "type": "array",
                         "maxItems": 1,
                         "items": _PICTURE,
-                        "description": "Fills the field `depth`",
+                        "description": "Fills the field `depth`; may be a point cloud",
                     },
                 },
                 "additionalProperties": False,
@@ -131,7 +131,12 @@ RUN: dict[str, Any] = {
                 "properties": {
                     "image": {"type": "array", "items": _PICTURE, "description": "In order"},
                     "mask": {"type": "array", "maxItems": 1, "items": _PICTURE, "description": "Foreground"},
-                    "depth": {"type": "array", "maxItems": 1, "items": _PICTURE, "description": "Depth map"},
+                    "depth": {
+                        "type": "array",
+                        "maxItems": 1,
+                        "items": _PICTURE,
+                        "description": "Depth map or point cloud",
+                    },
                     "flange": _FLANGE,
                 },
                 "additionalProperties": False,

@@ -9,6 +9,7 @@ from services.examples import PICTURES, UPLOADS
 from services.problems import field_error
 from services.settings import ServiceSettings
 from workers.blobs import BlobMissing, Blobs, Staged
+from workers.pictures.clouds import is_cloud, size_of
 from workers.pictures.headers import PictureError, Size, inspect
 
 _MOST_KNOWN = 10_000
@@ -23,14 +24,15 @@ class Uploads:
         self._looked_at: dict[str, ImageInfo] = {}
         """What is known of pictures: their bytes never change, so they are read once, not with every request."""
 
-    async def stage(self, data: bytes, *, field: str) -> tuple[ImageInfo, Staged]:
-        """Look at the picture that came in as ``field`` and write it down, to be kept or dropped.
+    async def stage(self, data: bytes, *, field: str, cloud: bool = False) -> tuple[ImageInfo, Staged]:
+        """Look at the picture that came in as ``field`` and write it down, to be kept or dropped; ``cloud``: it may be
+        a point cloud, as a ``depth`` may.
 
         Raises:
             ProblemError: 422 when it is no whole picture or has too many pixels.
             NoRoomError: the disk is too full.
         """
-        return await to_thread.run_sync(self._stage, data, field)
+        return await to_thread.run_sync(self._stage, data, field, cloud)
 
     async def find(self, image_id: str, *, field: str) -> ImageInfo:
         """The picture kept before that ``field`` refers to; its lifetime begins anew.
@@ -49,8 +51,8 @@ class Uploads:
             self._blobs.put(sample)
         return sample is not None
 
-    def _stage(self, data: bytes, field: str) -> tuple[ImageInfo, Staged]:
-        size = self._inspect(data, field)
+    def _stage(self, data: bytes, field: str, cloud: bool) -> tuple[ImageInfo, Staged]:
+        size = self._inspect(data, field, cloud)
         staged = self._blobs.stage(data)
         return self._remember(_info(staged.blob_id, size, len(data))), staged
 
@@ -74,8 +76,10 @@ class Uploads:
         self._looked_at[info.id] = info
         return info
 
-    def _inspect(self, data: bytes, field: str) -> Size:
+    def _inspect(self, data: bytes, field: str, cloud: bool = False) -> Size:
         try:
+            if (cloud or field == "depth") and is_cloud(data):
+                return size_of(data, self._max_pixels)
             return inspect(data, max_pixels=self._max_pixels)
         except PictureError as error:
             raise field_error(field, str(error), code="invalid_image") from error

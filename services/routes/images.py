@@ -69,7 +69,7 @@ async def _keep_part(request: Request, caller: Caller, backend: Backend) -> Imag
 
 
 async def _keep(data: bytes, field: str, caller: Caller, backend: Backend) -> ImageInfo:
-    info, staged = await backend.uploads.stage(data, field=field)
+    info, staged = await backend.uploads.stage(data, field=field, cloud=True)
     try:
         await to_thread.run_sync(backend.queue.charge, caller.owner, caller.most_bytes, {info.id: info.bytes})
         await to_thread.run_sync(staged.keep)

@@ -1,9 +1,10 @@
 """Metric centerlines from one picture with depth, over scenes with exact truth: error, coverage, order, foreground.
 
-    python -m tests.benchmarks.bench_depth [--scenes N] [--sigma-mm S]
+    python -m tests.benchmarks.bench_depth [--scenes N] [--sigma-mm S] [--tuning]
 
 Round cables of 3.5 mm on a table 0.6 m away, seen by a sensor whose noise is alike in neighboring pixels, with holes
-and flying pixels. Baseline: the depth of the pixel under each centerline point.
+and flying pixels. Baseline: the depth of the pixel under each centerline point. ``--tuning`` takes scenes on which
+constants may be chosen; the others were looked at for nothing but their figures.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from models.synthesis.depth_sensor import SensorParams, sensed
 _NINETY = 4.605
 """90 % of a two-dimensional normal distribution is within this squared distance."""
 _LEAST_PX = 60.0
+_REPORTED = 1000
+"""The first seed of those that no constant was chosen on."""
 
 
 def measure(seed: int, params: DepthSceneParams, sensor: SensorParams) -> dict[str, list[float]]:
@@ -105,15 +108,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=12)
     parser.add_argument("--sigma-mm", type=float, default=1.0)
+    parser.add_argument("--tuning", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     sensor = SensorParams(sigma_m=args.sigma_mm / 1000)
     all_of: dict[str, list[float]] = {}
-    for seed in range(args.scenes):
+    first = 0 if args.tuning else _REPORTED
+    for seed in range(first, first + args.scenes):
         for name, values in measure(seed, DepthSceneParams(), sensor).items():
             all_of.setdefault(name, []).extend(values)
     report = {name: round(float(np.mean(values)), 3) for name, values in all_of.items() if values}
-    report |= {"scenes": args.scenes, "sigma_mm": args.sigma_mm}
+    report |= {"scenes": args.scenes, "sigma_mm": args.sigma_mm, "tuning": args.tuning}
     report |= {"points": len(all_of["error"]), "crossings": len(all_of["order"])}
     report["error_p90"] = round(float(np.percentile(all_of["error"], 90)), 3)
     print(json.dumps(report))

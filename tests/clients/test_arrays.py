@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
 from dlo_client.arrays import run_lengths
 from dlo_client.contracts import MaskRLE
+from dlo_client.pictures import part_of
 
 from models.geometry.rle import encode
 
@@ -50,3 +53,14 @@ def test_every_mask_comes_back(seed: int) -> None:
 def test_runs_that_are_no_mask_are_refused(size: tuple[int, int], counts: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         MaskRLE(size=size, counts=counts).array()
+
+
+def test_a_depth_of_points_travels_as_floats() -> None:
+    points = np.random.default_rng(0).normal(size=(4, 5, 3))
+    points[1, 2] = np.nan
+    sent = np.load(io.BytesIO(part_of(points, "depth").data), allow_pickle=False)
+    assert sent.dtype == np.float32
+    np.testing.assert_allclose(sent, points, rtol=1e-6)
+    for other in (points[..., 0] > 0, np.full((4, 5), 600, np.uint16)):
+        assert part_of(other, "depth").data.startswith(b"\x89PNG")
+    assert part_of(np.full((4, 5, 3), 0.5), "image").data.startswith(b"\x89PNG")

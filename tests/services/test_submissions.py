@@ -1,8 +1,10 @@
 """``POST /v1/jobs``: what becomes a job, and what is said about what does not."""
 
+import io
 import json
 from datetime import UTC, datetime
 
+import numpy as np
 import pytest
 from dlo_client.contracts import AnyRequest, ImageRef, NetworkInfo
 from pydantic import TypeAdapter
@@ -97,6 +99,15 @@ class TestAccepted:
         assert (alone.image, beside.image) == (None, ImageRef(**upload(samples.encoded())))
         problem(send({"kind": "instances"}, depth=depth), 422, "invalid_request", "intrinsics")
         problem(send(asked, samples.encoded(samples.pixels(20, 20)), depth=depth), 422, "size_mismatch", "depth")
+
+    def test_a_point_cloud_is_a_depth_and_no_picture(self, client, send, upload, queued, problem):
+        file = io.BytesIO()
+        np.save(file, np.ones((30, 40, 3), np.float32))
+        cloud, asked = file.getvalue(), {"kind": "topology"}
+        assert queued(send(asked, samples.encoded(), depth=cloud)).depth == ImageRef(**upload(cloud))
+        problem(send(asked, samples.encoded(samples.pixels(20, 20)), depth=cloud), 422, "size_mismatch", "depth")
+        problem(send(asked, cloud), 422, "invalid_image", "image")
+        problem(send(asked | {"image": upload(cloud)}), 422, "invalid_image", "image")
 
     def test_mask_alone(self, send, upload, queued):
         request = queued(send({"kind": "instances"}, mask=samples.encoded()))

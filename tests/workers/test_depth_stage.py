@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 import pytest
-from dlo_client.contracts import ImageRef, InstancesRequest, InstancesResult, PinholeIntrinsics
+from dlo_client.contracts import ImageRef, InstancesRequest, InstancesResult, PinholeIntrinsics, TopologyRequest
 from PIL import Image
 from pydantic import ValidationError
 
@@ -145,3 +145,48 @@ def test_without_depth_nothing_is_metric(tools, scene):
     assert all(item.curve_m is None and item.sigma_m is None for item in result.instances)
     assert curve_fields(None, np.zeros((5, 2)), 3.0, [], 5) == {}
     assert plane(read_depth(InstancesRequest(), tools)) is None
+
+
+def cloud_of(tools: Tools, depth_m: np.ndarray, turned: bool = False) -> ImageRef:
+    """A point for every pixel, as an NPY file; ``turned``: in another frame than the camera's."""
+    row, column = np.mgrid[:240, :320]
+    points = np.dstack([(column - 159.5) / 450 * depth_m, (row - 119.5) / 450 * depth_m, depth_m])
+    points = points @ np.array([[0.0, 1.0, 0.0], [0.6, 0.0, 0.8], [0.8, 0.0, -0.6]]) + 1 if turned else points
+    file = io.BytesIO()
+    np.save(file, points.astype(np.float32))
+    return ImageRef(id=tools.blobs.put(file.getvalue()))
+
+
+def test_a_point_cloud_beside_a_mask_and_alone(tools, scene, noisy):
+    mask = put(tools, scene.mask.astype(np.uint8) * 255)
+    check(look(tools, mask=mask, depth=cloud_of(tools, noisy)), scene, 0.0015)
+    check(look(tools, depth=cloud_of(tools, noisy)), scene, 0.002)
+
+
+def test_the_camera_of_a_point_cloud_follows_from_its_points(tools, noisy):
+    seen = read_depth(TopologyRequest(depth=cloud_of(tools, noisy)), tools)
+    assert seen is not None
+    assert seen.camera is not None
+    assert seen.table is not None
+    assert (seen.camera.intrinsics.fx, seen.camera.intrinsics.cx) == pytest.approx((450.0, 159.5), abs=0.05)
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_a_point_cloud_in_another_frame_is_refused(tools, noisy, given):
+    request = TopologyRequest(depth=cloud_of(tools, noisy, turned=True), intrinsics=INTRINSICS if given else None)
+    with pytest.raises(InvalidInput, match="camera's frame") as refused:
+        read_depth(request, tools)
+    assert refused.value.field == "depth"
+
+
+@pytest.mark.parametrize("factor", [1000.0, -1.0])
+def test_points_in_millimeters_or_behind_the_camera_are_refused(tools, noisy, factor):
+    with pytest.raises(InvalidInput, match=r"meters|before the camera") as refused:
+        read_depth(TopologyRequest(depth=cloud_of(tools, factor * noisy)), tools)
+    assert refused.value.field == "depth"
+
+
+def test_a_damaged_point_cloud_names_the_field(tools):
+    with pytest.raises(InvalidInput, match="damaged") as refused:
+        read_depth(TopologyRequest(depth=ImageRef(id=tools.blobs.put(b"\x93NUMPY what"))), tools)
+    assert refused.value.field == "depth"

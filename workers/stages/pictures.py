@@ -10,6 +10,7 @@ from dlo_client.contracts.images import ImageRef
 from numpy.typing import NDArray
 
 from workers.blobs import BlobMissing
+from workers.pictures import clouds
 from workers.pictures.decoding import Samples, decode
 from workers.pictures.headers import PictureError
 from workers.pictures.masks import foreground_of
@@ -63,6 +64,27 @@ def read_depth_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.fl
     return np.asarray(np.where(meters > 0, meters, np.nan), np.float32)
 
 
+def read_cloud_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.float32] | None:
+    """Points (H, W, 3) in meters of an organised point cloud, NaN unknown; None if it is a picture.
+
+    Raises InvalidInput naming ``field``.
+    """
+    data = _bytes(source, field, tools)
+    if not clouds.is_cloud(data):
+        return None
+    try:
+        points = clouds.points_of(data, tools.max_image_pixels)
+    except PictureError as error:
+        raise InvalidInput(field, str(error), "invalid_depth") from error
+    known = np.isfinite(points).all(2) & (points[..., 2] > 0)
+    if not known.any():
+        raise InvalidInput(field, "is a point cloud without a point before the camera (z forward)", "invalid_depth")
+    farthest = float(points[known, 2].max())
+    if farthest > _FARTHEST_M:
+        raise InvalidInput(field, f"has points up to {farthest:g} m away: points are in meters", "invalid_depth")
+    return np.asarray(np.where(known[..., None], points, np.nan), np.float32)
+
+
 def _mask(samples: Samples, field: str) -> tuple[NDArray[np.float32], list[str]]:
     try:
         mask, remarks = foreground_of(samples)
@@ -76,13 +98,17 @@ def _named(field: str, remarks: list[str]) -> list[str]:
 
 
 def _samples(source: ImageSource, field: str, tools: Tools, *, holes: bool = False) -> Samples:
-    if not isinstance(source, ImageRef):
-        raise TypeError("the service resolves parts to ids before it enqueues")
-    try:
-        data = tools.blobs.get(source.id)
-    except BlobMissing as error:
-        raise InvalidInput(field, "its bytes have expired: upload it again", "unknown_image") from error
+    data = _bytes(source, field, tools)
     try:
         return decode(data, max_pixels=tools.max_image_pixels, holes=holes)
     except PictureError as error:
         raise InvalidInput(field, str(error)) from error
+
+
+def _bytes(source: ImageSource, field: str, tools: Tools) -> bytes:
+    if not isinstance(source, ImageRef):
+        raise TypeError("the service resolves parts to ids before it enqueues")
+    try:
+        return tools.blobs.get(source.id)
+    except BlobMissing as error:
+        raise InvalidInput(field, "its bytes have expired: upload it again", "unknown_image") from error

@@ -6,6 +6,7 @@ library that encodes pictures, and none of the usual ones writes color of 16 bit
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ _COLOR_TYPES = {1: 0, 3: 2, 4: 6}
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _FAST = 1
+_DEPTH = "depth"
 _LARGEST_8 = 255
 _LARGEST_16 = 65_535
 _FORMS = "a picture is (H, W), (H, W, 1), (H, W, 3) in RGB order, or (H, W, 4)"
@@ -38,6 +40,19 @@ def png_of_array(array: Any, argument: str) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, depth, _COLOR_TYPES[channels], 0, 0, 0)
     rows = zlib.compress(_filtered(pixels), _FAST)
     return _SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", rows) + _chunk(b"IEND", b"")
+
+
+def bytes_of_array(array: Any, argument: str) -> bytes:
+    """An (H, W, 3) array of floats that is a ``depth`` is a point cloud and becomes a file of NumPy; every other one a
+    PNG. Raises InvalidArgument naming ``argument``."""
+    values = _as_array(array, argument)
+    if argument != _DEPTH or values.ndim != 3 or values.shape[2] != 3 or values.dtype.kind != "f":
+        return png_of_array(values, argument)
+    import numpy as np
+
+    file = io.BytesIO()
+    np.save(file, np.asarray(values, np.float32), allow_pickle=False)
+    return file.getvalue()
 
 
 def mask_array(counts: str, size: tuple[int, int]) -> NDArray[np.bool_]:

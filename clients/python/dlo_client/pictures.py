@@ -7,7 +7,8 @@
 open binary file, ``BytesIO`` what it holds from its position on
 PIL image                     its pixels as a PNG, as they are in memory: EXIF does not turn them
 NumPy array, tensor, …        its pixels as a PNG, see :func:`dlo_client.arrays.png_of_array`; of OpenCV
-                              ``opencv(array)``: its channels are in the order B, G, R
+                              ``opencv(array)``: its channels are in the order B, G, R. As ``depth`` also a point
+                              cloud: floats (H, W, 3)
 several of these              a list, a tuple, a generator
 ============================  =====================================================================
 
@@ -25,7 +26,7 @@ from typing import Any, NamedTuple, Protocol, TypeGuard, cast
 
 import httpx
 
-from dlo_client.arrays import png_of_array
+from dlo_client.arrays import bytes_of_array, png_of_array
 from dlo_client.errors import InvalidArgument
 
 
@@ -75,7 +76,7 @@ def part_of(picture: Picture, argument: str) -> Part:
     elif _is_image(picture):
         data = _png_of_image(picture, argument)
     elif _is_array(picture):
-        data = png_of_array(picture, argument)
+        data = bytes_of_array(picture, argument)
     elif hasattr(picture, "read"):
         data = _rest_of(picture, argument)
     else:

@@ -23,10 +23,13 @@ class DepthGiven(Contract):
     depth: ImageSource | None = Field(
         default=None,
         description="or a `depth` part: distances along the camera's axis, registered to the picture and of its size: "
-        "PNG or TIFF of 16-bit gray in millimeters, or TIFF of floats in meters; 0 and NaN are unknown",
+        "PNG or TIFF of 16-bit gray in millimeters, or TIFF of floats in meters; 0 and NaN are unknown. Or a point "
+        "cloud, a point (meters, in the camera's frame) for each pixel: PCD with rows, or NPY of floats (H, W, 3)",
     )
     intrinsics: AnyIntrinsics | None = Field(
-        default=None, description="of the upright picture, with `depth`: PinholeIntrinsics, or a ROS CameraInfo"
+        default=None,
+        description="of the upright picture, with `depth`: PinholeIntrinsics, or a ROS CameraInfo; those "
+        "of a point cloud follow from its points",
     )
     T_world_camera: Pose | None = Field(
         default=None, description="with `depth`: camera (z forward, y down, meters) to world; default: answers are in "
