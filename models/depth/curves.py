@@ -22,6 +22,7 @@ _LANES = np.linspace(-0.3, 0.3, 5)
 _ABOVE_AXIS = 0.936
 _WINDOW_WIDTHS, _LEAST_WINDOW_PX = 6.0, 12.0
 """Half the length of strand around a point that its parabola is fitted to."""
+_NARROW = 0.5
 _OUTLIER_SIGMAS, _ROUNDS = 3.0, 3
 _LEAST_SAMPLES = 6
 _PIXEL_SIGMA = 0.55
@@ -111,7 +112,10 @@ def _fitted(
     residual = (values - smooth)[kept]
     noise = max(float(residual.std()), 0.3 * sigma_m, _LEAST_SIGMA_M) * np.sqrt(_alike(residual))
     depth, gain = _parabolas(at, values, kept, wanted, window)
-    return depth, noise * gain, kept
+    # Where the strand bends more than a parabola, as over another one, half the window shows by how much.
+    near, near_gain = _parabolas(at, values, kept, wanted, _NARROW * window)
+    bias = np.maximum((near - depth) ** 2 - noise**2 * np.maximum(near_gain**2 - gain**2, 0.0), 0.0)
+    return depth, np.sqrt((noise * gain) ** 2 + bias), kept
 
 
 def _parabolas(

@@ -49,6 +49,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "labelling": ["tests.benchmarks.bench_labelling"],
         "tracking": ["tests.benchmarks.bench_tracking"],
         "depth": ["tests.benchmarks.bench_depth"],
+        "harness_depth": ["tests.benchmarks.bench_harness_depth", "--sheet", "build/sheets/harness_depth.png"],
         "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
         "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
         "pages": ["tests.benchmarks.bench_pages"],

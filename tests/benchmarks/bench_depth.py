@@ -30,6 +30,7 @@ from models.synthesis.depth_sensor import SensorParams, sensed
 _NINETY = 4.605
 """90 % of a two-dimensional normal distribution is within this squared distance."""
 _LEAST_PX = 60.0
+_ASTRAY_PX = 10.0
 _REPORTED = 1000
 """The first seed of those that no constant was chosen on."""
 
@@ -38,7 +39,9 @@ def measure(seed: int, params: DepthSceneParams, sensor: SensorParams) -> dict[s
     """Values by name, one a point, a cable or a crossing."""
     scene = depth_scene(np.random.default_rng([41, seed]), params)
     depth = sensed(np.random.default_rng([42, seed]), scene.depth_m, sensor)
-    out: dict[str, list[float]] = {name: [] for name in ("error", "inside", "raw", "radius", "order", "dice", "ms")}
+    out: dict[str, list[float]] = {
+        name: [] for name in ("error", "inside", "raw", "radius", "order", "dice", "ms", "astray")
+    }
     table = find_table(depth, scene.camera, np.random.default_rng(0))
     if table is None:
         return out | {"found_table": [0.0]}
@@ -60,9 +63,14 @@ def measure(seed: int, params: DepthSceneParams, sensor: SensorParams) -> dict[s
         if curve is None:
             continue
         true = scene.curves_m[_which(scene, xy)]
-        off = _offsets(curve.points_m, true)
+        # An instance that goes on along another cable is no error of the depth: such points are counted apart.
+        on = np.linalg.norm(xy[:, None] - scene.camera.project(true), axis=2).min(1) < _ASTRAY_PX
+        out["astray"] += (~on).astype(float).tolist()
+        if not on.any():
+            continue
+        off, xy = _offsets(curve.points_m, true)[on], xy[on]
         out["error"] += (1000 * np.linalg.norm(off, axis=1)).tolist()
-        inverse = np.linalg.pinv(curve.covariance_m2, rcond=1e-6, hermitian=True)
+        inverse = np.linalg.pinv(curve.covariance_m2[on], rcond=1e-6, hermitian=True)
         out["inside"] += (np.einsum("ni,nij,nj->n", off, inverse, off) < _NINETY).astype(float).tolist()
         out["raw"] += _raw(xy, depth, scene, true)
         out["radius"].append(abs(curve.radius_m / params.radius_m - 1))

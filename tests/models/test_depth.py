@@ -148,3 +148,16 @@ def test_height_turns_a_wrong_order_over(scene: DepthScene) -> None:
     wrong = replace(crossing, over=crossing.under, under=crossing.over, score=0.7)
     turned = replace(seen, crossings=(wrong,))
     assert reordered(turned, scene.depth_m).crossings[0].over == crossing.over
+
+
+def test_a_strand_that_bends_sharply_in_height_states_a_wider_sigma() -> None:
+    """Over another cable a parabola is too smooth; its error was stated as small as on the table."""
+    camera = Camera(Intrinsics(320, 60, 450.0, 450.0, 159.5, 29.5), np.eye(4))
+    column = np.arange(320.0)
+    depth = 0.6 - 0.003 * np.exp(-(((column - 160) / 12) ** 2)) * np.ones((60, 1))
+    noisy = (depth + np.random.default_rng(0).normal(0, 1e-3, depth.shape)).astype(np.float32)
+    line = np.column_stack([column[10:310], np.full(300, 29.5)])
+    curve = metric_curve(line, 3.0, noisy, camera, 1e-3)
+    assert curve is not None
+    along_ray = np.sqrt(curve.covariance_m2[:, 2, 2])
+    assert along_ray[140:160].max() > 1.5 * np.median(along_ray)
