@@ -56,9 +56,10 @@ def assign(
         return {}, [], {}
     costs, places = costs_of(samples, observations, cables, expected)
     for _ in range(_ROUNDS):
-        found = runs(samples, observations, costs, places)
+        found = runs(samples, observations, cables, costs, places)
         own = _placed(found, cables)
-        refused = [k for i, pieces in own.items() for k in contradicting(pieces, cables[i])]
+        gains = {k: _gain(run) for k, run in enumerate(found)}
+        refused = [k for i, pieces in own.items() for k in contradicting(pieces, cables[i], gains)]
         if not refused:
             break
         for k in refused:
@@ -82,6 +83,11 @@ def _placed(found: Sequence[Run], cables: Sequence[TrackedCable]) -> dict[int, d
         if run.cable >= 0 and len(run.along) > 1:
             own.setdefault(run.cable, {})[k] = placed(run, cables[run.cable])
     return own
+
+
+def _gain(run: Run) -> float:
+    """By how much it is likelier to be its cable's than nobody's."""
+    return float((run.cost[:, -1] - run.cost[:, run.cable]).sum())
 
 
 def _probability(i: int, mine: Sequence[Run]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -15,9 +16,9 @@ _ROOM_WIDTHS = 4.0
 """By which the end of one piece and the beginning of the next one may be further apart."""
 
 
-def contradicting(pieces: dict[int, Piece], cable: TrackedCable) -> list[int]:
-    """Keys of the pieces that cannot be of ``cable`` beside the other, longer ones."""
-    order = sorted(pieces, key=lambda k: -pieces[k].length_px)
+def contradicting(pieces: dict[int, Piece], cable: TrackedCable, gains: Mapping[int, float]) -> list[int]:
+    """Keys of the pieces that cannot be of ``cable`` beside the others, of higher ``gains``."""
+    order = sorted(pieces, key=lambda k: -gains[k])
     kept: dict[int, Piece] = {}
     out = []
     for k in order:
@@ -25,18 +26,18 @@ def contradicting(pieces: dict[int, Piece], cable: TrackedCable) -> list[int]:
             kept[k] = pieces[k]
         else:
             out.append(k)
-    return out if cable.closed else out + _loose(kept, cable)
+    return out if cable.closed else out + _loose(kept, cable, gains)
 
 
-def _loose(pieces: dict[int, Piece], cable: TrackedCable) -> list[int]:
-    """Those that do not hang together with the longest stretch."""
+def _loose(pieces: dict[int, Piece], cable: TrackedCable, gains: Mapping[int, float]) -> list[int]:
+    """Those that do not hang together with the likeliest stretch."""
     order = sorted(pieces, key=lambda k: float(pieces[k].position[0]))
     groups = [[order[0]]]
     for a, b in pairwise(order):
         if _jumps(pieces[a], pieces[b], cable):
             groups.append([])
         groups[-1].append(b)
-    groups.sort(key=lambda group: sum(pieces[k].length_px for k in group))
+    groups.sort(key=lambda group: sum(gains[k] for k in group))
     return [k for group in groups[:-1] for k in group]
 
 

@@ -27,6 +27,8 @@ _MOST_SLIDE_WIDTHS, _ROUNDS = 3.0, 3
 _LEARNED = 0.03
 """Share of a new course that replaces the one remembered, in a frame."""
 _LEAST_SAMPLES = 6
+_OF_HIDDEN = 0.03
+"""Weight of the direction that a place out of view is supposed to have, against one in view."""
 _PULL = 0.15
 """Share of the way from where its velocity brings a tail out of view to where its course has it, in a frame."""
 
@@ -87,7 +89,7 @@ def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[Float
         return xy, np.where(np.isnan(cable.course), course_of(xy), cable.course)
     now, course = course_of(xy), cable.course
     fitted = known & np.isfinite(course)
-    bent = _bent(now - course, fitted)
+    bent = _bent(now - course, np.where(fitted, 1.0, _OF_HIDDEN * np.isfinite(course)))
     rest = now - course - bent
     change = np.where(known, _LEARNED * (bent + np.nan_to_num(rest)), _LEARNED * bent)
     course = np.where(np.isnan(course), now - bent, course + change)
@@ -102,11 +104,11 @@ def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[Float
     return xy, course
 
 
-def _bent(change: FloatArray, known: BoolArray) -> FloatArray:
-    """(NODES - 1,) the smooth part of a change of direction that is ``known`` in places."""
-    if known.sum() < _LEAST_SAMPLES:
+def _bent(change: FloatArray, weight: FloatArray) -> FloatArray:
+    """(NODES - 1,) the smooth part of a change of direction whose places weigh (NODES - 1,)."""
+    if np.count_nonzero(weight >= 1) < _LEAST_SAMPLES:
         return np.zeros(NODES - 1)
     basis = waves(_MIDDLES_U)
-    weight = 1 / (_NOISE_RAD**2 * _INDEPENDENT)
-    system = weight * (basis[known].T @ basis[known]) + np.diag(1 / _BENDS_RAD**2)
-    return np.asarray(basis @ np.linalg.solve(system, weight * (basis[known].T @ change[known])))
+    weighted = (basis * weight[:, None]).T / (_NOISE_RAD**2 * _INDEPENDENT)
+    system = weighted @ basis + np.diag(1 / _BENDS_RAD**2)
+    return np.asarray(basis @ np.linalg.solve(system, weighted @ np.nan_to_num(change)))

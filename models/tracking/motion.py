@@ -16,7 +16,7 @@ from models.instances.scene import EndpointKind
 from models.tracking.course import laid_on
 from models.tracking.extent import end_kind, revised
 from models.tracking.placing import Piece, shows_all
-from models.tracking.sliding import waves
+from models.tracking.sliding import precision, waves
 from models.tracking.state import NODES, TrackedCable
 
 _GAIN = 0.6
@@ -32,6 +32,14 @@ _WHOLE = 0.93
 _SPREAD_WIDTHS, _SPREAD_SPEED, _MOST_SPREAD_WIDTHS = 0.1, 0.3, 12.0
 """By what a node out of view may be further off every frame: in widths, and as a share of its speed; at most."""
 _END_WIDTHS = 2.0
+_ALONE = 0.5
+"""A node counts as alone from such trust on."""
+_OF_TANGLED, _OF_SHARED, _OF_UNKNOWN = 0.03, 0.01, 0.003
+"""Weight of a node in a tangle, of one whose strand is another cable's by now, and of one that is supposed to move on
+as it did, against that of one alone."""
+_SLACK_WIDTHS = 0.7
+_KNOWN_WIDTHS = 1.5
+"""A node that may be further off than this tells nothing."""
 _MODES = waves(np.linspace(0, 1, NODES))
 _STIFFNESS = np.diag(0.02 * np.arange(6.0) ** 4)
 
@@ -52,13 +60,17 @@ def moved(
     """The cable after ``pieces`` of it were seen, so many usual frames later: it was ``predicted`` (NODES, 2) by its
     velocity, and is ``on`` the strands of the picture; ``goes_on`` as of :func:`models.tracking.extent.revised`."""
     cable, predicted, on, pieces = _lengthened(cable, predicted, on, pieces)
-    xy, seen, firm = _laid(cable, on, pieces)
-    off = _smooth(xy - predicted, seen)
+    xy, seen, firm, alone = _laid(cable, on, pieces)
+    known = cable.spread <= _KNOWN_WIDTHS * cable.width_px
+    weight = np.where(alone, 1.0, np.where(seen, _OF_TANGLED, np.where(known, _OF_SHARED, _OF_UNKNOWN)))
+    off = _smooth(np.where((seen | known)[:, None], xy - predicted, 0.0), weight, cable)
     hidden = ~seen[:, None]
-    nodes, there = np.arange(NODES), np.flatnonzero(seen)
+    nodes, there = np.arange(NODES), np.flatnonzero(alone if alone.any() else seen)
     rest = (xy - predicted - off)[there]
-    seam = np.stack([np.interp(nodes, there, rest[:, axis]) for axis in (0, 1)], axis=1)
-    xy, course = laid_on(cable, np.where(hidden, predicted + off + seam, xy), seen)
+    seam = np.stack([np.interp(nodes, there, axis) for axis in rest.T], axis=1) if len(there) else np.zeros_like(off)
+    model = predicted + off + seam
+    model += _toward(xy - model, cable.width_px) * (seen & ~alone)[:, None]
+    xy, course = laid_on(cable, np.where(alone[:, None], xy, model), seen)
     away = float(np.median(np.hypot(*off.T)))
     gain = _GAIN if away < _JUMP_WIDTHS * cable.width_px else 0.0
     velocity = (cable.velocity + gain / frames * off) * np.where(hidden, DAMPING, 1.0)
@@ -87,28 +99,38 @@ def wider(cable: TrackedCable, seen: BoolArray) -> FloatArray:
 
 def _laid(
     cable: TrackedCable, expected: FloatArray, pieces: Sequence[Piece]
-) -> tuple[FloatArray, BoolArray, FloatArray]:
-    """Nodes on the pieces, the first piece before the others; which these are, and how firm each is by now."""
+) -> tuple[FloatArray, BoolArray, FloatArray, BoolArray]:
+    """Nodes on the pieces, the first piece before the others; which these are, how firm each is by now, and which are
+    where a strand is alone."""
     spacing = cable.length_px / (NODES - 1)
     at = np.linspace(0.0, cable.length_px, NODES)
-    xy, seen, firm = expected.copy(), np.zeros(NODES, bool), cable.firm.copy()
+    xy, seen, firm, alone = expected.copy(), np.zeros(NODES, bool), cable.firm.copy(), np.zeros(NODES, bool)
     for piece in pieces:
         for turn in (-cable.length_px, 0.0, cable.length_px) if cable.closed else (0.0,):
             position = piece.position + turn
             inside = (at > position[0] - 0.5 * spacing) & (at < position[-1] + 0.5 * spacing) & ~seen
             if inside.any():
                 xy[inside] = np.stack([np.interp(at[inside], position, axis) for axis in piece.xy.T], axis=1)
-                firm[inside] = np.minimum(firm[inside] + np.interp(at[inside], position, piece.trust), 1.0)
+                trust = np.interp(at[inside], position, piece.trust)
+                firm[inside] = np.minimum(firm[inside] + trust, 1.0)
+                alone[inside] = trust > _ALONE
                 seen |= inside
-    return xy, seen, firm
+    return xy, seen, firm, alone
 
 
-def _smooth(off: FloatArray, seen: BoolArray) -> FloatArray:
-    """(NODES, 2) fitted to ``off`` of the nodes in view; beyond them it is the flatter the further."""
-    if not seen.any():
-        return np.zeros_like(off)
-    modes = _MODES[seen]
-    return np.asarray(_MODES @ np.linalg.solve(modes.T @ modes + _STIFFNESS, modes.T @ off[seen]))
+def _smooth(off: FloatArray, weight: FloatArray, cable: TrackedCable) -> FloatArray:
+    """(NODES, 2) the motion that nodes which are ``off`` with these weights (NODES,) tell; held to none where they
+    tell little."""
+    weighted = (_MODES * weight[:, None]).T
+    prior = np.diag(precision(cable)[: len(_STIFFNESS)]) + _STIFFNESS
+    return np.asarray(_MODES @ np.linalg.solve(weighted @ _MODES + prior, weighted @ off))
+
+
+def _toward(off: FloatArray, width_px: float) -> FloatArray:
+    """(NODES, 2) part of ``off`` by which a node in a tangle is drawn to it: within the tangle it may be anywhere."""
+    far = np.hypot(*off.T)[:, None]
+    slack = _SLACK_WIDTHS * width_px
+    return np.asarray(off * np.maximum(far - slack, 0.0) / np.maximum(far, 1e-9))
 
 
 def _ends(cable: TrackedCable, pieces: Sequence[Piece]) -> tuple[EndpointKind, EndpointKind]:

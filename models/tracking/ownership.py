@@ -26,12 +26,15 @@ _KNOWN_WIDTHS = 0.5
 _NOBODY = 2.2
 """Cost of a sample that belongs to no known cable: as if one were met about 1.5 widths off."""
 _FARTHEST = 3.0
+_OUT_OF_VIEW = 0.4
+"""More for a place of a cable that was out of view: what is seen stays in view."""
 _ANGLE = 2.0
 """Cost of a direction at right angles to the cable's."""
 _COLOR, _MOTTLED, _COLOR_COST = 25.0, 2.0, 3.0
 """Lab distance that costs so much, and so many times what the color varies more on a cable that is not of one."""
-_CHANGE, _NEVER = 4.0, 1e4
-"""Cost of a change of owner, where it is possible and elsewhere."""
+_CHANGE, _NEVER, _CHANGE_IN_GAP, _UNSEEN = 4.0, 1e4, 1.0, 20.0
+"""Cost of a change of owner, where it is possible, elsewhere, and in a long gap; more for a place of the new owner that
+was not in view, where the picture shows clearly that a strand goes on."""
 _NEAR_WIDTHS, _BESIDE_WIDTHS = 1.5, 2.0
 """So far from a crossing along the strand, and from another strand, the owner may change."""
 TANGLED_WIDTHS, _TRUST_IN_TANGLE = 6.0, 0.15
@@ -51,7 +54,8 @@ class Samples(NamedTuple):
     """P places on O observations in order. ``xy``, ``direction`` (P, 2); ``along`` (P,) px from the observation's first
     point; ``of`` (P,) index of the observation; ``loose`` (P,) where a picture may go on with the wrong strand;
     ``weight`` (P,) of its cost; ``trust`` (P,) how surely the strand before it is the one after it; ``left`` (P,) where
-    one strand left the picture and another one came in: the picture joined them at its border."""
+    one strand left the picture and another one came in: the picture joined them at its border; ``gap`` (P,) in a long
+    gap that was bridged, as under an arm: what is before it need not be what is after it."""
 
     xy: FloatArray
     direction: FloatArray
@@ -61,6 +65,7 @@ class Samples(NamedTuple):
     weight: FloatArray
     trust: FloatArray
     left: BoolArray
+    gap: BoolArray
 
 
 class Run(NamedTuple):
@@ -89,10 +94,11 @@ def sample(observations: Sequence[Observation]) -> Samples:
     """Equally spaced places on every observation, both ends included."""
     parts = [_sampled(observed) for observed in observations]
     of = np.repeat(np.arange(len(parts)), [len(part.of) for part in parts])
-    xy, direction, along, _, loose, weight, _, left = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    xy, direction, along, _, loose, weight, _, left, _ = (np.concatenate(c) for c in zip(*parts, strict=True))
     widths = np.array([observed.width_px for observed in observations])[of]
     loose = loose | _beside(xy, of, _BESIDE_WIDTHS * widths)
-    return Samples(xy, direction, along, of, loose | left, weight, _trust(loose, of, along, widths), left)
+    gap = _long_gaps(weight, of)
+    return Samples(xy, direction, along, of, loose | left, weight, _trust(loose, of, along, widths), left, gap)
 
 
 def _trust(loose: BoolArray, of: IntArray, along: FloatArray, widths: FloatArray) -> FloatArray:
@@ -133,7 +139,7 @@ def _sampled(observed: Observation) -> Samples:
     if observed.leaves is not None:
         inner = np.minimum(along, lengths[-1] - along) > _INNER_WIDTHS * observed.width_px
         left = inner & (np.interp(along, lengths, observed.leaves) > 0)
-    return Samples(xy, directions(xy), along, np.zeros(count, int), near, weight, weight, left)
+    return Samples(xy, directions(xy), along, np.zeros(count, int), near, weight, weight, left, left)
 
 
 def directions(xy: FloatArray) -> FloatArray:
@@ -144,11 +150,17 @@ def directions(xy: FloatArray) -> FloatArray:
     return np.asarray(steps / np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)[:, None])
 
 
-def runs(samples: Samples, observations: Sequence[Observation], costs: FloatArray, places: FloatArray) -> list[Run]:
+def runs(
+    samples: Samples,
+    observations: Sequence[Observation],
+    cables: Sequence[TrackedCable],
+    costs: FloatArray,
+    places: FloatArray,
+) -> list[Run]:
     """The stretches of every observation with one owner, in order; none begins or ends in a gap that was bridged."""
-    owner = _owners(samples, costs, len(observations))
+    owner = _owners(samples, costs, entering(samples, cables, places), len(observations))
     none = costs.shape[1] - 1
-    apart = samples.left[1:] & ~samples.left[:-1]
+    apart = (samples.left[1:] & ~samples.left[:-1]) | (samples.gap[1:] != samples.gap[:-1])
     starts = np.flatnonzero(np.r_[True, (np.diff(owner) != 0) | (np.diff(samples.of) != 0) | apart])
     stops = np.r_[starts[1:], len(owner)]
     found = []
@@ -174,14 +186,18 @@ def runs(samples: Samples, observations: Sequence[Observation], costs: FloatArra
     return found
 
 
+def _long_gaps(weight: FloatArray, of: IntArray) -> BoolArray:
+    """(P,) in a stretch without foreground that is more than a crossing or a blur."""
+    bridged = weight < 1
+    starts = np.flatnonzero(np.r_[True, (np.diff(bridged) != 0) | (np.diff(of) != 0)])
+    counts = np.diff(np.r_[starts, len(of)])
+    return np.asarray(np.repeat(bridged[starts] & (counts >= _LONG_GAP), counts))
+
+
 def _in_view(starts: IntArray, stops: IntArray, samples: Samples) -> tuple[list[int], list[int]]:
     """The stretches without a long gap at their beginning or end, where something covers the cables: what was bridged
     there tells nothing of where they are. Those that are a gap altogether are left out."""
-    edges = np.flatnonzero(np.diff(samples.weight < 1, prepend=False, append=False))
-    there = np.ones(len(samples.weight), bool)
-    for first, stop in zip(*edges.reshape(-1, 2).T.tolist(), strict=True):
-        there[first:stop] = stop - first < _LONG_GAP
-    shown = np.flatnonzero(there)
+    shown = np.flatnonzero(~samples.gap)
     first, last = np.searchsorted(shown, starts), np.searchsorted(shown, stops) - 1
     some = first <= last
     return shown[first[some]].tolist(), (shown[last[some]] + 1).tolist()
@@ -227,6 +243,7 @@ def _against(
     turned = (direction[:, :1] * tangent[:, 1] - direction[:, 1:] * tangent[:, 0]) ** 2
     squared = (across**2 + beyond**2) / sigma**2
     cost = np.log1p(squared) + np.log(sigma / (_KNOWN_WIDTHS * cable.width_px)) + _ANGLE * turned
+    cost += np.where(cable.seen, 0.0, _OUT_OF_VIEW)
     node = cost.argmin(1)
     rows = np.arange(len(points))
     return cost[rows, node], node * spacing + along[rows, node]
@@ -243,26 +260,41 @@ def _unlike(observed: Observation, cable: TrackedCable) -> float:
     return min(cost, _FARTHEST)
 
 
-def _owners(samples: Samples, costs: FloatArray, observations: int) -> IntArray:
-    """(P,) index of the owner of each sample: the cheapest sequence, changes of owner paid."""
-    counts = np.bincount(samples.of, minlength=observations)
+def entering(samples: Samples, cables: Sequence[TrackedCable], places: FloatArray) -> FloatArray:
+    """(P, C + 1) cost of a change of owner to each cable, and to none, at every sample."""
+    cost = np.full((len(samples.of), len(cables) + 1), _CHANGE)
+    for i, cable in enumerate(cables):
+        node = np.clip(np.rint(places[:, i] / cable.length_px * (NODES - 1)), 0, NODES - 1).astype(int)
+        cost[:, i] += np.where((samples.trust > 0) & ~cable.seen[node], _UNSEEN, 0.0)
+    cost[samples.gap] = _CHANGE_IN_GAP
+    cost[~samples.loose] = _NEVER
+    return cost
+
+
+def _owners(samples: Samples, costs: FloatArray, enter: FloatArray, observations: int) -> IntArray:
+    """(P,) index of the owner of each sample: the cheapest sequence, changes of owner paid. The owner of samples on
+    which it cannot change is found for all of them at once."""
+    starts = np.flatnonzero(np.r_[True, (np.diff(samples.of) != 0) | samples.loose[1:]])
+    summed = np.add.reduceat(costs * samples.weight[:, None], starts)
+    of = samples.of[starts]
+    counts = np.bincount(of, minlength=observations)
     longest, labels = int(counts.max()), costs.shape[1]
-    step = np.arange(len(samples.of)) - np.repeat(np.cumsum(counts) - counts, counts)
+    step = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
     unary = np.zeros((longest, observations, labels))
-    unary[step, samples.of] = costs * samples.weight[:, None]
-    change = np.zeros((longest, observations))
-    change[step, samples.of] = np.where(samples.loose, _CHANGE, _NEVER)
+    unary[step, of] = summed
+    change = np.zeros((longest, observations, labels))
+    change[step, of] = enter[starts]
     came_from = np.zeros((longest, observations, labels), np.intp)
     total = unary[0]
     stay, rows = np.arange(labels), np.arange(observations)
     for t in range(1, longest):
         best = total.argmin(1)
-        switched = total[rows, best] + change[t]
-        switches = switched[:, None] < total
+        switched = total[rows, best][:, None] + change[t]
+        switches = switched < total
         came_from[t] = np.where(switches, best[:, None], stay)
-        total = np.where(switches, switched[:, None], total) + unary[t]
+        total = np.where(switches, switched, total) + unary[t]
     owner = np.zeros((longest, observations), np.intp)
     owner[-1] = total.argmin(1)
     for t in range(longest - 1, 0, -1):
         owner[t - 1] = came_from[t, rows, owner[t]]
-    return np.asarray(owner[step, samples.of])
+    return np.repeat(owner[step, of], np.diff(np.r_[starts, len(samples.of)]))

@@ -28,6 +28,8 @@ _OFF_WIDTHS = 0.4
 _KNOWN_WIDTHS = 1.5
 """A node that may be further off than this is not laid on a strand."""
 _FRESH = 4
+_OF_TANGLED = 0.1
+"""Weight of a strand in a tangle: which of those there is the cable's is not known."""
 
 
 def registered(cable: TrackedCable, predicted: FloatArray, samples: Samples | None) -> FloatArray:
@@ -43,18 +45,18 @@ def registered(cable: TrackedCable, predicted: FloatArray, samples: Samples | No
     xy = predicted
     factors: FloatArray = np.zeros(prior.shape[0])
     for gate in gates:
-        off, normal, found = _to_strands(xy, near, gate * cable.width_px, cable)
+        off, normal, found, trust = _to_strands(xy, near, gate * cable.width_px, cable)
         use = found & known
         if use.sum() < _FRESH:
             return predicted
         matrix = np.hstack([basis[use] * normal[use, :1], basis[use] * normal[use, 1:]])
-        weight = 1.0 / (1.0 + (off[use] / (_OFF_WIDTHS * cable.width_px)) ** 2)
+        weight = np.where(trust[use] >= 1, 1.0, _OF_TANGLED) / (1.0 + (off[use] / (_OFF_WIDTHS * cable.width_px)) ** 2)
         wanted = off[use] + matrix @ factors
         weighted = (matrix * weight[:, None]).T
         factors = np.asarray(np.linalg.solve(weighted @ matrix + prior, weighted @ wanted))
         xy = predicted + basis @ factors.reshape(2, -1).T
-    off, normal, found = _to_strands(xy, near, _GATES_WIDTHS[-1] * cable.width_px, cable)
-    return np.asarray(xy + np.where(found & known, off, 0.0)[:, None] * normal)
+    off, normal, found, trust = _to_strands(xy, near, _GATES_WIDTHS[-1] * cable.width_px, cable)
+    return np.asarray(xy + np.where(found & known & (trust >= 1), off, 0.0)[:, None] * normal)
 
 
 class _Near(NamedTuple):
@@ -62,20 +64,21 @@ class _Near(NamedTuple):
 
     xy: FloatArray
     direction: FloatArray
+    trust: FloatArray
 
 
 def _near(xy: FloatArray, samples: Samples, reach_px: float) -> _Near:
     inside = ((samples.xy > xy.min(0) - reach_px) & (samples.xy < xy.max(0) + reach_px)).all(1)
-    return _Near(samples.xy[inside], samples.direction[inside])
+    return _Near(samples.xy[inside], samples.direction[inside], samples.trust[inside])
 
 
 def _to_strands(
     xy: FloatArray, near: _Near, gate_px: float, cable: TrackedCable
-) -> tuple[FloatArray, FloatArray, BoolArray]:
+) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:
     """Px (NODES,) from each node to the nearest strand that runs its way, along the strand's normal (NODES, 2); and
     whether there is one within ``gate_px``."""
     if not len(near.xy):
-        return np.zeros(NODES), np.zeros((NODES, 2)), np.zeros(NODES, bool)
+        return np.zeros(NODES), np.zeros((NODES, 2)), np.zeros(NODES, bool), np.zeros(NODES)
     tangent = directions(xy)
     reach = max(cable.length_px / (NODES - 1), cable.width_px)
     # Products of matrices: |a - b| along t is a·t - b·t.
@@ -89,4 +92,4 @@ def _to_strands(
     direction = near.direction[best]
     normal = np.column_stack([-direction[:, 1], direction[:, 0]])
     off = ((near.xy[best] - xy) * normal).sum(1)
-    return off, normal, np.isfinite(cost[np.arange(NODES), best])
+    return off, normal, np.isfinite(cost[np.arange(NODES), best]), near.trust[best]

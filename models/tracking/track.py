@@ -84,7 +84,7 @@ def follow(
             if (kept := changed.get(i, (0.0, 0.0))) is not None
         ]
     cables = [
-        _met(cable, predicted[i], expected[i], matches[i], frames)
+        _met(cable, predicted[i], expected[i], matches[i], frames, params)
         if i in matches
         else _missed(cable, expected[i], params)
         for i, cable in enumerate(before)
@@ -179,9 +179,14 @@ def _looked_up(picture: T, xy: FloatArray) -> T:
     return np.asarray(picture[row.clip(0, picture.shape[0] - 1), column.clip(0, picture.shape[1] - 1)])
 
 
-def _met(cable: TrackedCable, predicted: FloatArray, on: FloatArray, match: Match, frames: float) -> TrackedCable:
+def _met(
+    cable: TrackedCable, predicted: FloatArray, on: FloatArray, match: Match, frames: float, params: TrackParams
+) -> TrackedCable:
+    """The cable after a frame that showed it; one whose pieces are all shorter than its nodes are apart was missed."""
     main = match.pieces[0].observed
     after = moved(cable, predicted, on, match.pieces, match.goes_on, frames)
+    if not after.seen.any():
+        return _missed(cable, on, params)
     color = main.color
     if color is not None and cable.color is not None:
         color = _COLOR_INERTIA * cable.color + (1 - _COLOR_INERTIA) * color
