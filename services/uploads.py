@@ -54,7 +54,7 @@ class Uploads:
     def _stage(self, data: bytes, field: str, cloud: bool) -> tuple[ImageInfo, Staged]:
         size = self._inspect(data, field, cloud)
         staged = self._blobs.stage(data)
-        return self._remember(_info(staged.blob_id, size, len(data))), staged
+        return self._remember(_info(staged.blob_id, size, len(data)), data), staged
 
     def _find(self, image_id: str, field: str) -> ImageInfo:
         is_there, known = self._blobs.touch(image_id), self._looked_at.get(image_id)
@@ -68,9 +68,12 @@ class Uploads:
                 return _info(image_id, self._inspect(sample, field), len(sample))
             message = "no uploaded picture has this id (any longer); upload it first"
             raise field_error(field, message, code="unknown_image") from None
-        return self._remember(_info(image_id, self._inspect(data, field), len(data)))
+        return self._remember(_info(image_id, self._inspect(data, field), len(data)), data)
 
-    def _remember(self, info: ImageInfo) -> ImageInfo:
+    def _remember(self, info: ImageInfo, data: bytes) -> ImageInfo:
+        """A point cloud is looked at again: as a picture it is refused."""
+        if is_cloud(data):
+            return info
         while len(self._looked_at) >= _MOST_KNOWN:
             self._looked_at.pop(next(iter(self._looked_at)), None)
         self._looked_at[info.id] = info

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.geometry.arrays import FloatArray
+from models.geometry.arrays import Float32Array, FloatArray
 from models.geometry.cameras import Camera
+
+Points = Float32Array | FloatArray
 
 _FEWEST = 50
 """Points that have to be known."""
@@ -33,7 +35,7 @@ class Pinhole:
     off_px: float
 
 
-def pinhole_of(points_m: FloatArray) -> Pinhole | None:
+def pinhole_of(points_m: Points) -> Pinhole | None:
     """Of points (H, W, 3) in the camera's frame, z forward, NaN where unknown; None where they show no camera."""
     xy, seen = _seen(points_m)
     if len(xy) < _FEWEST or (seen.std(0) < _LEAST_FIELD).any():
@@ -46,7 +48,7 @@ def pinhole_of(points_m: FloatArray) -> Pinhole | None:
     return Pinhole(fx, fy, cx, cy, float(np.median(off))) if fx > 0 and fy > 0 else None
 
 
-def off_px(points_m: FloatArray, camera: Camera) -> float:
+def off_px(points_m: Points, camera: Camera) -> float:
     """Median distance, px, of where ``camera``, at its own origin, sees the points (H, W, 3) from their pixels."""
     xy, seen = _seen(points_m)
     i = camera.intrinsics
@@ -55,7 +57,7 @@ def off_px(points_m: FloatArray, camera: Camera) -> float:
     return float(np.median(np.nan_to_num(away, nan=np.inf))) if len(away) else np.inf
 
 
-def _seen(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _seen(points_m: Points) -> tuple[FloatArray, FloatArray]:
     """Pixels (n, 2) of some known points, and their (x, y) / z."""
     known = np.argwhere(np.isfinite(points_m).all(2) & (points_m[..., 2] > 0))
     known = known[:: max(len(known) // _MOST_SAMPLES, 1)]

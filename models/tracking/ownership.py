@@ -26,8 +26,6 @@ _KNOWN_WIDTHS = 0.5
 _NOBODY = 2.2
 """Cost of a sample that belongs to no known cable: as if one were met about 1.5 widths off."""
 _FARTHEST = 3.0
-_OUT_OF_VIEW = 0.4
-"""More for a place of a cable that was out of view: what is seen stays in view."""
 _ANGLE = 2.0
 """Cost of a direction at right angles to the cable's."""
 _COLOR, _MOTTLED, _COLOR_COST = 25.0, 2.0, 3.0
@@ -243,7 +241,6 @@ def _against(
     turned = (direction[:, :1] * tangent[:, 1] - direction[:, 1:] * tangent[:, 0]) ** 2
     squared = (across**2 + beyond**2) / sigma**2
     cost = np.log1p(squared) + np.log(sigma / (_KNOWN_WIDTHS * cable.width_px)) + _ANGLE * turned
-    cost += np.where(cable.seen, 0.0, _OUT_OF_VIEW)
     node = cost.argmin(1)
     rows = np.arange(len(points))
     return cost[rows, node], node * spacing + along[rows, node]
