@@ -102,7 +102,7 @@ export const GERMAN = {
   "Do": "Tun", "Jobs, workers and networks": "Aufträge, Worker und Netze", "Service": "Dienst", "Ready: the queue answers and a worker is warm": "Bereit: die Warteschlange antwortet, ein Worker ist warm", "Queue": "Warteschlange", "Disk": "Platte", "no worker": "kein Worker",
   "nothing waits": "nichts wartet", "starting": "startet", "idle": "frei", "busy": "beschäftigt", "{x} free": "{x} frei", "This service does not measure its disk.": "Dieser Dienst misst seine Platte nicht.",
   "Uploads are accepted while {x} are free": "Bilder werden angenommen, solange {x} frei sind", "Uploads are refused: less than {x} is free": "Bilder werden abgelehnt: weniger als {x} frei", "Last failures by reason": "Letzte Fehler nach Grund",
-  "Reason": "Grund", "How often": "Wie oft", "Last": "Zuletzt", "Job": "Auftrag", "All jobs": "Alle Aufträge", "Jobs since the queue began": "Aufträge seit Beginn der Warteschlange", "Jobs, newest first": "Aufträge, die neuesten zuerst", "every state": "jeder Zustand", "state": "Zustand",
+  "Reason": "Grund", "How often": "Wie oft", "Last": "Zuletzt", "Job": "Auftrag", "All jobs": "Alle Aufträge", "accepted": "angenommen", "Jobs since the queue began": "Aufträge seit Beginn der Warteschlange", "Jobs, newest first": "Aufträge, die neuesten zuerst", "every state": "jeder Zustand", "state": "Zustand",
   "Older jobs": "Ältere Aufträge", "State": "Zustand", "Accepted": "Angenommen", "Waited": "Gewartet", "Took": "Gedauert", "Networks": "Netze", "Task": "Aufgabe", "Default": "Üblich", "Loaded": "Geladen", "MB": "MB", "yes": "ja", "no": "nein",
   "when asked for": "auf Wunsch", "no job has failed": "kein Auftrag ist fehlgeschlagen"
 };
