@@ -43,6 +43,13 @@ class EmbeddedQueue:
         self.url = url(self.port, self._password)
         self._process: subprocess.Popen[bytes] | None = None
 
+    @property
+    def pid(self) -> int:
+        """Of the server; raises RuntimeError if it was not started."""
+        if self._process is None:
+            raise RuntimeError("not started")
+        return self._process.pid
+
     def start(self, timeout_s: float = 120.0) -> EmbeddedQueue:
         """Start, and return once it answers; raises RuntimeError if it does not come up."""
         command = [sys.executable, "-m", "workers.embedded", "--with-parent", str(os.getpid())]

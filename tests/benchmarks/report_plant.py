@@ -41,6 +41,11 @@ def throughput_section(data: dict[str, Any]) -> str:
                 [[rates["processes"], rates["bare_per_s"], rates["service_per_s"], rates["percent"]]],
             )
         )
+        if "processor_percent" in rates:
+            text += (
+                f"\nProcessor time of a job, which other programs on the machine change little: {rates['bare_ms']} ms "
+                f"bare, {rates['service_ms']} ms with all processes of the service, {rates['processor_percent']} %.\n"
+            )
     if memory := data.get("memory"):
         parts = [part for part in memory["cases"]["at rest"] if part != "answered"]
         text += (

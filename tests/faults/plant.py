@@ -151,6 +151,12 @@ class Plant:
                 found[name] = sum(one.memory_info().rss for one in family) / 2**20
         return found
 
+    def processor_s(self) -> float:
+        """Processor time of everything that runs now, in seconds."""
+        tops = [self.api.process.pid, self.queue_server.pid, *(worker.process.pid for worker in self.workers)]
+        family = [one for pid in tops for one in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True))]
+        return sum(sum(one.cpu_times()[:2]) for one in family)
+
     def _api_command(self) -> list[str]:
         where = ["--host", "127.0.0.1", "--port", str(self._port), "--log-level", "error"]
         http = ["--http", "services.http_protocol:BoundedHttp"]
