@@ -44,7 +44,8 @@ def throughput_section(data: dict[str, Any]) -> str:
         if "processor_percent" in rates:
             text += (
                 f"\nProcessor time of a job, which other programs on the machine change little: {rates['bare_ms']} ms "
-                f"bare, {rates['service_ms']} ms with all processes of the service, {rates['processor_percent']} %.\n"
+                f"bare, {rates['service_ms']} ms with all processes of the service, {rates['processor_percent']} %. "
+                "(More jobs than bare: other programs took more from two processes than from the service's seven.)\n"
             )
     if memory := data.get("memory"):
         parts = [part for part in memory["cases"]["at rest"] if part != "answered"]
