@@ -24,7 +24,7 @@ def upright(x: float, bend: float = 20.0) -> np.ndarray:
 
 @pytest.mark.parametrize("speed", [2.0, 3.0, 5.0])
 def test_a_cable_that_sweeps_over_another_one_goes_on(speed: float) -> None:
-    """For some frames both are one strand. The velocity was taken from that strand: they turned back or changed."""
+    """For some frames both are one strand."""
     track = Track()
     for t in range(int(200 / speed)):
         moving, still = upright(220 + speed * t), upright(320)
