@@ -96,7 +96,7 @@ def _inner(points: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=40)
+    parser.add_argument("--scenes", type=int, default=48)
     parser.add_argument("--sigma-mm", type=float, default=1.0)
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--sheet", type=Path)
