@@ -51,7 +51,11 @@ class Held:
     room: tuple[float, float]
 
 
-def find_holds(topology: Topology, most: int) -> list[Held]:
+MOST_HOLDS = 120
+"""Places to hold that are looked at: more take longer and were never the best."""
+
+
+def find_holds(topology: Topology, most: int = MOST_HOLDS) -> list[Held]:
     """Places from which something that crosses can be turned.
 
     At most 24 crossings, those nearest to a free end first as they are easiest to undo (6.7), and ``most`` places are

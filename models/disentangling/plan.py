@@ -15,6 +15,7 @@ import numpy as np
 
 from models.disentangling.expectations import Attempt, updated
 from models.disentangling.hands import Frame, in_hands, usual_hand_px
+from models.disentangling.hold_candidates import MOST_HOLDS, find_holds
 from models.disentangling.result_of_turn import after_turn
 from models.disentangling.rigid_piece import Pivot, as_pair, turned
 from models.disentangling.supposed_touches import loosened
@@ -87,8 +88,10 @@ class Action:
         )
 
 
-_MOST_HOLDS, _MOST_HOLDS_AHEAD = 120, 40
-"""Places to hold that are looked at, now and one move ahead: more take longer and were never the best."""
+_MOST_HOLDS_AHEAD = 40
+"""Places to hold that are looked at one move ahead."""
+_MOST_HOLDS_IN_ALL = 1000
+"""Places to hold that one plan looks at, however many crossings and rings there are."""
 _MOST_AHEAD = 5
 """Options of which the state that they leave is looked at: each takes as long as planning once."""
 _LIKELY = 0.4
@@ -164,22 +167,33 @@ class Option:
     touching: int = -1
 
 
+@dataclass(eq=False)
+class Looks:
+    """How many places to hold may still be looked at."""
+
+    left: int
+
+    def taken(self, most: int) -> int:
+        return max(0, min(most, self.left))
+
+
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is wished, and what
-    was tried."""
+    """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is wished, what was
+    tried, and how many places may still be looked at."""
 
     classifier: Classifier
     frame: Frame
     clearance_widths: float = 1.0
     attempts: Sequence[Attempt] = ()
+    looks: Looks = field(default_factory=lambda: Looks(_MOST_HOLDS_IN_ALL))
 
     def ranked(self, scene: Topology) -> list[Option]:
         """Strategy: rank by the chance that all crossings go; of the best options that part different crossings, look
         at what they leave; where none is likely, look at turns too that only prepare another one."""
-        options = self.options(scene, 1, _MOST_HOLDS)
+        options = self.options(scene, 1, MOST_HOLDS)
         if max((o.chance for o in options), default=0.0) < _LIKELY:
-            options = self.options(scene, 0, _MOST_HOLDS)
+            options = self.options(scene, 0, MOST_HOLDS)
         different: dict[object, Option] = {}
         for option in options:
             parted = frozenset(k for k, _ in option.turn.held.parted)
@@ -192,7 +206,9 @@ class Search:
     def options(self, scene: Topology, gain: int, most_holds: int) -> list[Option]:
         """The best first: as if each crossing that is left took a move as likely to work as this one, and a preparing
         turn one move more; less if the piece leaves the view, as nobody knows then what it is on."""
-        turns = find_turns(scene, self.frame, self.clearance_widths, gain, most_holds)
+        holds = find_holds(scene, self.looks.taken(most_holds))
+        self.looks.left -= len(holds)
+        turns = find_turns(scene, holds, self.frame, self.clearance_widths, gain)
         before = len(scene.crossings)
         found = []
         for turn, weighed in zip(turns, self._weighed(turns).tolist(), strict=True):

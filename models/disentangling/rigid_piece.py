@@ -14,6 +14,8 @@ from models.topology.scene import Topology
 
 _STEP = 2 / 3
 """Hands between the points of a piece that is swept: finer than any strand that a hand can take bends."""
+_MOST_POINTS = 150
+"""Of one section, so that a long thin one takes no longer than its bends need."""
 _HEADING_WIDTHS = 4.0
 """A section's direction at its end is read off so many widths: beyond the blob where strands meet."""
 _BLOB = 1 / 6
@@ -139,7 +141,7 @@ def _cut(xy: FloatArray, lengths: FloatArray, at: float) -> tuple[FloatArray, Fl
 def _piece(xy: FloatArray, lengths: FloatArray, start: float, stop: float) -> FloatArray:
     if stop - start < 1e-6:
         return np.zeros((0, 2))
-    count = max(2, round((stop - start) / _STEP) + 1)
+    count = min(max(2, round((stop - start) / _STEP) + 1), _MOST_POINTS)
     return point_at(xy, lengths, np.linspace(start, stop, count))
 
 

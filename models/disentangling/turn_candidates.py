@@ -6,6 +6,7 @@ small network to weigh.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from models.disentangling.evidence import CountEvidence, RoomEvidence, SetBackEvidence, held_evidence
 from models.disentangling.hands import Frame, allowance
-from models.disentangling.hold_candidates import Held, find_holds, parted_by
+from models.disentangling.hold_candidates import Held, parted_by
 from models.disentangling.rigid_piece import set_back, turned
 from models.disentangling.sweep import Sweep
 from models.geometry.arrays import FloatArray, IntArray
@@ -53,14 +54,13 @@ class Turn:
 
 
 def find_turns(
-    topology: Topology, frame: Frame, clearance_widths: float, gain: int = 1, most_holds: int = 120
-) -> list[Turn]:  # fmt: skip
-    """Turns that leave ``gain`` crossings less than there are, or fewer; some for each of ``most_holds`` places.
+    topology: Topology, holds: Sequence[Held], frame: Frame, clearance_widths: float, gain: int = 1
+) -> list[Turn]:
+    """Turns that leave ``gain`` crossings less than there are, or fewer; some for each of the places that are held.
 
     ``topology`` and ``frame`` are in hands. A gain of 0 adds turns that remove a crossing and make another.
     ``clearance_widths``: wished distance to what rests, in widths.
     """
-    holds = find_holds(topology, most_holds)
     return [turn for held in holds for turn in _turns_about(topology, held, frame, clearance_widths, gain)]
 
 

@@ -104,6 +104,19 @@ def intersections(
     return i, j, p[i] + t[i, j][:, None] * (p2 - p)[i]
 
 
+def paired_intersections(
+    first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
+) -> tuple[IntArray, FloatArray]:
+    """Rows in which segment k of the first set crosses segment k of the second, and where ``(c, 2)``."""
+    (p, p2), (q, q2) = first, second
+    r, s, between = p2 - p, q2 - q, q - p
+    area = _cross(r, s)
+    safe = np.where(area == 0, 1.0, area)
+    t, u = _cross(between, s) / safe, _cross(between, r) / safe
+    met = np.flatnonzero((area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1))
+    return met, p[met] + t[met, None] * r[met]
+
+
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     out: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     return out

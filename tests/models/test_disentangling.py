@@ -172,7 +172,8 @@ HAND_PX = 12.0
 
 
 def turns_of(harness: Topology, margin_px: float = 0.0, gain: int = 1) -> list[Turn]:
-    return find_turns(in_hands(harness, HAND_PX), Frame.of(harness, HAND_PX, margin_px), 1.0, gain)
+    scene = in_hands(harness, HAND_PX)
+    return find_turns(scene, find_holds(scene), Frame.of(harness, HAND_PX, margin_px), 1.0, gain)
 
 
 def twice_crossed() -> Topology:

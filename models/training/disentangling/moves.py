@@ -17,6 +17,7 @@ import numpy as np
 
 from models.disentangling.evidence import MOVE_FEATURES
 from models.disentangling.hands import Frame, in_hands, usual_hand_px
+from models.disentangling.hold_candidates import find_holds
 from models.disentangling.plan import DisentangleParams, action_of
 from models.disentangling.turn_candidates import Turn, find_turns
 from models.geometry.arrays import FloatArray
@@ -85,7 +86,8 @@ def _seen(harness: Harness, rng: np.random.Generator, network: TopologyNetwork, 
 def _tried(topology: Topology, hand_px: float, rng: np.random.Generator) -> list[Turn]:
     """Some of the turns; more often those that are certain and that leave fewer crossings."""
     frame = Frame.of(topology, hand_px, 0.0)
-    turns = find_turns(in_hands(topology, hand_px), frame, DisentangleParams.clearance_widths, 0)
+    scene = in_hands(topology, hand_px)
+    turns = find_turns(scene, find_holds(scene), frame, DisentangleParams.clearance_widths, 0)
     removed = np.array([len(topology.crossings) - t.after for t in turns])
     certain = np.array([t.held.certainty * (0.2 + t.in_view) for t in turns])
     weights = certain * np.where(removed > 0, 1.0, _PREPARING)
