@@ -31,17 +31,28 @@ _MOST_TEXT = 40
 _INTRINSICS = {"width": 480, "height": 360, "fx": 450, "fy": 450, "cx": 240, "cy": 180}
 _ALONG = [[-0.0163, -0.11], [-0.0196, -0.066], [-0.0095, -0.022], [0.0095, 0.022], [0.0196, 0.066], [0.0163, 0.11]]
 _LINE = [[0.02 * k, 0.0] for k in range(16)]
+_FIXTURES = [
+    {"kind": "peg", "xy_m": [0.1, -0.03], "radius_m": 0.01},
+    {"kind": "clip", "xy_m": [0.2, 0.02], "angle_rad": 0.3, "width_m": 0.012},
+]
+_ROUTE = {"stops": [{"fixture": 0, "side": "right"}, {"fixture": 1}], "slack_m": 0.02}
 _ARC = [[0.02 * k, round(0.05 - 0.0009 * (k - 7.5) ** 2, 4)] for k in range(16)]
 
 
 @dataclass(frozen=True)
 class Example:
-    """``images`` and ``mask``: files of the repository that go along."""
+    """``images`` and ``mask``: files of the repository that go along; ``variant``: words behind the kind, where there
+    are several of one kind."""
 
     request: dict[str, Any]
     what: str
     images: tuple[str, ...] = ()
     mask: str | None = None
+    variant: str = ""
+
+    @property
+    def title(self) -> str:
+        return f"`{self.kind}` {self.variant}".rstrip()
 
     @property
     def kind(self) -> str:
@@ -70,6 +81,11 @@ def examples() -> tuple[Example, ...]:
         Example({"kind": "next_view", **looked}, "Where to look from next."),
         Example({"kind": "merge_curves", "curves": [_curve(-0.1, 0.02), _curve(-0.02, 0.1)]}, "Sections to one."),
         Example({"kind": "plan_shape", **shape}, "The action that brings a rope closest to a shape."),
+        Example(
+            {"kind": "plan_shape", "state_m": _LINE, "object": shape["object"], "fixtures": _FIXTURES, "route": _ROUTE},
+            "The first action that brings a rope around a peg and into a clip.",
+            variant="among fixtures",
+        ),
         Example({"kind": "estimate_parameters", "object": {"mass_kg": 0.05}, "history": [moved]}, "What rope it is."),
         Example({"kind": "label_tracked", "views": views, "strokes": [stroke]}, "Labels of pictures.", _FROM_POSES),
         Example({"kind": "noop"}, "Nothing: the path of a job."),
@@ -174,7 +190,7 @@ def page(tools: Tools) -> str:
     for example, result, files in answers(tools):
         stored = f"Files of the job: {', '.join(f'`{name}`' for name in files)}.\n" if files else ""
         parts.append(
-            f"## `{example.kind}`\n\n{example.what}\n\n```\n{command(example)}\n```\n\n"
+            f"## {example.title}\n\n{example.what}\n\n```\n{command(example)}\n```\n\n"
             f"Its `result`:\n\n```\n{compact(shortened(result))}\n```\n{stored and chr(10)}{stored}"
         )
     return "\n".join(parts)

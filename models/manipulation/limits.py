@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.manipulation.actions import Candidates
+from models.manipulation.fixtures import segment_distance
 from models.manipulation.frames import FloatArray, IntArray
 from models.manipulation.scaling import MOVE_SCALE
 
@@ -16,8 +17,8 @@ from models.manipulation.scaling import MOVE_SCALE
 class Limits:
     """``box`` (2, 2) m, lowest and highest x, y that the DLO and the gripper may reach; ``zones`` polygons (k, 2) m
     that neither may enter; ``base`` (2,) m and ``reach`` (2,) m, least and largest distance of a pick or a place to
-    it; ``shift`` m and ``turn`` rad the largest of an action; ``no_grasp`` edges that must not be gripped. None: no
-    such limit."""
+    it; ``gripper`` m, radius of the room that a gripper takes, which no zone may enter; ``shift`` m and ``turn`` rad
+    the largest of an action; ``no_grasp`` edges that must not be gripped. None: no such limit."""
 
     box: FloatArray | None = None
     zones: Sequence[FloatArray] = ()
@@ -26,6 +27,7 @@ class Limits:
     shift: float = float(MOVE_SCALE[0])
     turn: float = float(MOVE_SCALE[2])
     no_grasp: Sequence[int] = ()
+    gripper: float = 0.0
 
     @property
     def largest(self) -> FloatArray:
@@ -63,12 +65,19 @@ def checks(state: FloatArray, candidates: Candidates, k: int, limits: Limits) ->
         away = np.hypot(*(np.stack([pick, place]) - limits.base).T)
         found.append(Check("reach", bool(np.all((away >= limits.reach[0]) & (away <= limits.reach[1])))))
     if limits.zones:
-        path = pick + np.linspace(0, 1, 21)[:, None] * move[:2]
-        points = np.vstack([path, dense(after)])
-        found.append(Check("keep_out", not any(inside(points, zone).any() for zone in limits.zones)))
+        met = any(carried_into(pick, place, limits.gripper, z) or inside(dense(after), z).any() for z in limits.zones)
+        found.append(Check("keep_out", not met))
     if limits.no_grasp:
         found.append(Check("grasp", edge not in limits.no_grasp))
     return found
+
+
+def carried_into(pick: FloatArray, place: FloatArray, radius: float, zone: FloatArray) -> bool:
+    """Whether a circle (``radius`` m) that goes straight from ``pick`` to ``place`` (2,) meets a polygon (k, 2)."""
+    if inside(np.stack([pick, place]), zone).any():
+        return True
+    away = segment_distance(pick[None], place[None], zone, np.roll(zone, -1, 0))
+    return bool((away <= radius).any())
 
 
 def dense(points: FloatArray, parts: int = 4) -> FloatArray:

@@ -23,23 +23,23 @@ def back_to_points(points: FloatArray, nodes: FloatArray, moved: FloatArray) -> 
     return points + np.stack([np.interp(at, steps, axis) for axis in shift.T], 1)
 
 
-def edge_of_points(points: FloatArray, node_edge: int) -> int:
+def edge_of_points(points: FloatArray, node_edge: int, nodes: int = NODES) -> int:
     """The edge between given points in which the middle of this edge between nodes lies."""
     shares = arc_lengths(points) / arc_lengths(points)[-1]
-    middle = (node_edge + 0.5) / (NODES - 1)
+    middle = (node_edge + 0.5) / (nodes - 1)
     return int(np.clip(np.searchsorted(shares, middle, "right") - 1, 0, len(points) - 2))
 
 
-def node_edge_of(points: FloatArray, edge: int) -> int:
+def node_edge_of(points: FloatArray, edge: int, nodes: int = NODES) -> int:
     """The edge between nodes in which the middle of this edge between given points lies."""
     lengths = arc_lengths(points)
     middle = (lengths[edge] + lengths[edge + 1]) / 2 / lengths[-1]
-    return int(np.clip(middle * (NODES - 1), 0, NODES - 2))
+    return int(np.clip(middle * (nodes - 1), 0, nodes - 2))
 
 
-def node_edges_within(points: FloatArray, edges: list[int]) -> list[int]:
+def node_edges_within(points: FloatArray, edges: list[int], nodes: int = NODES) -> list[int]:
     """The node edges whose middles lie on one of these edges between given points."""
-    return [k for k in range(NODES - 1) if edge_of_points(points, k) in edges]
+    return [k for k in range(nodes - 1) if edge_of_points(points, k, nodes) in edges]
 
 
 def _even(points: FloatArray) -> bool:

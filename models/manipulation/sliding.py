@@ -11,16 +11,20 @@ viscous friction instead, under which a DLO that is let go creeps until it is st
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.manipulation.contact import Pushes, add_rows
 from models.manipulation.frames import FloatArray, IntArray
 from models.manipulation.simulator import Actions, gripped
 
 STIFFNESS_M = (0.02, 5.0)
 """Range of s in which parameters are looked for: a limp thread to a rod that hardly bends."""
+Contact = Callable[[FloatArray], Pushes]
+"""Shapes (B, n, 2) to where something pushes them."""
 
 
 @dataclass(frozen=True)
@@ -71,20 +75,38 @@ def slide(
     states: FloatArray, edges: IntArray, moves: FloatArray, ropes: Sliders, params: SlidingParams | None = None
 ) -> FloatArray:
     """(B, n, 2) states to those after each action: grip ``edges`` (B,), move by ``moves`` (B, 3), let go."""
-    params = params or SlidingParams()
+    return ways_slid(states, edges, moves, ropes, params or SlidingParams())[:, -1]
+
+
+def ways_slid(
+    states: FloatArray,
+    edges: IntArray,
+    moves: FloatArray,
+    ropes: Sliders,
+    params: SlidingParams,
+    contact_of: Callable[[FloatArray], Contact] | None = None,
+) -> FloatArray:
+    """(B, T, n, 2) the states after every step of the gripper's way, and at last after it has let go.
+
+    ``contact_of`` is asked at the beginning, and again before the gripper lets go: clips hold then what was pressed in.
+    """
     chains = _Chains.of(states)
     here = now = states
     held = _held(edges, states.shape[1])
     grip = params.grip * held.astype(np.float64)
     actions, wanted = Actions(edges, moves[:, :2], moves[:, 2]), np.zeros(states.shape)
     pace = np.hypot(moves[:, :1], moves[:, 1:2]) / params.steps * np.ones(held.shape)
+    way = []
+    contact = None if contact_of is None else contact_of(states)
     for k in range(1, params.steps + 1):
         wanted[held] = gripped(states, actions, k / params.steps).reshape(-1, 2)
         for _ in range(params.rounds):
-            now = _relaxed(chains, now, here, ropes, _weight(pace, params.slip_m), grip, wanted)
+            now = _relaxed(chains, now, here, ropes, _weight(pace, params.slip_m), grip, wanted, contact)
             pace = np.hypot(*np.moveaxis(now - here, -1, 0))
         here = now
-    return _released(chains, here, pace, ropes, params)
+        way.append(now)
+    at_last = None if contact_of is None else contact_of(here)
+    return np.stack([*way, _released(chains, here, pace, ropes, params, at_last)], 1)
 
 
 def left_alone(states: FloatArray, ropes: Sliders, params: SlidingParams | None = None) -> FloatArray:
@@ -94,11 +116,16 @@ def left_alone(states: FloatArray, ropes: Sliders, params: SlidingParams | None 
 
 
 def _released(
-    chains: _Chains, before: FloatArray, pace: FloatArray, ropes: Sliders, params: SlidingParams
+    chains: _Chains,
+    before: FloatArray,
+    pace: FloatArray,
+    ropes: Sliders,
+    params: SlidingParams,
+    contact: Contact | None = None,
 ) -> FloatArray:
     now, free = before, np.zeros(pace.shape)
     for _ in range(params.released):
-        now = _relaxed(chains, now, before, ropes, _weight(pace, params.slip_m), free, before)
+        now = _relaxed(chains, now, before, ropes, _weight(pace, params.slip_m), free, before, contact)
         pace = np.hypot(*np.moveaxis(now - before, -1, 0))
     return now
 
@@ -124,6 +151,7 @@ def _relaxed(
     weight: FloatArray,
     grip: FloatArray,
     wanted: FloatArray,
+    contact: Contact | None,
 ) -> FloatArray:
     """The nodes after one step of reweighted least squares from ``nodes`` towards the shape of least energy; the
     chains change in place."""
@@ -135,7 +163,10 @@ def _relaxed(
     gradient[:, 1:] += bend
     gradient[:, :-1] -= bend
     right = -np.concatenate([beyond[:, 0], gradient], 1)
-    step = np.linalg.solve(_system(normal, weights, ropes.stiffness), right[..., None])[..., 0]
+    system = _system(normal, weights, ropes.stiffness)
+    if contact is not None:
+        add_rows(contact(nodes), normal, right, system)
+    step = np.linalg.solve(system, right[..., None])[..., 0]
     chains.first += step[:, :2]
     chains.heading += np.clip(step[:, 2:], -0.5, 0.5)
     return chains.nodes()

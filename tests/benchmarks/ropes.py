@@ -79,18 +79,22 @@ class OwnTable:
 class MujocoTable:
     """A chain of capsules with bending springs on a plane with friction, moved at 0.1 m/s and then left alone."""
 
-    def __init__(self, kind: RopeKind, surface: str, stiffer: float = 1.0) -> None:
+    def __init__(
+        self, kind: RopeKind, surface: str, stiffer: float = 1.0, nodes: int = NODES, fixtures: str = ""
+    ) -> None:
+        """``fixtures``: geoms that stand on the table."""
         import mujoco
 
         self._mj = mujoco
-        self._model = mujoco.MjModel.from_xml_string(_xml(kind, SURFACES[surface][1], stiffer))
+        self._nodes = nodes
+        self._model = mujoco.MjModel.from_xml_string(_xml(kind, SURFACES[surface][1], stiffer, nodes, fixtures))
         self._data = mujoco.MjData(self._model)
-        self._edge_length = kind.length / (NODES - 1)
+        self._edge_length = kind.length / (nodes - 1)
         mujoco.mj_forward(self._model, self._data)
         self._run(0.3)
 
     def state(self) -> np.ndarray:
-        bodies = [self._data.body(f"b{k}") for k in range(NODES - 1)]
+        bodies = [self._data.body(f"b{k}") for k in range(self._nodes - 1)]
         points = [b.xpos[:2].copy() for b in bodies]
         last = bodies[-1]
         points.append(last.xpos[:2] + self._edge_length * last.xmat.reshape(3, 3)[:2, 0])
@@ -106,8 +110,17 @@ class MujocoTable:
         self._mj.mj_forward(self._model, self._data)
         self._run(0.5)
 
-    def act(self, edge: int, move: np.ndarray) -> None:
-        """The edge is welded to a mocap body, lifted by nothing, dragged and turned, let go."""
+    def stand(self, name: str, there: bool) -> None:
+        """Whether the rope meets the geoms whose names begin with ``name`` from now on.
+
+        They are made solid: MuJoCo never looks again at geoms that are not so when the model is compiled.
+        """
+        for k in range(self._model.ngeom):
+            if self._model.geom(k).name.startswith(name):
+                self._model.geom_contype[k] = self._model.geom_conaffinity[k] = int(there)
+
+    def act(self, edge: int, move: np.ndarray, arrived: Callable[[], None] = lambda: None) -> None:
+        """The edge is welded to a mocap body, lifted by nothing, dragged and turned, let go after ``arrived``."""
         body = self._data.body(f"b{edge}")
         start, heading = body.xpos.copy(), np.arctan2(body.xmat[3], body.xmat[0])
         middle = start[:2] + self._edge_length / 2 * np.array([np.cos(heading), np.sin(heading)])
@@ -120,6 +133,7 @@ class MujocoTable:
             xy = middle + share * move[:2] - self._edge_length / 2 * direction
             self._place(np.array([*xy, start[2]]), angle)
             self._run(0.01)
+        arrived()
         self._hold(edge, False)
         self._run(0.5)
 
@@ -135,11 +149,11 @@ class MujocoTable:
             self._mj.mj_step(self._model, self._data)
 
 
-def _xml(kind: RopeKind, friction: float, stiffer: float) -> str:
-    edge, radius = kind.length / (NODES - 1), kind.diameter / 2
-    spring, mass = stiffer * kind.stiffness / edge, kind.mass / (NODES - 1)
+def _xml(kind: RopeKind, friction: float, stiffer: float, nodes: int, fixtures: str) -> str:
+    edge, radius = kind.length / (nodes - 1), kind.diameter / 2
+    spring, mass = stiffer * kind.stiffness / edge, kind.mass / (nodes - 1)
     inner = ""
-    for k in reversed(range(NODES - 1)):
+    for k in reversed(range(nodes - 1)):
         joint = (
             '<freejoint/>' if k == 0
             else f'<joint type="hinge" axis="0 0 1" stiffness="{spring}" damping="{spring * 0.02}"/>'
@@ -151,12 +165,12 @@ def _xml(kind: RopeKind, friction: float, stiffer: float) -> str:
         )
     welds = "".join(
         f'<weld name="grip{k}" body1="hand" body2="b{k}" active="false" relpose="0 0 0 1 0 0 0" solref="0.01 1"/>'
-        for k in range(NODES - 1)
+        for k in range(nodes - 1)
     )
-    exclude = "".join(f'<exclude body1="b{k}" body2="b{k + 1}"/>' for k in range(NODES - 2))
+    exclude = "".join(f'<exclude body1="b{k}" body2="b{k + 1}"/>' for k in range(nodes - 2))
     return (
         '<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody>'
         f'<geom type="plane" size="2 2 0.1" friction="{friction} 0.005 0.0001"/>'
-        f'<body name="hand" mocap="true"/>{inner}</worldbody><equality>{welds}</equality>'
+        f'{fixtures}<body name="hand" mocap="true"/>{inner}</worldbody><equality>{welds}</equality>'
         f"<contact>{exclude}</contact></mujoco>"
     )

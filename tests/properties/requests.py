@@ -192,6 +192,32 @@ def dlo() -> st.SearchStrategy[Request]:
 
 
 @st.composite
+def fixed(draw: st.DrawFn) -> Request:
+    """Fixtures, and often a route by some of them."""
+    place = st.tuples(number(-0.2, 0.5), number(-0.3, 0.3)).map(list)
+    peg = st.fixed_dictionaries({"kind": st.just("peg"), "xy_m": place, "radius_m": number(0.002, 0.05)})
+    wall = st.fixed_dictionaries({"kind": st.just("edge"), "from_m": place, "to_m": place})
+    clip = st.fixed_dictionaries(
+        {"kind": st.just("clip"), "xy_m": place, "angle_rad": number(-3, 3), "width_m": number(0.006, 0.03)},
+        optional={"length_m": number(0.005, 0.05)},
+    )
+    found = draw(st.lists(st.one_of(peg, clip, wall), min_size=1, max_size=4))
+    asked: Request = {"fixtures": found}
+    if draw(st.booleans()):
+        asked["gripper"] = {"width_m": draw(number(0, 0.05))}
+    stops = [
+        {"fixture": k} | ({"side": draw(st.sampled_from(["left", "right"]))} if f["kind"] == "peg" else {})
+        for k, f in enumerate(found)
+        if f["kind"] != "edge"
+    ]
+    if stops and draw(st.integers(0, 3)):
+        asked["route"] = {"stops": draw(st.permutations(stops))} | draw(
+            st.fixed_dictionaries({}, optional={"end_m": place})
+        )
+    return asked
+
+
+@st.composite
 def plan_shape(draw: st.DrawFn) -> Request:
     asked: Request = {"target_m": draw(polyline(2, 0.4)), "object": draw(dlo()), "limits": draw(limits())}
     if draw(st.integers(0, 3)):
@@ -203,6 +229,10 @@ def plan_shape(draw: st.DrawFn) -> Request:
     elif draw(st.booleans()):
         asked["history"] = draw(st.lists(experience(0.4), max_size=5))
         asked["tried"] = draw(st.integers(0, 6))
+    if draw(st.integers(0, 2)) == 0:
+        asked |= draw(fixed())
+        if "route" in asked:
+            del asked["target_m"]
     return asked | {
         "horizon": draw(either(st.sampled_from([1, 2]), st.sampled_from([1, 1, 4, 5]))),
         "tolerance_m": draw(number(0.001, 0.02)),

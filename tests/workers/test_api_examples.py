@@ -17,8 +17,8 @@ OF_UPLOADS = {"adapt", "import_network"}
 PAGE = api_examples.PAGE.read_text()
 
 
-def section(kind: str) -> str:
-    return re.split(r"^## ", PAGE, flags=re.M)[1 + [e.kind for e in api_examples.examples()].index(kind)]
+def section(title: str) -> str:
+    return re.split(r"^## ", PAGE, flags=re.M)[1 + [e.title for e in api_examples.examples()].index(title)]
 
 
 def test_every_kind_has_an_example():
@@ -29,14 +29,14 @@ def test_every_kind_has_an_example():
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory):
     tools = stages.warm(api_examples.Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
-    return {example.kind: (result, files) for example, result, files in api_examples.answers(tools)}
+    return {example.title: (result, files) for example, result, files in api_examples.answers(tools)}
 
 
-@pytest.mark.parametrize("example", api_examples.examples(), ids=lambda e: e.kind)
+@pytest.mark.parametrize("example", api_examples.examples(), ids=lambda e: e.title)
 def test_the_page_shows_what_is_answered(example, answers):
     """If this fails the API has changed: `python -m tests.api_examples` writes the page anew."""
-    result, files = answers[example.kind]
-    shown = section(example.kind)
+    result, files = answers[example.title]
+    shown = section(example.title)
     assert api_examples.command(example) in shown
     answer = json.loads(re.findall(r"```\n(\{.*?\})\n```", shown, re.S)[-1])
     assert api_examples.outline(answer) == api_examples.outline(api_examples.shortened(result))

@@ -7,14 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from dlo_client.contracts import ModelUsed, PlanShapeRequest
 from dlo_client.contracts.foreground import ReferenceUsed
-from dlo_client.contracts.manipulation import (
-    FARTHEST_M,
-    LEAST_LENGTH_M,
-    LONGEST_M,
-    MOST_STRETCH,
-    PlanWarning,
-    in_another_unit,
-)
+from dlo_client.contracts.manipulation import MOST_STRETCH, PlanWarning, in_another_unit
+from dlo_client.contracts.on_table import FARTHEST_M, LEAST_LENGTH_M, LONGEST_M
 from numpy.typing import NDArray
 
 from models.geometry.polylines import arc_lengths, resample
@@ -42,8 +36,9 @@ class Seen:
     reference: list[ReferenceUsed]
 
 
-def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools) -> Seen:
-    """The DLO whose length fits, when there are several; which end is which is decided by the target.
+def state_from_image(request: PlanShapeRequest, tools: Tools) -> Seen:
+    """The DLO whose length fits, when there are several, the longest where no length is known; which end is which is
+    decided by the target, or by where a route starts.
 
     Raises InvalidInput: no DLO, or a homography that takes it to infinity.
     """
@@ -55,9 +50,10 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
     lines = [to_table(i.centerline_xy, np.array(request.homography)) for i in perception.scene.instances]
     if not lines:
         raise InvalidInput("image", "no DLO was found in it", "none_found")
-    wanted = request.object.length_m or float(arc_lengths(target)[-1])
+    target = None if request.target_m is None else np.array(request.target_m)
+    wanted = request.object.length_m or (None if target is None else float(arc_lengths(target)[-1]))
     lengths = np.array([arc_lengths(line)[-1] for line in lines])
-    chosen = int(np.argmin(np.abs(np.log(np.maximum(lengths, 1e-9) / wanted))))
+    chosen = int(np.argmin(np.abs(np.log(np.maximum(lengths, 1e-9) / (wanted or lengths.max())))))
     warnings = [PlanWarning(code="picture", field="image", message=text) for text in picture.remarks]
     if len(lines) > 1:
         text = f"{len(lines)} DLOs are in the picture; planned for the one {lengths[chosen]:.3f} m long"
@@ -67,10 +63,19 @@ def state_from_image(request: PlanShapeRequest, target: FloatArray, tools: Tools
     _check_scale(points, xy, np.array(request.homography), None if request.scale_target else wanted)
     if len(points) > _MOST_POINTS:
         points = resample(points, _MOST_POINTS)
-    nodes, goal = to_nodes(points), to_nodes(target)
-    if shape_distance(nodes[::-1], goal) < shape_distance(nodes, goal):
+    if _runs_backwards(request, points):
         points = points[::-1]
     return Seen(points, warnings, perception.models, perception.foreground.references)
+
+
+def _runs_backwards(request: PlanShapeRequest, points: FloatArray) -> bool:
+    if request.target_m is not None:
+        nodes, goal = to_nodes(points), to_nodes(np.array(request.target_m))
+        return bool(shape_distance(nodes[::-1], goal) < shape_distance(nodes, goal))
+    assert request.route is not None
+    assert request.route.start_m is not None
+    away = np.hypot(*(points[[0, -1]] - np.array(request.route.start_m)).T)
+    return bool(away[1] < away[0])
 
 
 def to_table(xy: FloatArray, homography: FloatArray) -> FloatArray:

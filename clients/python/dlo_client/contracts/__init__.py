@@ -4,6 +4,7 @@ from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult, LabelsInf
 from dlo_client.contracts.base import Contract, Point, Probability
 from dlo_client.contracts.cameras import CameraInfo, CameraPose, CameraView, PinholeIntrinsics, Pose
 from dlo_client.contracts.depth import DepthGiven, MetricCenterline, TablePlane
+from dlo_client.contracts.fixtures import Clip, Peg, Route, RouteStop, TableEdge
 from dlo_client.contracts.images import BlobId, ImageInfo, ImagePart, ImageRef, ImageSource
 from dlo_client.contracts.jobs import (
     AnyJob,
@@ -28,6 +29,7 @@ from dlo_client.contracts.manipulation import (
     EstimateParametersResult,
     Experience,
     MoveAction,
+    PlanGripper,
     PlanLimits,
     PlannedAction,
     PlanShapeRequest,
@@ -136,6 +138,7 @@ __all__ = [
     "CameraInfo",
     "CameraPose",
     "CameraView",
+    "Clip",
     "Contract",
     "Crossing",
     "Curve3D",
@@ -193,7 +196,9 @@ __all__ = [
     "NoopRequest",
     "NoopResult",
     "OtherCurve",
+    "Peg",
     "PinholeIntrinsics",
+    "PlanGripper",
     "PlanLimits",
     "PlanShapeRequest",
     "PlanShapeResult",
@@ -207,6 +212,8 @@ __all__ = [
     "ReconstructRequest",
     "ReconstructResult",
     "RopeParameters",
+    "Route",
+    "RouteStop",
     "RtDloParams",
     "SceneStatus",
     "Section",
@@ -221,6 +228,7 @@ __all__ = [
     "StrandPosition",
     "StreamedFrame",
     "Stroke",
+    "TableEdge",
     "TablePlane",
     "Target",
     "TopologyEdge",

@@ -13,19 +13,15 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from dlo_client.contracts.base import Contract, Numbers, Reply, Taken
+from dlo_client.contracts.fixtures import Fixture, Route, check_fixtures, check_reach, check_route
 from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
 from dlo_client.contracts.images import ImageSource
+from dlo_client.contracts.on_table import LEAST_LENGTH_M, LONGEST_M, Point2
 from dlo_client.contracts.submission import JobRequest, ModelUsed
 
-FARTHEST_M = 1e3
-Meters = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-Point2 = tuple[Meters, Meters]
 _Entry = Annotated[float, Field(ge=-1e12, le=1e12)]
 Row3 = tuple[_Entry, _Entry, _Entry]
 
-LEAST_LENGTH_M = 1e-3
-LONGEST_M = 20.0
-"""Of a DLO that is handled on a table."""
 MOST_STRETCH = 5.0
 """What is stated about one DLO's length does not differ by more than this factor."""
 
@@ -68,6 +64,9 @@ class DloObject(Contract):
     mass_kg: float = Field(gt=0, le=10, description="of the whole DLO")
     length_m: float | None = Field(
         default=None, ge=LEAST_LENGTH_M, le=LONGEST_M, description="default: that of its state"
+    )
+    diameter_m: float | None = Field(
+        default=None, gt=0, le=0.2, description="meters, for contact with `fixtures`; default a hundredth of its length"
     )
 
 
@@ -139,6 +138,12 @@ class PlanLimits(Contract):
         return self
 
 
+class PlanGripper(Contract):
+    """The room that a gripper takes."""
+
+    width_m: float = Field(ge=0, le=1, description="meters, of a circle about the place that it grips")
+
+
 class GripPose(Reply):
     """Where the gripper goes: the middle of the edge, and the direction of the edge."""
 
@@ -161,15 +166,16 @@ class PlannedAction(Reply):
     error_at_end_m: float = Field(description="the same after the whole horizon")
     converged: bool = Field(description="the optimizer came to rest")
     probability: float | None = Field(
-        default=None, ge=0, le=1, description="probability that it brings at least half of what is expected"
-    )
+        default=None, ge=0, le=1,
+        description="probability that it brings at least half of what is expected; null among `fixtures`",
+    )  # fmt: skip
     checks: list[PlanCheck] = Field(description="every limit and whether it is kept")
 
 
 class PlanCheck(Reply):
     """A limit that was checked; a proposed action has passed them all."""
 
-    name: Literal["displacement", "rotation", "workspace", "reach", "keep_out", "grasp"] = Field(
+    name: Literal["displacement", "rotation", "workspace", "reach", "keep_out", "grasp", "fixtures"] = Field(
         description="of the limit"
     )
     passed: bool = Field(description="whether the action keeps it")
@@ -236,10 +242,18 @@ class PlanShapeResult(Reply):
     action: PlannedAction | None = Field(description="the best action; null when none helps")
     alternatives: list[PlannedAction] = Field(description="other edges, best first")
     state_m: list[tuple[float, float]] = Field(description="as given, or as seen in the picture, in the target's order")
+    target_m: list[tuple[float, float]] = Field(
+        default_factory=list, description="the shape that is aimed at: as given, or of the route"
+    )
     predicted_m: list[tuple[float, float]] | None = Field(description="the DLO after `action`")
-    error_before_m: float = Field(description="mean distance of the state to the target")
+    error_before_m: float = Field(
+        description="mean distance of the state to the target; among `fixtures` the mean way around them"
+    )
     error_after_m: float | None = Field(description="the same after the planned actions")
-    converged: bool = Field(description="the state is within the tolerance of the target")
+    converged: bool = Field(description="the state is within the tolerance of the target, or on the route")
+    stops_left: list[int] = Field(
+        default_factory=list, description="indices of the route's stops at which the state is not as it should be"
+    )
     parameters: UsedParameters = Field(description="what the DLO was taken to be made of")
     valid_for_s: float = Field(description="counted from the job's `ended_at`; then look again")
     reference: ReferencesUsed = Field(default_factory=list)
@@ -262,7 +276,18 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
     homography: Annotated[tuple[Row3, Row3, Row3] | None, Numbers] = Field(
         default=None, description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters"
     )
-    target_m: Shape = Field(description="the DLO as it should be, the same end first")
+    target_m: Shape | None = Field(
+        default=None, description="the DLO as it should be, the same end first; or a `route`"
+    )
+    fixtures: list[Fixture] = Field(
+        default_factory=list, max_length=32, description="pegs, clips and edges that stand on the table"
+    )
+    route: Route | None = Field(
+        default=None, description="instead of target_m: around which pegs and through which clips the DLO should go"
+    )
+    gripper: PlanGripper | None = Field(
+        default=None, description="its room is kept out of `limits.keep_out_m` and `fixtures`; default: none"
+    )
     object: DloObject = Field(description="what is known of the DLO")
     parameters: RopeParameters | None = Field(default=None, description="default: estimated from the history")
     history: list[Experience] = Field(
@@ -293,6 +318,8 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
     def _one_state(self) -> PlanShapeRequest:
         if self.state_m is not None and (self.image is not None or self.homography is not None):
             raise ValueError("`state_m` and a picture exclude each other")
+        if (self.target_m is None) == (self.route is None):
+            raise ValueError("`target_m` or a route is needed, not both")
         if self.state_m is None and self.homography is None:
             raise ValueError("`state_m` is missing; or give an image and its homography")
         given = self.of_a_network or ("regions" if self.regions else None)
@@ -306,10 +333,26 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
         length = self.object.length_m or (length_of(self.state_m) if self.state_m else None)
         if length is not None and self.state_m is not None:
             _check_length("state_m", length_of(self.state_m), length)
-        if length is not None and not self.scale_target:
+        if length is not None and self.target_m is not None and not self.scale_target:
             _check_length("target_m", length_of(self.target_m), length)
+        length = length or (length_of(self.target_m) if self.target_m else None)
         for item in self.history:
-            _check_length("history", length_of(item.before), length or length_of(self.target_m))
+            _check_length("history", length_of(item.before), length or length_of(self.history[0].before))
+        return self
+
+    @model_validator(mode="after")
+    def _possible(self) -> PlanShapeRequest:
+        check_fixtures(self.fixtures, self.object.diameter_m or 0.0)
+        if self.route is None:
+            return self
+        if self.scale_target:
+            raise ValueError("`scale_target` has no meaning beside a route")
+        if self.state_m is None and self.route.start_m is None:
+            raise ValueError("`route.start_m` is needed with a picture: it decides which end of the DLO is which")
+        check_route(self.route, self.fixtures)
+        limits = self.limits
+        base = (limits.base_xy_m, limits.reach_m) if limits.base_xy_m and limits.reach_m else None
+        check_reach(self.route, self.fixtures, limits.workspace_m, base)
         return self
 
 
