@@ -5,7 +5,7 @@ action does. The distance to the target is the mean way of the DLO's points arou
 has no rest where the DLO is on the wrong side of a peg: there the way leads back around it, so an end is pulled out
 and threaded. For several edges the move along the first straight leg of this way, as far as one action reaches, and
 for every clip the move that presses the edge in that belongs there, each with a few turns; all are simulated in one
-batch, and the few best once more with what follows them.
+batch.
 """
 
 from __future__ import annotations
@@ -35,10 +35,13 @@ _GRASPS = np.array([0, 5, 10, 15, 20, 25, 29])
 """Edges that are gripped."""
 _LEGS = ((1.0, 0.0, True), (0.5, 0.0, True), (1.0, 0.6, False), (1.0, -0.6, False))
 """Share of the first leg, how far its direction is turned, and whether with every turn of the edge."""
+_TURNS = np.array([-1.0, 0.0, 1.0])
+"""Turns of an edge, as shares of the largest, beside the one to its direction in the target."""
 _STIFFNESSES = np.geomspace(0.03, 2.0, 8)
 _USUAL_M, _SPREAD = 0.2, 1.0
+"""Stiffnesses in m that are tried; the usual one, and the spread of the logarithm about it."""
 _NOISE_M, _NOISE_SHARE = 2e-3, 0.1
-_TURNS = np.array([-1.0, 0.0, 1.0])
+"""What the right stiffness leaves of a motion: of cameras, and of the motion itself."""
 _EVERY = 3
 """Points of which the way counts."""
 _JAMMED_M = 2.5e-3

@@ -107,7 +107,9 @@ class AsyncScan:
 class AsyncShapeController:
     """As :class:`ShapeController`, whose options it takes; ``robot`` has its methods, as coroutines or ordinary."""
 
-    def __init__(self, client: AsyncClient, robot: Any, dlo: DloObject, target_m: Points, **options: Any) -> None:
+    def __init__(
+        self, client: AsyncClient, robot: Any, dlo: DloObject, target_m: Points | None, **options: Any
+    ) -> None:
         _awaiting(client, type(self).__name__)
         self._bridge: _Bridge | None = None
         self._client, self._robot = client, robot

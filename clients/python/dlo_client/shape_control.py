@@ -24,6 +24,7 @@ from dlo_client.contracts import (
     PlanShapeRequest,
     PlanShapeResult,
 )
+from dlo_client.contracts.fixtures import Fixture, Route
 from dlo_client.contracts.manipulation import UsedParameters
 from dlo_client.errors import InvalidArgument
 
@@ -49,7 +50,7 @@ class Step:
     plan: PlanShapeResult
     after: Points
     error_m: float
-    """Of ``after``; NaN if it has another number of points than the target."""
+    """Of ``after``; NaN if it has another number of points than the target, or on a route."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +71,14 @@ class ShapeController:
     client: Client
     robot: Robot
     object: DloObject
-    target_m: Points
+    target_m: Points | None
+    """None where there is a ``route``."""
     threshold_m: float = 0.01
     max_actions: int = 10
     horizon: int = 2
     limits: PlanLimits = field(default_factory=PlanLimits)
+    fixtures: list[Fixture] = field(default_factory=list)
+    route: Route | None = None
     remembered: int = 20
     learn: bool = True
     """False plans with the middle of the parameters' range all the time."""
@@ -84,7 +88,8 @@ class ShapeController:
 
     def __post_init__(self) -> None:
         blocking(self.client, type(self).__name__)
-        self.target_m = _points(self.target_m, "target_m")
+        if self.target_m is not None:
+            self.target_m = _points(self.target_m, "target_m")
 
     def run(self) -> ShapeOutcome:
         """Act until the target is reached, no action helps, or ``max_actions`` are done."""
@@ -104,14 +109,16 @@ class ShapeController:
             self.robot.execute(plan.action)
             after = self._seen()
             self._remember(before, plan.action, after)
-            yield Step(before, plan, after, mean_distance(after, self.target_m))
+            yield Step(before, plan, after, mean_distance(after, self.target_m or ()))
             before = after
 
     def plan(self, state_m: Points) -> PlanShapeResult:
         """What to do next, from this state and all that is remembered."""
         request = PlanShapeRequest(
             state_m=_points(state_m, "state_m"),
-            target_m=list(self.target_m),
+            target_m=None if self.target_m is None else list(self.target_m),
+            fixtures=self.fixtures,
+            route=self.route,
             object=self.object,
             history=self.history[-self.remembered :] if self.learn else [],
             tried=min(self._tried, self.remembered) if self.learn else 0,
