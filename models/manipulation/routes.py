@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,11 +26,12 @@ _MOST_AROUND = 1.5 * np.pi
 
 
 class Impossible(ValueError):
-    """A route that no DLO can take; ``stop`` is the index of the stop that is at fault, None: all of it."""
+    """A route that no DLO can take: ``stop`` is the index of the stop that is at fault, or ``needed`` the length in m
+    that it has."""
 
-    def __init__(self, stop: int | None, text: str) -> None:
+    def __init__(self, text: str, stop: int | None = None, needed: float | None = None) -> None:
         super().__init__(text)
-        self.stop = stop
+        self.stop, self.needed = stop, needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +57,11 @@ class Route:
 
     def shape(self, length: float, nodes: int) -> FloatArray:
         """(n, 2) of a DLO of this length. Raises Impossible."""
-        line, needed = self._line()
-        if needed > length:
-            raise Impossible(None, f"the way is {needed:.3f} m long, the DLO {length:.3f} m")
+        line = self._line()
         lengths = arc_lengths(line)
+        if lengths[-1] > length:
+            text = f"the way is {lengths[-1]:.3f} m long, the DLO {length:.3f} m"
+            raise Impossible(text, needed=float(lengths[-1]))
         line[-1] += (line[-1] - line[-2]) / (lengths[-1] - lengths[-2]) * max(length - lengths[-1], 0.0)
         return point_at(line, arc_lengths(line), np.linspace(0, length, nodes))
 
@@ -73,18 +76,17 @@ class Route:
                 last = place
         return missed
 
-    def _line(self) -> tuple[FloatArray, float]:
-        """The whole way (k, 2), and how much of its length there must be."""
+    def _line(self) -> FloatArray:
+        """The way (k, 2) to the last stop, or to the end that is wished."""
         turns = _turning_points(self)
-        headings = [_heading(turns[k], turns[k + 1], k) for k in range(len(turns) - 1)]
+        headings = [_heading(*pair) for pair in pairwise(turns)]
         points = [self.start]
         for k in range(1, len(turns)):
             arriving, leaving = headings[k - 1], headings[k] if k < len(headings) else headings[k - 1]
             points += _around(turns[k], arriving, leaving)
         line = np.array(points)
         steps = np.hypot(*np.diff(line, axis=0).T)
-        line = line[np.concatenate([[True], steps > 1e-9])]
-        return line, float(arc_lengths(line)[-1])
+        return np.asarray(line[np.concatenate([[True], steps > 1e-9])])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +117,12 @@ def _next_place(route: Route, k: int) -> FloatArray:
     return route.stops[k].xy if route.end is None else route.end
 
 
-def _heading(here: _Turn, there: _Turn, k: int) -> float:
+def _heading(here: _Turn, there: _Turn) -> float:
     """Of the straight way that touches both circles. Raises Impossible where one is inside the other."""
     between, offset = there.xy - here.xy, there.offset - here.offset
     distance = float(np.hypot(*between))
     if distance <= abs(offset) or distance < 1e-9:
-        raise Impossible(there.stop, "is so near to what comes before it that the DLO does not fit between")
+        raise Impossible("is so near to what comes before it that the DLO does not fit between", there.stop)
     return float(np.arctan2(between[1], between[0]) - np.arcsin(offset / distance))
 
 

@@ -149,7 +149,7 @@ def _proposed(world: World, state: FloatArray, goal: Goal) -> tuple[IntArray, Fl
             moves.append([*_within(pull * along, world.limits.largest[:2]), 0.0])
     for clip_edge, move in _pressing(world, state, goal):
         edges.append(clip_edge)
-        moves.append(move)
+        moves.append(move.tolist())
     bound = world.limits.largest
     return np.array(edges, np.int64), np.clip(np.array(moves).reshape(-1, 3), -bound, bound)
 

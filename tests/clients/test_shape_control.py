@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from dlo_client import AsyncClient, InvalidArgument
-from dlo_client.contracts import DloObject, PlannedAction
+from dlo_client.contracts import DloObject, Peg, PlannedAction, Route, RouteStop
 from dlo_client.demo.shape_drawing import animate, plot
 from dlo_client.demo.simulated_table import SimulatedTable, target_shape
 from dlo_client.shape_control import ShapeController, mean_distance
@@ -54,6 +54,16 @@ def test_the_simulated_rope_keeps_its_length_and_follows_the_gripper():
     lengths = [math.dist(a, b) for a, b in pairwise(after)]
     assert lengths == pytest.approx([0.03] * 15, rel=0.02)
     assert math.dist(before[-1], after[-1]) < 0.03
+
+
+def test_a_route_in_place_of_a_target(client):
+    table = SimulatedTable(0.45)
+    peg = Peg(kind="peg", xy_m=(0.05, 0.04), radius_m=0.01)
+    route = Route(stops=[RouteStop(fixture=0, side="right")])
+    plan = ShapeController(client, table, OBJECT, None, fixtures=[peg], route=route).plan(table.observe())
+    assert client.requests[-1].target_m is None
+    assert plan.stops_left == [0]
+    assert plan.action is not None
 
 
 @pytest.mark.parametrize("name", ["U", "A", "S", "I"])

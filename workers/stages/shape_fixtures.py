@@ -11,6 +11,7 @@ from dlo_client.contracts.fixtures import Peg, TableEdge
 from dlo_client.contracts.manipulation import PlanCheck, PlanStatus, StuckReason
 from numpy.typing import NDArray
 
+from models.geometry.polylines import arc_lengths
 from models.manipulation.actions import Candidates
 from models.manipulation.fixtures import Clip, Fixtures
 from models.manipulation.limits import Limits
@@ -50,24 +51,27 @@ def among(request: PlanShapeRequest, points: FloatArray, length_m: float, scale:
     fixtures = _fixtures(request, diameter, scale)
     _check_free(request, fixtures, fine(points) * scale, "state_m", scale)
     if request.route is None:
-        target = np.array(request.target_m)
-        if request.scale_target:
-            middle = fine(target).mean(0)
-            target = middle + (target - middle) * length_m / float(np.hypot(*np.diff(target, axis=0).T).sum())
-        shape, route = fine(target) * scale, None
-    else:
-        route = _route(request, fixtures, points, scale)
-        try:
-            shape = route.shape(length_m * scale, FINE)
-        except Impossible as error:
-            field = "route" if error.stop is None else f"route.stops.{error.stop}"
-            raise InvalidInput(field, _in_meters(str(error), error.stop, scale), "impossible_route") from error
-    _check_free(request, fixtures, shape, "target_m" if route is None else "route", scale)
+        shape = _shape(np.array(request.target_m), length_m if request.scale_target else None) * scale
+        _check_free(request, fixtures, shape, "target_m", scale)
+        return Among(fixtures, Goal(shape))
+    route = _route(request, fixtures, points, scale)
+    try:
+        shape = route.shape(length_m * scale, FINE)
+    except Impossible as error:
+        field = "route" if error.stop is None else f"route.stops.{error.stop}"
+        text = str(error) if error.needed is None else f"is {error.needed / scale:.3f} m long, the DLO {length_m:.3f} m"
+        raise InvalidInput(field, text, "impossible_route") from error
+    _check_free(request, fixtures, shape, "route", scale)
     return Among(fixtures, Goal(shape, route))
 
 
-def _in_meters(text: str, stop: int | None, scale: float) -> str:
-    return text if stop is not None or scale == 1.0 else f"{text} (both times {scale:.3g})"
+def _shape(target: FloatArray, length_m: float | None) -> FloatArray:
+    """(31, 2) m of a target, with another length about its middle if one is given."""
+    shape = fine(target)
+    if length_m is None:
+        return shape
+    middle = shape.mean(0)
+    return np.asarray(middle + (shape - middle) * length_m / arc_lengths(shape)[-1])
 
 
 def _fixtures(request: PlanShapeRequest, diameter: float, scale: float) -> Fixtures:
