@@ -13,7 +13,7 @@ from workers.stages.outcome import InvalidInput, Tools
 
 LINE = [[0.02 * k, 0.0] for k in range(21)]
 PEG = {"kind": "peg", "xy_m": [0.2, -0.03], "radius_m": 0.01}
-CLIP = {"kind": "clip", "xy_m": [0.3, 0.02], "angle_rad": 0.2, "width_m": 0.015}
+CLIP = {"kind": "clip", "xy_m": [0.3, 0.02], "angle_rad": 0.2, "width_m": 0.015, "length_m": 0.02}
 WALL = {"kind": "edge", "from_m": [0.1, 0.05], "to_m": [0.2, 0.05]}
 ACROSS = WALL | {"from_m": [0.25, -0.02], "to_m": [0.25, 0.04]}
 BESIDE = WALL | {"from_m": [0.24, -0.06], "to_m": [0.24, -0.008]}
@@ -54,7 +54,7 @@ def test_scale_changes_nothing(tools):
     def larger(value):
         return [larger(v) for v in value] if isinstance(value, list) else 5 * value
 
-    names = ("xy_m", "radius_m", "width_m", "from_m", "to_m")
+    names = ("xy_m", "radius_m", "width_m", "length_m", "from_m", "to_m")
     fixtures = [{k: larger(v) if k in names else v for k, v in f.items()} for f in ASKED["fixtures"]]
     small = run(tools, object={"mass_kg": 0.05, "diameter_m": 0.005})
     big = run(
