@@ -88,6 +88,8 @@ class ShapeController:
 
     def __post_init__(self) -> None:
         blocking(self.client, type(self).__name__)
+        if self.target_m is None and self.route is None:
+            raise InvalidArgument("target_m", "takes (x, y) pairs in meters; or give a route")
         if self.target_m is not None:
             self.target_m = _points(self.target_m, "target_m")
 
