@@ -60,7 +60,7 @@ def among(request: PlanShapeRequest, points: FloatArray, length_m: float, scale:
     except Impossible as error:
         field = "route" if error.stop is None else f"route.stops.{error.stop}"
         text = str(error) if error.needed is None else f"is {error.needed / scale:.3f} m long, the DLO {length_m:.3f} m"
-        raise InvalidInput(field, text, "impossible_route") from error
+        raise InvalidInput(field, text, "invalid_route") from error
     _check_free(request, fixtures, shape, "route", scale)
     return Among(fixtures, Goal(shape, route))
 
@@ -117,7 +117,7 @@ def _check_free(request: PlanShapeRequest, fixtures: Fixtures, shape: FloatArray
     solid = [k for k, f in enumerate(request.fixtures) if not isinstance(f, ClipGiven)]
     worst = int(np.argmax(np.where(through, depth, -1.0)))
     text = f"passes through fixtures.{solid[worst]}, by {1e3 * depth[worst] / scale:.1f} mm"
-    raise InvalidInput(field, text, "impossible_route" if field == "route" else "invalid_shape")
+    raise InvalidInput(field, text, "invalid_route" if field == "route" else "invalid_shape")
 
 
 def answer_among(request: PlanShapeRequest, problem: Problem, found: Among) -> dict[str, object]:
