@@ -25,7 +25,9 @@ import cv2
 import numpy as np
 
 from models.instances.published.rt_dlo.graph import sample_vertices, select_edges
-from models.segmentation.segment import ForegroundInput, foreground_mask, segment
+from models.instances.settling import settle
+from models.segmentation.effort import look
+from models.segmentation.segment import ForegroundInput, foreground_mask
 from models.strands.foreground import distance_map
 from models.strands.graph import Web
 from models.synthesis.harness import FREE, Harness, HarnessParams, make_harness
@@ -39,7 +41,7 @@ from models.topology.overlay import overlay
 from models.topology.scene import Topology
 from models.training.topology.graphs import true_graph
 from models.training.topology.train import SIZES
-from models.weights.inference import Network, Runtime, default_name, load, manifest
+from models.weights.inference import Network, Runtime, default_name, eight_bit, load
 from tests.benchmarks.bench_instances import photos
 from tests.benchmarks.scoring import score_labels
 from tests.benchmarks.topology_scoring import Tally, link_dice, points_of
@@ -179,16 +181,18 @@ def wh1(kit: Tools, root: Path) -> dict:
 
 
 def bwh(kit: Tools, root: Path, source: str) -> tuple[dict, list]:
-    """``source``: ``mask`` the true masks, ``mask+color`` with the picture's colors, ``rgb`` the shipped foreground."""
+    """``source``: ``mask`` the true masks, ``mask+color`` with the picture's colors, ``rgb`` the foreground as the
+    service answers it."""
     nodes = json.loads((root / "data/bwh/nodes.json").read_text())
     branch, crossing, right, worst = Tally(), Tally(), 0, []
     name = default_name("foreground")
-    spec, net = manifest()[name], load(name, Runtime(threads=1))
-    settings = ForegroundInput.from_manifest(spec.preprocess)
+    net = load(eight_bit(name), Runtime(threads=1))
+    settings = ForegroundInput.from_manifest(net.spec.preprocess)
     for stem, marks in sorted(nodes.items()):
         image = np.ascontiguousarray(cv2.imread(str(root / f"data/bwh/imgs/{stem}.jpg"))[:, :, ::-1])
         if source == "rgb":
-            mask = foreground_mask(segment(image, net, settings), settings)
+            seen = look(image, net, settings)
+            mask = settle(image, seen, foreground_mask(seen, settings), settings.threshold).cable
         else:
             mask = cv2.imread(str(root / f"data/bwh/masks/{stem}.png"), cv2.IMREAD_GRAYSCALE) > 127
         topology = kit.extract(mask, None if source == "mask" else image)
