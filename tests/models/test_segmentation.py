@@ -17,7 +17,7 @@ from models.synthesis.textures import TexturePool, load_pool
 from models.training import export
 from models.training.foreground.export import main as export_command
 from models.training.foreground.initial import unfold
-from models.training.foreground.int8 import calibrating, compare, quantize
+from models.training.foreground.int8 import SINGLE, calibrating, compare, quantize
 from models.training.foreground.learning import Learning, foreground_loss
 from models.training.foreground.network_compact import CompactNetwork
 from models.training.foreground.real_pictures import load_labelled
@@ -191,14 +191,15 @@ def test_the_eight_bit_network_sees_what_the_full_one_sees():
     assert (settings.long_side, settings.most_enlarged) == (960, 1.5)
 
 
-def test_every_convolution_is_quantized(tmp_path):
+def test_every_convolution_but_the_first_is_quantized(tmp_path):
+    """With all of them in 8 bits, photographs lost .7 Dice."""
     spec = manifest()["foreground_compact"]
     settings = replace(ForegroundInput.from_manifest(spec.preprocess), long_side=128)
     quantize(WEIGHTS / spec.file, tmp_path / "small.onnx", settings, calibrating(load_pool(None), 2, None))
     graph = onnx.load(tmp_path / "small.onnx").graph
     quantized = {o for n in graph.node if n.op_type == "DequantizeLinear" for o in n.output}
     fed = [[i in quantized for i in n.input[:2]] for n in graph.node if n.op_type == "Conv"]
-    assert fed == [[True, True]] * len(fed)
+    assert fed == [[False, False]] * SINGLE + [[True, True]] * (len(fed) - SINGLE)
     session = onnxruntime.InferenceSession(tmp_path / "small.onnx", providers=["CPUExecutionProvider"])
     assert session.run(None, {"input": np.zeros((1, 3, 64, 64), np.float32)})[0].shape == (1, 1, 64, 64)
 

@@ -2,8 +2,8 @@
 
 Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this repository renders,
 and, with ``--labelled``, from as many photographs of the training set, one after the other: photographs have darker
-shadows and sharper edges, and what is beyond a range is cut. Of every layer: with the last one in single precision the
-masks of photographs are as right, in a fifth more time.
+shadows and sharper edges, and what is beyond a range is cut. The first convolutions, up to a quarter of the picture's
+size, stay in single precision: most of what 8 bits cost on photographs is lost in them.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from models.training.export import register
 from models.training.foreground.real_pictures import load_labelled
 from models.weights.inference import WEIGHTS, Card, Network, load, manifest
 
+SINGLE = 6
+"""Convolutions, from the picture on, that stay in single precision: an eighth more time, .7 Dice on photographs."""
 _CALIBRATION_SEED, _HELD_OUT_SEED = 60_000_011, 70_000_027
 
 
@@ -86,6 +88,7 @@ def quantize(source: Path, target: Path, settings: ForegroundInput, pictures: It
         activation_type=QuantType.QUInt8,
         weight_type=QuantType.QInt8,
         calibrate_method=CalibrationMethod.MinMax,
+        nodes_to_exclude=[node.name for node in graph.node if node.op_type == "Conv"][:SINGLE],
         extra_options={"CalibMovingAverage": True},
     )
 
