@@ -9,7 +9,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
-from models.instances.published.fastdlo.similarity import SimilarityNetwork, features, probabilities
+from models.instances.published.fastdlo.similarity import FEATURES, SimilarityNetwork, features, probabilities
 from models.instances.scene import Scene
 from models.instances.working_size import at_working_size
 from models.strands.foreground import Foreground
@@ -78,7 +78,7 @@ def process_intersections(sections: Sections, similarity: SimilarityNetwork | No
     ends = np.unique(pairs)
     if not len(ends):
         return pairs, np.zeros(0)
-    rows = np.zeros((len(ends), 6), np.float32)
+    rows = np.zeros((len(ends), FEATURES), np.float32)
     nodes = sections.node[ends]
     for node in np.unique(nodes):
         here = nodes == node
