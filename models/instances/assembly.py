@@ -32,6 +32,7 @@ MAX_INSTANCES = 255
 """As many as labels of one byte can name."""
 _POINT_SPACING_PX = 5.0
 _FITTED_PX = 3.0
+_ONE_PLACE_PX = 1e-6
 """Nearer points than this, on average, are thinned out before a spline is fitted: a skeleton has one a pixel."""
 _TIP_POINTS = 3
 _POINTS_A_SPAN = 8
@@ -128,11 +129,11 @@ def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: flo
 
 
 def _thinned(points: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Every so many of the points, about ``_FITTED_PX`` apart, no two neighbors equal, the last one included; of a
-    small ring, whose last point is its first, at least three."""
+    """Every so many of the points, about ``_FITTED_PX`` apart, no two neighbors at one place, the last one included; of
+    a small ring, whose last point is its first, at least three."""
     every = max(1, min(round(_FITTED_PX * (len(points) - 1) / lengths[-1]), (len(points) - 1) // 3))
     kept = np.append(np.arange(0, len(points) - 1, every), len(points) - 1)
-    return points[kept[np.append(True, np.diff(lengths[kept]) > 0)]]
+    return points[kept[np.append(True, np.diff(lengths[kept]) > _ONE_PLACE_PX)]]
 
 
 def _to_the_tips(points: FloatArray, mask: BoolArray, most: float) -> FloatArray:
