@@ -31,8 +31,8 @@ from models.strands.stopwatch import Stopwatch
 MAX_INSTANCES = 255
 """As many as labels of one byte can name."""
 _POINT_SPACING_PX = 5.0
-_FITTED_PX = 3.0
 _ONE_PLACE_PX = 1e-6
+_FITTED_PX = 3.0
 """Nearer points than this, on average, are thinned out before a spline is fitted: a skeleton has one a pixel."""
 _TIP_POINTS = 3
 _POINTS_A_SPAN = 8
