@@ -62,7 +62,7 @@ def masks_section(data: dict[str, Any]) -> str:
         + "\nBy the number of true crossings (3: three and more; as Tables 3.3 and 3.4), median ms of one thread:\n\n"
         + _table(["method", "crossings", "pictures", "iou", "ms", "stages"], crossed)
         + "\nAriadne+, IoU by superpixels and crossings (Fig. 3.23):\n\n"
-        + _table(["crossings", *counts], [[n, *(found[n, c] for c in counts)] for n in numbers])
+        + _table(["crossings", *map(str, counts)], [[n, *(found[n, c] for c in counts)] for n in numbers])
     )
 
 
