@@ -23,6 +23,7 @@ from rq.job import Job
 from rq.queue import Queue
 from rq.serializers import JSONSerializer
 from rq.worker import Worker
+from rq.worker.base import WorkerStatus
 from rq.worker_registration import clean_worker_registry
 
 from workers.allowed import AllowedJob
@@ -101,11 +102,13 @@ class WarmWorker(Worker):
 
     def execute_job(self, job: Job, queue: Queue) -> None:
         """Run one queue entry, if it may be and still has to be run."""
+        self.set_state(WorkerStatus.BUSY)
         if refusal := cast(AllowedJob, job).refusal:
             self._runner.refuse(job.id, refusal)
             self.connection.delete(job.key)
         else:
             self._runner.run(job.id)
+        self.set_state(WorkerStatus.IDLE)
 
     def heartbeat(self, timeout: int | None = None, pipeline: Pipeline | None = None) -> None:
         """Called several times a job."""
@@ -118,7 +121,8 @@ class WarmWorker(Worker):
                 trip.execute()
 
     def set_state(self, state: str, pipeline: Pipeline | None = None) -> None:
-        """Whether a worker is busy is in its announcement."""
+        """Kept here alone: a worker that is asked to stop ends its job first if it is busy. Others read that in its
+        announcement."""
         self._state = state
 
     def check_for_suspension(self, burst: bool) -> None:

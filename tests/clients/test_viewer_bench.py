@@ -207,7 +207,7 @@ def test_what_only_the_service_can_decode_is_shown(page: Any, service: FakeServi
     Image.fromarray(np.full((samples.HEIGHT, samples.WIDTH), 4000, np.uint16)).save(data, "TIFF")
     take(page, "depth.tif", data.getvalue(), "image/tiff")
     page.wait_for_selector("#instances button")
-    assert page.is_hidden(".invitation")
+    page.wait_for_selector(".invitation", state="hidden")
     assert page.is_hidden("#error")
 
 
