@@ -59,8 +59,9 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
         say.error("job failed: no room", error=str(error), held=held)
     except Exception as error:
         if memory.ran_out(error):
-            held = ledger.fail(claim, problems.too_large())
-            say.warning("job failed: too large", error=str(error)[:200], held=held)
+            with memory.room_to_report(error):
+                held = ledger.fail(claim, problems.too_large())
+                say.warning("job failed: too large", error=str(error)[:200], held=held)
             return
         incident = uuid4().hex
         say.exception("job failed: internal", incident=incident)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import resource
+import traceback
+from collections.abc import Iterator
 from pathlib import Path
 
 from workers.settings import Settings
 
 _SHARE = 0.75
+_TO_REPORT_MB = 64
 _CGROUP = Path("/sys/fs/cgroup/memory.max")
 _OWN_SCORE = Path("/proc/self/oom_score_adj")
 _FIRST_TO_GO = "500"
@@ -24,9 +28,22 @@ def limit_mb(settings: Settings) -> int:
 def limit(settings: Settings) -> None:
     """Hold this process to its limit from now on; the kernel ends it first if the machine runs out all the same."""
     size = limit_mb(settings) * 2**20
-    resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+    resource.setrlimit(resource.RLIMIT_DATA, (size, size + _TO_REPORT_MB * 2**20))
     if _OWN_SCORE.exists():
         _OWN_SCORE.write_text(_FIRST_TO_GO)
+
+
+@contextlib.contextmanager
+def room_to_report(error: BaseException) -> Iterator[None]:
+    """What the frames of ``error`` hold is let go, and a little more than the limit may be taken: that memory ran out
+    has to be written down."""
+    traceback.clear_frames(error.__traceback__)
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
 def ran_out(error: Exception) -> bool:
