@@ -119,13 +119,15 @@ def replica_unplugged(there: Any) -> Row:
 
 
 def bucket_unplugged(there: Any) -> Row:
-    """The cable of the S3 server: pictures are refused with a reason, jobs without go on, then all is as before."""
+    """The cable of the S3 server: new pictures are refused with a reason, jobs without go on, then all is as before.
+    One that was there within the last minute would be taken for granted."""
     host = there.hosts[there.bucket]
+    another = _PICTURE.read_bytes() + b"behind the end of the picture"
     host.unplug()
-    refused = there.client.post("/v1/images", content=_PICTURE.read_bytes())
+    refused = there.client.post("/v1/images", content=another)
     row = _run(there.client, [{"kind": "noop"}] * 5)
     host.plug()
-    wait_until(lambda: there.client.post("/v1/images", content=_PICTURE.read_bytes()).status_code == 201, _PATIENCE_S)
+    wait_until(lambda: there.client.post("/v1/images", content=another).status_code == 201, _PATIENCE_S)
     unclear = (refused.status_code, refused.json()["code"]) != (503, "storage_unavailable")
     return row | {"bad": row["bad"] + unclear}
 
