@@ -23,7 +23,9 @@ import numpy as np
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, point_at
+from models.geometry.sampling import read_nearest
 from models.instances.scene import Instance, Scene
+from models.strands.ends import within
 
 _ACROSS = np.linspace(-1.3, 1.3, 27)
 """Positions across the strip, in widths."""
@@ -141,10 +143,7 @@ def _whole_enough(
         return False
     if instance.closed or instance.length_px < params.least_length * width:
         return False
-    x, y = np.rint(instance.centerline_xy).astype(np.int64).T
-    height, length = probability.shape
-    seen = probability[np.clip(y, 0, height - 1), np.clip(x, 0, length - 1)]
-    return float(np.median(seen)) >= params.certainty
+    return float(np.median(read_nearest(probability, instance.centerline_xy))) >= params.certainty
 
 
 def _free_ends(instance: Instance, scale: float) -> list[FloatArray]:
@@ -156,8 +155,7 @@ def _free_ends(instance: Instance, scale: float) -> list[FloatArray]:
 
 def _tip(line: FloatArray, width: float, lab: ByteArray, params: ContinuationParams) -> _Tip | None:
     """None at the border, or where the strip does not stand out of the ground."""
-    limit = np.array(lab.shape[1::-1]) - 1
-    if np.minimum(line[0], limit - line[0]).min() < 1.2 * width + 2:
+    if not within(line[0], lab.shape[:2], 1.2 * width + 2):
         return None
     arc = arc_lengths(line)
     places = np.arange(params.known[0] * width, min(params.known[1] * width, float(arc[-1])), 1.0)
@@ -200,11 +198,9 @@ def _followed(tip: _Tip, lab: ByteArray, foreground: BoolArray, params: Continua
 
 
 def _arrived(xy: FloatArray, width: float, foreground: BoolArray, length: float) -> bool:
-    limit = np.array(foreground.shape[::-1]) - 1
-    if np.minimum(xy, limit - xy).min() < width / 2:
+    if not within(xy, foreground.shape, width / 2):
         return True
-    x, y = np.rint(xy).astype(np.int64)
-    return length > (1 + 0.5) * width and bool(foreground[y, x])
+    return length > 1.5 * width and bool(read_nearest(foreground, xy))
 
 
 def _is_cable(path: FloatArray, good: BoolArray, width: float, params: ContinuationParams) -> bool:
@@ -232,15 +228,14 @@ def _led_on(paths: _Paths, tip: _Tip, step: float, lab: ByteArray, params: Conti
     best = _distinct(xy, angle, cost, tip.width)[: params.paths]
     best = best[lost.ravel()[best] <= params.gap * tip.width]
     path, kept = np.unravel_index(best, cost.shape)
-    mixed = paths.color[path] + np.where(good, _FORGETTING, 0.0)[path, kept, None] * (
-        strip.color[path, kept] - paths.color[path]
-    )
+    color = paths.color[path]
+    color = color + _FORGETTING * good[path, kept, None] * (strip.color[path, kept] - color)
     return _Paths(
         np.concatenate((paths.xy[path], xy[path, kept, None]), axis=1),
         np.concatenate((paths.good[path], good[path, kept, None]), axis=1),
         angle[path, kept],
         cost[path, kept],
-        mixed,
+        color,
         lost[path, kept],
     )
 
