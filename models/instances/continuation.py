@@ -114,8 +114,10 @@ def continued(
     for instance, chance in zip(scene.instances, chances.tolist(), strict=True):
         if not _whole_enough(instance, chance, scale, probability, settings):
             continue
-        lab = _colors(_resized(image, size)) if lab is None else lab
         for line in _free_ends(instance, scale):
+            if not within(line[0], foreground.shape, 1.2 * instance.width_px * scale + 2):
+                continue  # at the border there is nothing to follow
+            lab = _colors(_resized(image, size)) if lab is None else lab
             tip = _tip(line, instance.width_px * scale, lab, settings)
             path = None if tip is None else _followed(tip, lab, foreground, settings)
             if tip is not None and path is not None:
@@ -154,9 +156,7 @@ def _free_ends(instance: Instance, scale: float) -> list[FloatArray]:
 
 
 def _tip(line: FloatArray, width: float, lab: ByteArray, params: ContinuationParams) -> _Tip | None:
-    """None at the border, or where the strip does not stand out of the ground."""
-    if not within(line[0], lab.shape[:2], 1.2 * width + 2):
-        return None
+    """None where the strip does not stand out of the ground."""
     arc = arc_lengths(line)
     places = np.arange(params.known[0] * width, min(params.known[1] * width, float(arc[-1])), 1.0)
     if len(places) < 6:

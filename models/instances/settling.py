@@ -37,7 +37,7 @@ def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, thresh
     """``image`` (H, W, 3) RGB, ``probability`` (H, W) that its network sees and what of it counts, ``cable`` (H, W)."""
     scene = extract(cable, image)
     likely = chances(scene, probability, cable, image)
-    kept = cable & ~_hardly_any(scene, likely)
+    kept = _without_hardly_any(cable, scene, likely)
     added = continued(scene, likely, probability, kept, image)
     settled = kept | added
     agreed = np.where(settled, probability, np.minimum(probability, threshold - _BELOW))
@@ -48,7 +48,9 @@ def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, thresh
     return Settled(settled, np.asarray(agreed, np.float32), rated(scene, likely))
 
 
-def _hardly_any(scene: Scene, likely: FloatArray) -> BoolArray:
-    """(H, W) the instances that are hardly cables, of a picture in which none is likely one."""
-    none = (likely < calibration().least) & bool((likely < EVEN).all())
-    return np.asarray(np.concatenate(([False], none))[scene.labels])
+def _without_hardly_any(cable: BoolArray, scene: Scene, likely: FloatArray) -> BoolArray:
+    """``cable`` (H, W) without the instances that are hardly cables, of a picture in which none is likely one."""
+    none = likely < calibration().least
+    if not none.any() or not (likely < EVEN).all():
+        return cable
+    return np.asarray(cable & ~np.concatenate(([False], none))[scene.labels])

@@ -69,10 +69,20 @@ def probability_at(image: ByteArray, network: Network, settings: ForegroundInput
         image = np.asarray(cv2.resize(image, inner, interpolation=way), np.uint8)
     right, bottom = (-side % settings.multiple for side in inner)
     padded = cv2.copyMakeBorder(image, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
-    mean, std = (np.array(v, np.float32) * 255.0 for v in (settings.mean, settings.std))
-    planes = ((padded.astype(np.float32) - mean) / std).transpose(2, 0, 1)[None]
-    logits = network(np.ascontiguousarray(planes))[0, 0, : inner[1], : inner[0]]
-    return np.asarray(1.0 / (1.0 + np.exp(-logits)), np.float32)
+    logits = network(normalized(padded, settings))[0, 0, : inner[1], : inner[0]]
+    odds_against = np.exp(-logits)
+    odds_against += 1.0
+    return np.reciprocal(odds_against, out=odds_against)
+
+
+def normalized(image: ByteArray, settings: ForegroundInput) -> Float32Array:
+    """(H, W, 3) to the network's (1, 3, H, W). A table of the 256 values of each channel: a quarter of the time."""
+    planes = np.empty((1, 3, *image.shape[:2]), np.float32)
+    values = np.arange(256, dtype=np.float32)
+    for k, plane in enumerate(cv2.split(image)):
+        mean, std = (np.float32(v[k]) * np.float32(255.0) for v in (settings.mean, settings.std))
+        cv2.LUT(plane, (values - mean) / std, dst=planes[0, k])
+    return planes
 
 
 def enlarged(probability: Float32Array, size: tuple[int, int]) -> Float32Array:
@@ -89,9 +99,10 @@ def foreground_mask(probability: Float32Array, settings: ForegroundInput, thresh
         return np.asarray(probability >= max(threshold, _ABOVE_ZERO))
     mask = probability >= settings.threshold
     count, patches = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
-    sizes = np.bincount(patches.ravel(), minlength=count)
-    sums = np.bincount(patches.ravel(), probability.ravel(), minlength=count)
+    patch = patches[mask]
+    sizes = np.bincount(patch, minlength=count)
+    sums = np.bincount(patch, probability[mask], minlength=count)
     least = settings.least_area / network_scale(mask.shape, settings) ** 2
     kept = (sums >= settings.certainty * sizes) & (sizes >= least)
-    kept[0] = False
-    return np.asarray(kept[patches])
+    mask[mask] = kept[patch]
+    return mask
