@@ -68,7 +68,7 @@ def probability_at(image: ByteArray, network: Network, settings: ForegroundInput
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
         image = np.asarray(cv2.resize(image, inner, interpolation=way), np.uint8)
     right, bottom = (-side % settings.multiple for side in inner)
-    padded = cv2.copyMakeBorder(image, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
+    padded = np.asarray(cv2.copyMakeBorder(image, 0, bottom, 0, right, cv2.BORDER_REPLICATE), np.uint8)
     logits = network(normalized(padded, settings))[0, 0, : inner[1], : inner[0]]
     odds_against = np.exp(-logits)
     odds_against += 1.0

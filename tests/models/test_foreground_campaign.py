@@ -16,6 +16,7 @@ from models.training.foreground.augmentation import UNKNOWN, Cut, cut_out, recol
 from models.training.foreground.campaign import CampaignParams, main
 from models.training.foreground.learning import foreground_loss
 from models.training.foreground.real_pictures import kept_aside, load_labelled
+from models.training.foreground.teacher import Teacher, taught_loss
 
 
 def photographs(folder: Path, names: list[str]) -> None:
@@ -106,6 +107,35 @@ def test_unknown_pixels_have_no_weight() -> None:
     assert foreground_loss(wrong, labels) > 1.0
 
 
+def test_a_teacher_counts_where_nobody_could_tell_and_it_is_sure() -> None:
+    labels = torch.full((1, 8, 8), UNKNOWN, dtype=torch.uint8)
+    logits = torch.full((1, 1, 8, 8), -9.0)
+    sure, unsure = torch.full((1, 8, 8), 0.99), torch.full((1, 8, 8), 0.7)
+    assert float(taught_loss(logits, labels, sure)) > 8
+    assert float(taught_loss(logits, labels, unsure)) == 0
+    labels[:] = 255
+    assert float(taught_loss(logits, labels, unsure)) > 6
+
+
+def test_what_a_teacher_sees_mirrored_and_resized_is_put_back_in_its_place() -> None:
+    image = np.zeros((40, 60, 3), np.uint8)
+    image[10:20, 5:20] = 255
+    looked: list[tuple[int, float]] = []
+
+    def look(picture: np.ndarray, scale: float) -> np.ndarray:
+        looked.append((int(picture[15, 10, 0]), scale))
+        size = round(60 * scale), round(40 * scale)
+        return cv2.resize(picture[:, :, 0].astype(np.float32) / 255, size, interpolation=cv2.INTER_AREA)
+
+    teacher = Teacher(look, np.random.default_rng(2))
+    pictures = torch.from_numpy(image).permute(2, 0, 1).expand(12, 3, 40, 60)
+    for seen in teacher(pictures):
+        assert seen[12:18, 7:18].min() > 0.9
+        assert seen[:, 25:].max() < 0.1
+    assert {value for value, _ in looked} == {0, 255}
+    assert len({scale for _, scale in looked}) == 3
+
+
 @pytest.mark.parametrize(
     ("settings", "named"),
     [({"slots": 3}, "slots is 3"), ({"slots": 9, "renderers": 4}, "it takes 10"), ({"batch": 0}, "batch"),
@@ -117,9 +147,10 @@ def test_a_training_that_would_wait_for_ever_is_refused(settings: dict[str, floa
         CampaignParams(**settings)  # type: ignore[arg-type]
 
 
-def test_renders_alone_train_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_renders_alone_train_too_with_a_teacher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     command = ["campaign", str(tmp_path), "--height", "64", "--width", "96", "--batch", "2", "--slots", "8",
-               "--validate", "12", "--minutes", "0.02", "--slim", "4"]  # fmt: skip
+               "--validate", "12", "--minutes", "0.02", "--slim", "4",
+               "--teacher", "foreground_compact"]  # fmt: skip
     monkeypatch.setattr("sys.argv", command)
     main()
     state = torch.load(tmp_path / "last.pt", weights_only=True)

@@ -1,9 +1,9 @@
 """Train a foreground network on renders and photographs: ``python -m models.training.foreground.campaign``.
 
 Every batch mixes scenes of the renderer, cuts of hand-marked photographs at any scale and photographs without
-cables, where there are some. Pixels where nobody can tell have no weight. The learning rate warms up, holds, and falls
-over the last third of ``--minutes``, summed over all starts on one checkpoint: the averaged weights at the end are what
-is exported; a later run goes on from them.
+cables, where there are some. Pixels where nobody can tell have no weight, unless a ``--teacher`` is sure of them. The
+learning rate warms up, holds, and falls over the last third of ``--minutes``, summed over all starts on one
+checkpoint: the averaged weights at the end are what is exported; a later run goes on from them.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from models.training.foreground.learning import Learning, normalize
 from models.training.foreground.networks import NETWORKS, ForegroundNetwork
 from models.training.foreground.real_pictures import RealPictures, load_empty, load_labelled
 from models.training.foreground.stream import SceneStream
+from models.training.foreground.teacher import Teacher
 from models.training.foreground.validation import validate
 from models.training.state import Config
 
@@ -46,11 +47,13 @@ class CampaignParams:
     and ``empty`` of photographs without cables, on average; ``rate`` at its highest, of the encoder ``encoder_rate``
     times that; ``decay`` of the averaged weights; ``network`` by its name, its channels divided by ``slim``.
     ``renderers`` processes hold ``slots`` scenes; every render is drawn ``reuse`` times, each time cut anew. ``plain``
-    is the share of the renders that lie on a table as in a laboratory, none of them in the air. Raises ValueError for
+    is the share of the renders that lie on a table as in a laboratory, none of them in the air; ``teacher``: a shipped
+    network that is learned from beside the labels. Raises ValueError for
     settings under which a training would never begin."""
 
     network: str = "compact"
     slim: int = 1
+    teacher: str = ""
     height: int = 256
     width: int = 448
     minutes: float = 130.0
@@ -137,7 +140,8 @@ class Mixture:
 def begin(params: CampaignParams, folder: Path, pretrained: Path | None, initial: Path | None,
           batches: Iterator[Tensor]) -> Learning:  # fmt: skip
     """From the folder's checkpoint if there is one. Raises ValueError as :meth:`Learning.resume` does."""
-    learning = Learning(params.network, params.slim, params.config(), params.encoder_rate)
+    teacher = Teacher.shipped(params.teacher, np.random.default_rng(params.seed)) if params.teacher else None
+    learning = Learning(params.network, params.slim, params.config(), params.encoder_rate, teacher)
     if not learning.resume(folder / "last.pt"):
         learning.begin(pretrained, initial, batches)
     return learning

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from models.training.foreground.augmentation import UNKNOWN
 from models.training.foreground.initial import unfold
 from models.training.foreground.networks import ForegroundNetwork, build, stored
+from models.training.foreground.teacher import Teacher, taught_loss
 from models.training.state import Config, Course
 
 MEAN = (0.485, 0.456, 0.406)
@@ -43,21 +44,28 @@ def foreground_loss(logits: Tensor, labels: Tensor) -> Tensor:
     return bce + dice.sum() / filled.sum().clamp(min=1)
 
 
-def loss_of(network: nn.Module, images: Tensor, labels: Tensor) -> Tensor:
-    """That of a batch: (B, 3, H, W) uint8 pictures and (B, H, W) uint8 labels."""
+def loss_of(network: nn.Module, images: Tensor, labels: Tensor, teacher: Teacher | None = None) -> Tensor:
+    """That of a batch: (B, 3, H, W) uint8 pictures and (B, H, W) uint8 labels; with a teacher, the mean of its loss
+    and that of the labels."""
     device = next(network.parameters()).device
     x = normalize(images.to(device)).contiguous(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16):
         logits = network(x)
-    return foreground_loss(logits.float(), labels.to(device))
+    loss = foreground_loss(logits.float(), labels.to(device))
+    if teacher is None:
+        return loss
+    return (loss + taught_loss(logits.float(), labels.to(device), teacher(images).to(device))) / 2
 
 
 class Learning:
     """A foreground network on its course, on the GPU where there is one."""
 
-    def __init__(self, network: str, slim: int, config: Config, encoder_rate: float = 1.0) -> None:
+    def __init__(
+        self, network: str, slim: int, config: Config, encoder_rate: float = 1.0, teacher: Teacher | None = None
+    ) -> None:
         """``network`` by its name, its channels divided by ``slim``; the encoder learns at ``encoder_rate`` times the
         rate."""
+        self.teacher = teacher
         torch.manual_seed(config.seed)
         self.name, self.slim = network, slim
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -78,7 +86,7 @@ class Learning:
 
     def step(self, images: Tensor, labels: Tensor) -> float:
         """One step on a batch, as :func:`loss_of` takes it; returns the loss."""
-        return self.course.step(loss_of(self.network, images, labels))
+        return self.course.step(loss_of(self.network, images, labels, self.teacher))
 
     def resume(self, file: Path) -> bool:
         """Go on from a checkpoint; False where there is none. Raises ValueError when it is of another network or was
