@@ -27,6 +27,8 @@ _THICK = 1.2
 """A section is cut back while it is thicker than this times its own typical radius."""
 _LEAST_OF_TYPICAL = 0.75
 """Where a mask breaks off it is often thin: an end counts as at least so much of its section's typical radius."""
+_INSIDE_RADII = 1.0
+"""What is left of a chain between two junctions once it is cut, up to so many radii, lies inside a crossing, too."""
 _SPUR_RADII = 1.5
 _MAX_SECTIONS = 3_000
 _NEAREST = 24
@@ -85,7 +87,8 @@ def sections_of(
     typical = _medians(radii, bounds)
     junction_radius = np.maximum(_junction_radii(graph, distances), 1.0)
     cut = _cuts(graph, radii, typical, junction_radius)
-    inner = (graph.ends != FREE).all(axis=1) & (lengths <= cut.sum(axis=1)) & ~graph.closed
+    inside = cut.sum(axis=1) + _INSIDE_RADII * typical
+    inner = (graph.ends != FREE).all(axis=1) & (lengths <= inside) & ~graph.closed
     spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, cut, junction_radius)
     if shared_radii > 0:
         inner[_between_forks(graph, ~inner & ~spur, lengths / np.maximum(typical, 1.0), shared_radii)] = True

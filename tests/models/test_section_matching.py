@@ -140,6 +140,25 @@ def test_three_strands_through_one_place():
         assert away.min() < np.deg2rad(5)
 
 
+@pytest.mark.parametrize(
+    ("width", "lines"),
+    [
+        (9, [((473, -129), (-144, 377)), ((527, 278), (-217, -13)), ((413, 435), (-70, -201))]),
+        (13, [((-61, -209), (381, 456)), ((316, -252), (21, 490)), ((523, 256), (-221, -35))]),
+        (16, [((-109, -169), (410, 438)), ((282, -278), (66, 492)), ((545, 219), (-229, 23))]),
+        (16, [((-237, 23), (529, 252)), ((186, -279), (135, 518)), ((472, -122), (-182, 336))]),
+    ],
+)
+def test_three_strands_through_nearly_one_place(width, lines):
+    """A few pixels of skeleton between two of three crossings were a section of their own: one strand was cut."""
+    mask = np.zeros((240, 320), np.uint8)
+    for line in lines:
+        cv2.line(mask, *line, 1, width)
+    scene = extract(mask > 0)
+    assert len(scene.instances) == 3
+    assert all(i.length_px > 200 for i in scene.instances)
+
+
 def test_loop_crosses_itself_once():
     (strand,) = extract(drawn(loop())).instances
     (crossing,) = extract(drawn(loop())).crossings
