@@ -52,7 +52,13 @@ def segment(
 
     Raises ArgumentError.
     """
-    image = arguments.picture(picture, "picture")
+    return _foreground(arguments.picture(picture, "picture"), model, threshold, effort)[0]
+
+
+def _foreground(
+    image: ByteArray, model: str | None, threshold: float | None, effort: Effort
+) -> tuple[Foreground, Scene | None]:
+    """As :func:`segment`, and the strands by the default method that settled it."""
     if effort not in PASSES:
         raise ArgumentError("effort", f"is {effort!r}; there are {', '.join(PASSES)}")
     network = loading.foreground(model, PASSES[effort].eight_bit)
@@ -61,9 +67,9 @@ def segment(
     probability = look(image, network, settings, effort)
     mask = foreground.foreground_mask(probability, settings, limit)
     if limit is not None:
-        return Foreground(probability, mask, limit)
+        return Foreground(probability, mask, limit), None
     seen = settle(image, probability, mask, settings.threshold)
-    return Foreground(seen.probability, seen.cable, settings.threshold)
+    return Foreground(seen.probability, seen.cable, settings.threshold), seen.scene
 
 
 def instances(
@@ -89,7 +95,9 @@ def instances(
     chosen = METHODS[method]
     if params is not None and type(params) is not chosen.params:
         raise ArgumentError("params", f"are {type(params).__name__}; {method} takes {chosen.params.__name__}")
-    seen, image = _seen(picture, mask, model, threshold, effort)
+    seen, image, settled = _seen(picture, mask, model, threshold, effort)
+    if settled is not None and method == "section_matching" and params is None:
+        return settled
     networks = [loading.default(task) for task in chosen.tasks]
     scene = chosen.extract(seen.mask, image, params or chosen.params(), networks)
     if mask is not None or image is None:
@@ -113,7 +121,7 @@ def topology(
 
     Raises ArgumentError.
     """
-    found, image = _seen(picture, mask, model, threshold, effort)
+    found, image, _ = _seen(picture, mask, model, threshold, effort)
     seen = found.mask
     surfaces = []
     if depth_m is not None:
@@ -126,16 +134,17 @@ def topology(
 
 def _seen(
     picture: ArrayLike | None, mask: ArrayLike | None, model: str | None, threshold: float | None, effort: Effort
-) -> tuple[Foreground, ByteArray | None]:
-    """Foreground, and the picture if there is one."""
+) -> tuple[Foreground, ByteArray | None, Scene | None]:
+    """Foreground; the picture if there is one; the strands by the default method where they settled it."""
     if picture is None and mask is None:
         raise ArgumentError("picture", "or a mask is needed")
     image = None if picture is None else arguments.picture(picture, "picture")
     if mask is None:
         assert image is not None
-        return segment(image, model=model, threshold=threshold, effort=effort), image
+        found, settled = _foreground(image, model, threshold, effort)
+        return found, image, settled
     limit = None if threshold is None else arguments.number(threshold, "threshold", 0, 1)
     given = arguments.mask(mask, "mask", limit)
     if image is not None:
         arguments.same_size(image, given, ("picture", "mask"))
-    return Foreground(given.astype(np.float32), given, 0.5 if limit is None else limit), image
+    return Foreground(given.astype(np.float32), given, 0.5 if limit is None else limit), image, None

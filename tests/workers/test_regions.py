@@ -9,9 +9,12 @@ from dlo_client.contracts import ImageRef, InstancesRequest, TopologyRequest
 from dlo_client.contracts.foreground import Regions
 from PIL import Image
 
+from models.instances import section_matching
+from models.instances.settling import Settled
 from tests.workers.test_stages import put
 from workers import stages
 from workers.settings import Settings
+from workers.stages import foreground, perception
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.regions import within
 
@@ -66,3 +69,20 @@ def test_what_is_within_keeps_its_probability():
     kept = within(Regions(only=[[(50, 20), (99, 20), (99, 79), (50, 79)]]), seen)
     assert np.array_equal(np.argwhere(kept)[[0, -1]], [[20, 50], [79, 99]])
     assert set(np.unique(kept)) == {np.float32(0), np.float32(0.7)}
+
+
+def test_what_a_cable_is_continued_by_ends_where_the_regions_end(tools, monkeypatch):
+    """The scene of a settled foreground was answered although a part of it lay outside the regions."""
+    picture = np.full((120, 200, 3), 90, np.uint8)
+    bars = np.zeros((120, 200), bool)
+    bars[26:35, 20:180] = bars[86:95, 20:180] = True
+
+    def settle(image, probability, cable, threshold):
+        scene = section_matching.extract(bars, image)
+        return Settled(bars, np.where(bars, np.float32(0.9), np.float32(0.1)), scene)
+
+    monkeypatch.setattr(foreground, "settle", settle)
+    monkeypatch.setattr(perception, "without_lookalikes", lambda scene, *seen: scene)
+    request = InstancesRequest(image=put(tools, Image.fromarray(picture)), regions=Regions(only=[HIGH]))
+    (cable,) = stages.run(request, tools).result.instances
+    assert np.mean([y for _, y in cable.centerline_xy]) == pytest.approx(30, abs=1)

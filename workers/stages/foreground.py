@@ -155,7 +155,8 @@ def settled(
     seen = settle(source.image, found.probability, found.cable, found.threshold)
     probability = within(options.regions, seen.probability)
     cable = seen.cable if options.regions is None else seen.cable & (probability > 0)
-    return replace(found, probability=probability, cable=cable, scene=seen.scene)
+    whole = cable is seen.cable or np.array_equal(cable, seen.cable)
+    return replace(found, probability=probability, cable=cable, scene=seen.scene if whole else None)
 
 
 def _network(options: ForegroundOptions, tools: Tools) -> Network:

@@ -9,6 +9,8 @@ import pytest
 
 from models import library as dlo
 from models.instances.methods import METHODS
+from models.instances.settling import Settled
+from models.library import perception
 
 LINE = np.stack([np.linspace(0, 0.3, 12), np.zeros(12)], axis=1)
 ARC = np.stack([np.linspace(0, 0.3, 12), 0.05 * np.sin(np.linspace(0, np.pi, 12))], axis=1)
@@ -44,6 +46,18 @@ def test_segment_gives_a_probability_for_every_pixel():
     assert found.probability.shape == found.mask.shape == (120, 160)
     assert 0 <= found.probability.min() <= found.probability.max() <= 1
     assert dlo.segment(cross(), threshold=0.0).threshold == 0.0
+
+
+def test_instances_are_those_that_settled_the_foreground(monkeypatch):
+    """They were extracted a second time, and rated by the settled foreground instead of the seen one."""
+    settled = dlo.instances(mask=cross().any(axis=2))
+
+    def settle(image, probability, cable, threshold):
+        return Settled(cable, probability, settled)
+
+    monkeypatch.setattr(perception, "settle", settle)
+    assert dlo.instances(cross()) is settled
+    assert dlo.instances(cross(), method="rt_dlo") is not settled
 
 
 def test_a_crossing_of_a_topology_is_planned_for():
