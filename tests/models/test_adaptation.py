@@ -113,8 +113,8 @@ def test_pixels_where_nobody_can_tell_do_not_count() -> None:
 
 
 def test_the_mixture_gains_most_for_what_it_forgets() -> None:
-    before = Scores((70.0,), 85.0)
-    mixtures = {1.0: Scores((80.0,), 80.0), 0.65: Scores((79.0,), 84.5), 0.5: Scores((76.0,), 85.2)}
+    before = Scores((70.0,), (85.0,))
+    mixtures = {1.0: Scores((80.0,), (80.0,)), 0.65: Scores((79.0,), (84.5,)), 0.5: Scores((76.0,), (85.2,))}
     assert best(before, mixtures) == 0.65
     assert best(before, {1.0: before, 0.5: before}) == 0.5
 
@@ -122,14 +122,16 @@ def test_the_mixture_gains_most_for_what_it_forgets() -> None:
 @pytest.mark.parametrize(
     ("after", "why"),
     [
-        (Scores((70.0,), 85.0), None),
-        (Scores((90.0,), 84.1), None),
-        (Scores((69.9,), 85.0), "falls from 70.0 to 69.9"),
-        (Scores((90.0,), 83.9), "it forgets: Dice on the general set falls by 1.1"),
+        (Scores((70.0,), (85.0, 60.0)), None),
+        (Scores((90.0,), (83.1, 60.0)), None),
+        (Scores((69.9,), (85.0, 60.0)), "falls from 70.0 to 69.9"),
+        (Scores((90.0,), (82.8, 60.0)), "it forgets: where Dice on the general set falls, it costs 1.1"),
+        # gains on hard renders hid that edges moved on easy ones
+        (Scores((90.0,), (82.8, 80.0)), "it costs 1.1"),
     ],
 )
 def test_a_network_that_is_worse_or_forgets_is_refused(after: Scores, why: str | None) -> None:
-    refused = refusal(Scores((70.0,), 85.0), after)
+    refused = refusal(Scores((70.0,), (85.0, 60.0)), after)
     assert (refused is None) if why is None else (why in str(refused))
 
 
@@ -137,7 +139,7 @@ def test_an_exam_measures_every_picture(folder: Path) -> None:
     own = read_own(folder, 0.2)
     exam = Exam(own.aside, [(own.aside[0].rgb, own.aside[0].labels > 0)], 0.5)
     scores = exam.scores(lambda rgb: (rgb[:, :, 0] > 128).astype(np.float32))
-    assert scores == Scores((100.0, 100.0), 100.0)
+    assert scores == Scores((100.0, 100.0), (100.0,))
 
 
 def test_a_course_goes_on_from_its_checkpoint_and_leaves_the_first_stages_alone(folder: Path, tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def adapt(
     _draw_worst(folder, exam, mixtures[share], seen_before, _probability(files[share], fed))
     rows = zip(own.aside, before.aside, mixtures[share].aside, strict=True)
     return Report(
-        before.mean, mixtures[share].mean, before.general, mixtures[share].general, share, refused,
+        before.mean, mixtures[share].mean, before.general_mean, mixtures[share].general_mean, share, refused,
         len(own.trains), [{"name": p.name, "before": b, "after": a} for p, b, a in rows], course.steps, course.seconds,
     )  # fmt: skip
 
