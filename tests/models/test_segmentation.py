@@ -188,7 +188,7 @@ def test_the_eight_bit_network_sees_what_the_full_one_sees():
     assert compare(full, small, load_pool(None), 6)["differing_pixels"] < 0.03
     for size in ((32, 32), (224, 320)):
         assert small(np.zeros((1, 3, *size), np.float32)).shape == (1, 1, *size)
-    assert (settings.long_side, settings.most_enlarged) == (960, 1.5)
+    assert (settings.long_side, settings.most_enlarged) == (960, 2.0)
 
 
 def test_every_convolution_but_the_first_is_quantized(tmp_path):

@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--name", help="of the file and in requests; default foreground_<network>")
     parser.add_argument("--version", default="1")
     parser.add_argument("--long-side", type=int, default=960)
-    parser.add_argument("--most-enlarged", type=float, default=1.5, help="times, of a picture shorter than that")
+    parser.add_argument("--most-enlarged", type=float, default=2.0, help="times, of a picture shorter than that")
     parser.add_argument("--threshold", type=float, default=0.5)
     parser.add_argument("--certainty", type=float, default=0.8)
     parser.add_argument("--least-area", type=float, default=300.0, help="6 px wide, 50 px long")
