@@ -3,24 +3,30 @@ FROM python:3.11-slim-bookworm AS base
 ENV PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 # Optional parts: --build-arg EXTRAS="s3 telemetry"
 ARG EXTRAS=""
+# What the environment is made of; a worker with a GPU: --build-arg LOCK=cuda
+ARG LOCK=service
 WORKDIR /app
 COPY requirements requirements
-RUN pip install -r requirements/service.txt \
+RUN pip install -r "requirements/${LOCK}.txt" \
     && for extra in ${EXTRAS}; do pip install -r "requirements/${extra}.txt" || exit 1; done
 COPY clients clients
 RUN pip install --no-deps ./clients/python && useradd --create-home --uid 10001 dlo \
     && mkdir /data && chown dlo /data
 COPY workers workers
 ENV DLO_DATA_DIR=/data
-USER 10001
 VOLUME /data
 
 FROM base AS worker
 COPY models models
+# The root is read-only: without this every child compiles all modules again before it loads the networks.
+RUN python -m compileall -q .
+USER 10001
 CMD ["python", "-m", "workers"]
 
 FROM base AS service
 COPY services services
+RUN python -m compileall -q .
+USER 10001
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \
     CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/healthz', timeout=2)"]

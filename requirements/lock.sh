@@ -8,6 +8,15 @@ trap 'rm -rf "$fresh"' EXIT
 frozen() { "$fresh/bin/pip" freeze | grep -vE '^(pip|setuptools)==' | sed 's/+cpu$//'; }
 "$fresh/bin/pip" install --quiet -r "$here/service.in"
 { echo "# Exact versions of service.in (Python 3.11); made by 'make lock'"; frozen; } >"$here/service.txt"
+# A worker with a GPU: its packages are only looked up, 2 GB would be installed.
+listed='import json, sys
+for one in json.load(sys.stdin)["install"]: print("{name}=={version}".format(**one["metadata"]))'
+{
+  echo "# Exact versions of service.txt with cuda.in in place of onnxruntime (Python 3.11); made by 'make lock'"
+  "$fresh/bin/pip" install --quiet --dry-run --ignore-installed --report - \
+    -r "$here/cuda.in" -r <(grep -v '^onnxruntime==' "$here/service.txt") |
+    "$fresh/bin/python" -c "$listed" | sort --ignore-case
+} >"$here/cuda.txt"
 for extra in s3 telemetry; do
   rm -rf "$fresh" && "${1:-python3.11}" -m venv "$fresh"
   "$fresh/bin/pip" install --quiet -r "$here/service.txt" -r "$here/$extra.in"

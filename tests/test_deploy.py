@@ -82,7 +82,10 @@ _ELSEWHERE = {"DLO_URL", "DLO_QUEUE_SECRET", "DLO_IMAGE", "DLO_KEYS", "DLO_TESTS
 """Variables of compose files, of tests and of the client; no settings."""
 
 
-@pytest.mark.parametrize("file", [*COMPOSE, ROOT / "Dockerfile", ROOT / "docs" / "deployment.md"], ids=lambda f: f.name)
+_NAMING = (*COMPOSE, DEPLOY / "gpu.yaml", ROOT / "Dockerfile", ROOT / "docs" / "deployment.md")
+
+
+@pytest.mark.parametrize("file", _NAMING, ids=lambda f: f.name)
 def test_every_setting_that_is_named_exists(file):
     """A variable that nobody reads is passed over without a word."""
     named = set(re.findall(r"\bDLO_[A-Z0-9_]+\b", file.read_text())) - _ELSEWHERE

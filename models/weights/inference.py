@@ -14,6 +14,8 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
+from models.weights.providers import CPU, session
+
 WEIGHTS = Path(__file__).parent
 
 
@@ -65,7 +67,7 @@ class Runtime:
     """Where networks run: ONNX Runtime execution providers in order of preference, and threads a network
     (0: one a core). ``spinning`` off keeps idle threads from stealing time from other workers."""
 
-    providers: Sequence[str] = ("CPUExecutionProvider",)
+    providers: Sequence[str] = (CPU,)
     threads: int = 0
     spinning: bool = False
 
@@ -77,6 +79,8 @@ class Network:
         self.spec = spec
         self._session = session
         self._inputs = [i.name for i in session.get_inputs()]
+        self.provider: str = session.get_providers()[0]
+        """The execution provider of ONNX Runtime that it runs on."""
 
     def __call__(self, inputs: NDArray[np.float32]) -> NDArray[np.float32]:
         """The output of a network with one input and one output; shapes as in ``spec.input``."""
@@ -141,11 +145,9 @@ def load(name: str, runtime: Runtime | None = None) -> Network:
 
 
 def opened(spec: NetworkSpec, data: bytes, runtime: Runtime | None = None) -> Network:
-    """The network of ``data``, the bytes of an ONNX file. Providers that are not installed are passed over."""
+    """The network of ``data``, the bytes of an ONNX file; raises models.weights.providers.ProviderMissingError."""
     runtime = runtime or Runtime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = runtime.threads
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if runtime.spinning else "0")
-    installed = onnxruntime.get_available_providers()
-    providers = [p for p in runtime.providers if p in installed] or ["CPUExecutionProvider"]
-    return Network(spec, onnxruntime.InferenceSession(data, options, providers=providers))
+    return Network(spec, session(data, options, runtime.providers))

@@ -71,6 +71,7 @@ def build(image: Image, folder: Path, python: Path | None) -> Path:
         subprocess.run([*pip, "--no-deps", "./clients/python"], cwd=app, check=True)
         shutil.rmtree(app / "clients" / "python" / "build", ignore_errors=True)
         check_alone(python, app)
+    subprocess.run([python, "-m", "compileall", "-q", "."], cwd=app, check=True)
     for path in (app, *app.rglob("*")):
         path.chmod(path.stat().st_mode & ~(stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH))
     return python

@@ -36,6 +36,13 @@ def test_both_run_without_rights_and_by_their_own_entry_points(found):
     assert "services.app:create_app" in found["service"].command
 
 
+def test_modules_are_compiled_before_the_root_is_read_only(found):
+    """Every child of a worker, and every start of the service, compiled three hundred modules again."""
+    for name in ("service", "worker"):
+        assert found[name].runs[-1] == "python -m compileall -q ."
+        assert found[name].environment["PYTHONDONTWRITEBYTECODE"] == "1", "nobody writes them later"
+
+
 @pytest.mark.parametrize(
     ("path", "left_out"),
     [("models/weights/a.onnx", False), ("models/training/x.py", True), ("tests/conftest.py", True),

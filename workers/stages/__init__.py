@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Sequence
 from typing import assert_never
 
 import cv2
@@ -128,9 +129,18 @@ def warm(settings: Settings) -> Tools:
     for spec in inference.manifest().values():
         if spec.default:
             tools.network(spec.name)
+    _say_where(settings.onnx_providers, {network.provider for network in tools.weights.loaded.values()})
     first_use.use(tools)
     tools.networks = [_info(spec, warm=spec.name in tools.weights.loaded) for spec in inference.manifest().values()]
     return tools
+
+
+def _say_where(wanted: Sequence[str], used: Collection[str]) -> None:
+    """A worker that falls back to the processor computes the same, but slower: somebody should hear of it."""
+    if set(wanted[:1]) == set(used):
+        log.info("networks loaded", providers=sorted(used))
+    else:
+        log.warning("networks do not run where they are to run first", wanted=list(wanted), providers=sorted(used))
 
 
 def _info(spec: NetworkSpec, *, warm: bool) -> NetworkInfo:
