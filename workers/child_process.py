@@ -145,6 +145,18 @@ class ChildProcess:
         self._largest_mb = max(self._largest_mb, self._taken_mb())
         return False
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether it has taken up the job that it was given."""
+        return self._connection is not None and _unread(self._connection) == 0
+
+    def pause(self) -> None:
+        """Let it stand still, with all that it has started, until :meth:`resume`."""
+        self._signal(signal.SIGSTOP)
+
+    def resume(self) -> None:
+        self._signal(signal.SIGCONT)
+
     def finish(self) -> None:
         """Take its word that the job is over; raises ChildDied."""
         self._rss_mb = json.loads(self._receive())["rss_mb"]
@@ -155,13 +167,17 @@ class ChildProcess:
         """Kill the child with all that it has started; nothing happens if there is none."""
         self.ready = False
         if self._process is not None:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
+            self._signal(signal.SIGKILL)
             self._process.wait()
             self._process = None
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    def _signal(self, number: signal.Signals) -> None:
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, number)
 
     def _has_left(self, share: float) -> bool:
         room_mb = max(memory.limit_mb(self._settings) - self._warm_mb, 0.0)

@@ -62,17 +62,32 @@ class Children:
         if not self._settings.spare_child:
             return
         if self._next is None:
-            self._next = ChildProcess(self._settings)
-            self._next.begin()
+            self._begin_next()
         elif self._warm(self._next) and self.current.worn:
             worn, self.current, self._next = self.current, self._next, None
             worn.kill()
+
+    def standby(self) -> ChildProcess | None:
+        """The next child, if it is warm and good for a job while the current one is at work."""
+        if not self._settings.spare_child:
+            return None
+        if self._next is not None and (self._next.worn or self._next.spent):
+            self._next.kill()
+            self._next = None
+        if self._next is None:
+            self._begin_next()
+        found = self._next
+        return found if found is not None and self._warm(found) and found.alive else None
 
     def kill(self) -> None:
         """End both."""
         for child in (self.current, self._next):
             if child is not None:
                 child.kill()
+
+    def _begin_next(self) -> None:
+        self._next = ChildProcess(self._settings)
+        self._next.begin()
 
     def _warm(self, child: ChildProcess) -> bool:
         try:

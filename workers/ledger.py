@@ -34,8 +34,9 @@ ALIVE_MS = 5000
 GRACE_MS = 1500
 """… if it is still silent so much later: right after a restart of the queue server all of them are."""
 
-Hold = Literal["held", "ended", "gone"]
-"""How a claim stands: its job runs, this attempt has ended it, or it was cancelled or taken over."""
+Hold = Literal["held", "wanted", "ended", "gone"]
+"""How a claim stands: its job runs, it runs although it is of batch and an interactive one waits, this attempt has
+ended it, or it was cancelled or taken over."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +113,12 @@ class Ledger:
         attempt, request, remaining_s, waited_s, *rest = answer
         return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, *rest)
 
-    def renew(self, claim: Claim, worker: str) -> Hold:
-        """Write down that the job is still being worked on, if the claim is held."""
-        return cast(Hold, self._step("renew", claim.job_id, claim.attempt, worker, ALIVE_MS))
+    def renew(self, claim: Claim, worker: str, stood_s: float = 0.0) -> Hold:
+        """Write down that the job is still being worked on, if the claim is held.
+
+        ``stood_s``: seconds that it stood still meanwhile for another one; its deadline comes so much later.
+        """
+        return cast(Hold, self._step("renew", claim.job_id, claim.attempt, worker, ALIVE_MS, stood_s))
 
     def progress(self, claim: Claim, fraction: float) -> None:
         self._step("progress", claim.job_id, claim.attempt, f"{fraction:.4f}")

@@ -84,6 +84,7 @@ HISTOGRAMS = {
 COUNTERS = {
     "failed": ("Jobs that failed, by the code of their problem", ("kind", "code")),
     "retried": ("Jobs that were taken up again because their worker had died", ("kind",)),
+    "preempted": ("Times that a batch job stood still for an interactive one", ("kind",)),
     "owner": ("Jobs that have ended, by the API key that sent them", ("owner", "state")),
     "owner_seconds": ("Seconds that workers spent on the jobs of an API key", ("owner",)),
     "webhook": ("Webhooks by what came of them", ("outcome",)),

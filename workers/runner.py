@@ -4,16 +4,18 @@ Strategy: what a job is and how it stands is in its record (:mod:`workers.ledger
 hands the claim to its child, and until the child is done renews the claim five times a second. A claim that
 is gone — cancelled, or taken by a reaper — or a deadline that has come means: kill the child, whatever
 native code it is in. A child that dies by itself ends the wait at once. The next child is warm by then
-(:mod:`workers.children`) and takes the next job.
+(:mod:`workers.children`) and takes the next job. It also takes an interactive job that comes while one of batch runs:
+the working child stands still meanwhile, keeps its claim, and goes on where it was.
 
-Nothing here knows RQ: an engine calls :meth:`Runner.ready` before it takes an id and :meth:`Runner.run` with it.
+Nothing here knows RQ: an engine calls :meth:`Runner.ready` before it takes an id and :meth:`Runner.run` with it, and
+gives the runner a function that takes the id of an interactive job.
 """
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
@@ -32,6 +34,7 @@ from workers.ledger import Claim, Hold, Ledger
 from workers.record import QUEUES
 from workers.repeater import Repeater
 from workers.settings import Settings
+from workers.turns import Pauses
 
 _RENEW_S = 0.2
 _REPORT_WITHIN_S = 5.0
@@ -47,8 +50,18 @@ log = structlog.get_logger(__name__)
 class Runner:
     """One warm child, under the name of its worker; all methods from one thread that lives on."""
 
-    def __init__(self, settings: Settings, name: str, queues: Sequence[str] = QUEUES) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        name: str,
+        queues: Sequence[str] = QUEUES,
+        take_interactive: Callable[[], str | None] = lambda: None,
+    ) -> None:
+        """``take_interactive``: the id of an interactive job that waits, if any; it does not wait for one."""
         self.name, self._queues = name, list(queues)
+        self._take_interactive = take_interactive
+        self._batch_share = settings.batch_share
+        self._standing: Claim | None = None
         self._children = Children(settings, self._turned)
         self._turn = time.monotonic()
         self._busy = False
@@ -96,7 +109,7 @@ class Runner:
         """Run a job, if it still has to be run."""
         self._busy = True
         if claim := self._ledger.claim(job_id, self.name):
-            self._see_through(claim)
+            self._see_through(self._children.current, claim)
         else:
             log.info("job not run: cancelled, or too late", job_id=job_id)
         self._busy = False
@@ -113,9 +126,8 @@ class Runner:
     def _turned(self) -> None:
         self._turn = time.monotonic()
 
-    def _see_through(self, claim: Claim) -> None:
+    def _see_through(self, child: ChildProcess, claim: Claim) -> None:
         """See the claimed job through to one of its ends."""
-        child = self._children.current
         try:
             child.give(claim)
             if self._watch(child, claim):
@@ -134,6 +146,7 @@ class Runner:
     def _watch(self, child: ChildProcess, claim: Claim) -> bool:
         """Wait for the child while the claim is held and time is left; False if it has to be killed."""
         limit = time.monotonic() + claim.remaining_s
+        pauses = Pauses(self._batch_share)
         while not child.wait(min(_RENEW_S, max(limit - time.monotonic(), 0.0))):
             self._turned()
             if child.frozen:
@@ -144,16 +157,42 @@ class Runner:
                 log.warning("job stopped at its time limit", job_id=claim.job_id)
                 return False
             hold = self._hold(claim)
-            if hold == "ended" and child.wait(_REPORT_WITHIN_S):
+            if hold == "wanted":
+                limit += self._let_pass(child, claim, pauses)
+            elif hold == "ended" and child.wait(_REPORT_WITHIN_S):
                 return True
-            if hold != "held":
+            elif hold != "held":
                 log.info("job stopped: cancelled, or taken over", job_id=claim.job_id)
                 return False
         return True
 
-    def _hold(self, claim: Claim) -> Hold:
+    def _let_pass(self, child: ChildProcess, claim: Claim, pauses: Pauses) -> float:
+        """Run an interactive job while the child with the claim stands still; for how many seconds it did."""
+        if not (pauses.allowed and child.has_begun and (other := self._children.standby())):
+            return 0.0
+        if (job_id := self._take_interactive()) is None:
+            return 0.0
+        started = time.monotonic()
+        child.pause()
+        self._standing = claim
         try:
-            return self._renewals.renew(claim, self.name)
+            log.info("job stands still for an interactive one", job_id=claim.job_id, other=job_id)
+            with contextlib.suppress(redis.RedisError):  # a reaper puts it right
+                if passing := self._renewals.claim(job_id, self.name):
+                    self._see_through(other, passing)
+        finally:
+            self._standing = None
+            child.resume()
+        stood_s = time.monotonic() - started
+        pauses.add(stood_s)
+        self._hold(claim, stood_s)
+        return stood_s
+
+    def _hold(self, claim: Claim, stood_s: float = 0.0) -> Hold:
+        try:
+            if self._standing is not None:
+                self._renewals.renew(self._standing, self.name)
+            return self._renewals.renew(claim, self.name, stood_s)
         except redis.RedisError:
             return "held"  # the queue server is away: go on, and ask again
 

@@ -63,6 +63,9 @@ class Settings(BaseSettings):
         le=0.5,
         description="share of its jobs that a worker takes from batch while interactive waits",
     )
+    preempt: bool = Field(
+        default=True, description="a batch job stands still while its worker runs an interactive one; needs spare_child"
+    )
     max_tracks: PositiveInt = Field(default=1000, description="kept at a time; a new one is refused then")
     track_ttl_s: PositiveFloat = Field(default=3600.0, description="a track is forgotten so long after its last frame")
     max_attempts: PositiveInt = Field(default=2, description="times a job whose worker dies is taken up")
@@ -133,6 +136,7 @@ class Settings(BaseSettings):
 
     @model_validator(mode="after")
     def _blobs_outlive_their_jobs(self) -> Settings:
-        if self.blob_ttl_s < LONGEST_JOB_S + self.result_ttl_s:
-            raise ValueError(f"DLO_BLOB_TTL_S must be at least {LONGEST_JOB_S:g} + DLO_RESULT_TTL_S")
+        longest_s = 2 * LONGEST_JOB_S  # of a job that stands still meanwhile for others, see preempt
+        if self.blob_ttl_s < longest_s + self.result_ttl_s:
+            raise ValueError(f"DLO_BLOB_TTL_S must be at least {longest_s:g} + DLO_RESULT_TTL_S")
         return self

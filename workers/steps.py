@@ -88,6 +88,17 @@ local function lost()
   return 'requeued'
 end
 
+local function moved_by(seconds)
+  set('deadline', text(tonumber(get('deadline')) + seconds))
+  add('preempted|' .. get('kind'), 1)
+end
+
+-- A paused job that holds the lock of the networks would keep the one out for which it was paused.
+local function is_in_the_way()
+  if get('priority') ~= 'batch' or get('kind') == 'import_network' then return false end
+  return redis.call('ZCARD', '@waiting@interactive') > 0
+end
+
 local function mine(attempt) return get('state') == 'running' and get('attempts') == attempt end
 """
 
@@ -136,7 +147,9 @@ return {get('attempts'), get('request'), text(tonumber(get('deadline')) - now), 
 local state = get('state')
 if mine(ARGV[7]) then
   redis.call('SET', alive, ARGV[8], 'PX', ARGV[9])
-  return 'held'
+  local stood_s = tonumber(ARGV[10])
+  if stood_s > 0 then moved_by(stood_s) end
+  return is_in_the_way() and 'wanted' or 'held'
 end
 return get('attempts') == ARGV[7] and (state == 'succeeded' or state == 'failed') and 'ended' or 'gone'
 """,

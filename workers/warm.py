@@ -19,9 +19,11 @@ import redis
 from redis.backoff import NoBackoff
 from redis.client import Pipeline
 from redis.retry import Retry
+from rq.exceptions import NoSuchJobError
 from rq.job import Job
 from rq.queue import Queue
 from rq.serializers import JSONSerializer
+from rq.utils import as_text
 from rq.worker import Worker
 from rq.worker.base import WorkerStatus
 from rq.worker_registration import clean_worker_registry
@@ -31,28 +33,12 @@ from workers.connection import connect
 from workers.record import QUEUES
 from workers.runner import Runner
 from workers.settings import Settings
+from workers.turns import Turns
 
 _LOOK_AFTER_CHILD_S = 3
 _RQ_WORKER_TTL_S = 30
 _HEARTBEAT_S = 10.0
 """RQ forgets a worker a minute after its TTL."""
-
-
-class Turns:
-    """Which queue is looked into first: the interactive one, but for the share of jobs that batch is owed."""
-
-    def __init__(self, batch_share: float) -> None:
-        self._owed_each = batch_share / (1 - batch_share)
-        self._owed = 0.0
-
-    @property
-    def batch_first(self) -> bool:
-        """Whether the next job should be one of batch, if any waits."""
-        return self._owed > 1 - 1e-9
-
-    def taken(self, *, batch: bool) -> None:
-        """A job was taken; while no batch job waits the debt does not grow beyond one job."""
-        self._owed = 0.0 if batch else min(self._owed + self._owed_each, 1.0)
 
 
 class WarmWorker(Worker):
@@ -68,7 +54,10 @@ class WarmWorker(Worker):
             worker_ttl=_RQ_WORKER_TTL_S,
             log_job_description=False,
         )
-        self._runner = Runner(settings, self.name, queues)
+        self._preempts = settings.preempt and set(QUEUES) <= set(queues)
+        self._runner = Runner(settings, self.name, queues, self._take_interactive)
+        self._interactive = Queue.redis_queue_namespace_prefix + settings.keys.queue("interactive")
+        self._impatient = connect(settings, text=False)
         self._both = tuple(queues) == QUEUES
         self._turns = Turns(settings.batch_share)
         self._asked_to_stop = False
@@ -103,12 +92,29 @@ class WarmWorker(Worker):
     def execute_job(self, job: Job, queue: Queue) -> None:
         """Run one queue entry, if it may be and still has to be run."""
         self.set_state(WorkerStatus.BUSY)
-        if refusal := cast(AllowedJob, job).refusal:
-            self._runner.refuse(job.id, refusal)
-            self.connection.delete(job.key)
-        else:
+        if self._may_run(cast(AllowedJob, job)):
             self._runner.run(job.id)
         self.set_state(WorkerStatus.IDLE)
+
+    def _take_interactive(self) -> str | None:
+        """Called while a batch job runs: the id of a job that need not wait for its end."""
+        if not self._preempts or self._stop_requested:
+            return None
+        try:
+            if (taken := self._impatient.lpop(self._interactive)) is None:
+                return None
+            job_id = as_text(cast(bytes, taken))
+            entry = AllowedJob.fetch(job_id, self._impatient, self.serializer)
+        except (NoSuchJobError, redis.RedisError):  # a reaper puts back what was taken
+            return None
+        return job_id if self._may_run(entry) else None
+
+    def _may_run(self, entry: AllowedJob) -> bool:
+        """Refuse a forged queue entry."""
+        if entry.refusal:
+            self._runner.refuse(entry.id, entry.refusal)
+            self.connection.delete(entry.key)
+        return entry.refusal is None
 
     def heartbeat(self, timeout: int | None = None, pipeline: Pipeline | None = None) -> None:
         """Called several times a job."""

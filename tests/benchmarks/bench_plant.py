@@ -124,7 +124,20 @@ def overhead() -> Row:
 
 
 def robot() -> Row:
-    """Milliseconds that an interactive no-op takes while hundreds of batch jobs of 0.1 s wait, one worker."""
+    """Milliseconds of an interactive no-op while batch jobs wait, one worker: hundreds of 0.1 s, some of 20 s."""
+    rows = _beside_short_jobs()
+    with plant(spare_child=True) as there, _client(there) as client:
+        there.settled_mb()
+        for _ in range(4):
+            client.post("/v1/jobs", json={"kind": "noop", "hold_s": 20, "priority": "batch", "timeout_s": 3000.0})
+        beside = []
+        for _ in range(4):
+            there.settled_mb()  # the next child is warm
+            beside.append(_job(client)[0])
+    return rows | {"beside a batch of jobs of 20 s": _summary(beside)}
+
+
+def _beside_short_jobs() -> Row:
     with plant(max_queue_depth=5000) as there, _client(there) as client:
         alone = [_job(client)[0] for _ in range(30)]
         batch = {"kind": "noop", "hold_s": 0.1, "priority": "batch", "timeout_s": 3000.0}

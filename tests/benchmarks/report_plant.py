@@ -11,7 +11,7 @@ _TEXTS = {
     "stalls": "A no-op, one after the other, one worker with a warm next child",
     "loop": "`/healthz` beside requests of 4 MiB (floor: 100 ms above nothing else)",
     "overhead": "Whole path less the stage's own time (floors: no-op 5 ms, `instances` 10 ms)",
-    "robot": "An interactive no-op beside 300 waiting batch jobs of 100 ms (floor: one job)",
+    "robot": "An interactive no-op, beside 300 waiting batch jobs of 100 ms (floor: one job)",
 }
 
 
@@ -142,7 +142,8 @@ def faults_section(data: dict[str, Any]) -> str:
     """What became of the jobs under each fault."""
     rows = [
         [name, row.get("jobs", ""), row.get("faults", ""), row.get("lost", ""), row.get("doubled", ""),
-         row.get("wrong", ""), row.get("failed", ""), row.get("worst_recovery_s", ""), row.get("load", ""), row["note"]]
+         row.get("wrong", ""), row.get("failed", ""), row.get("worst_recovery_s", ""), row.get("load", ""),
+         _fault_note(row)]
         for name, row in data.items()
     ]  # fmt: skip
     return (
@@ -151,6 +152,11 @@ def faults_section(data: dict[str, Any]) -> str:
         "(floor: 8 s where none else does). Floor: nothing lost, doubled or wrong.\n\n"
         + table(["fault", "jobs", "faults", "lost", "doubled", "wrong", "failed", "s", "load", "note"], rows)
     )
+
+
+def _fault_note(row: dict[str, Any]) -> str:
+    parts = ", ".join(f"{part} {seconds} s" for part, seconds in row.get("recovery_s", {}).items())
+    return "; ".join(text for text in (row["note"], parts) if text)
 
 
 def properties_section(data: dict[str, Any]) -> str:

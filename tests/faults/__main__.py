@@ -21,6 +21,7 @@ from tests.faults.traffic import added
 _SMALL = {
     "full_disk": 20, "slow_disk": 20, "client_gone": 20, "unreadable_weights": 20, "leaking_jobs": 40,
     "clock_jump": 50, "hanging_jobs": 50, "dripping_receivers": 20,
+    "preempted": 60,
 }  # fmt: skip
 
 

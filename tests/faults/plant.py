@@ -26,6 +26,7 @@ KINDS = ("child", "worker", "api", "queue")
 """What can be killed."""
 
 _READY_WITHIN_S = 600.0
+_SETTLED_S, _STILL_MB = 2.0, 2.0
 
 _UVICORN = """
 import signal, sys
@@ -76,6 +77,7 @@ class Plant:
         self._port = free_port()
         self.url = f"http://127.0.0.1:{self._port}"
         base = environment(self.settings) | {"PYTHONPATH": f"{ROOT}:{ROOT / 'clients/python'}"}
+        base.pop("PYTHONDONTWRITEBYTECODE", None)  # every child would compile all modules again
         self._env = base | (env or {})
         self.api = Part(self._api_command(), self._env)
         worker = [sys.executable, "-m", "workers", "--with-parent", str(os.getpid()), "--name"]
@@ -150,6 +152,20 @@ class Plant:
                 family = [process, *process.children(recursive=True)]
                 found[name] = sum(one.memory_info().rss for one in family) / 2**20
         return found
+
+    def settled_mb(self) -> float:
+        """Memory of all parts once every child that should be there is loaded: it no longer grows."""
+        children = len(self.workers) * (2 if self.settings.spare_child else 1)
+
+        def settled() -> float | None:
+            before = self.memory_mb()
+            time.sleep(_SETTLED_S)
+            self.tend()
+            there = sum(len(psutil.Process(worker.process.pid).children()) for worker in self.workers)
+            now = sum(self.memory_mb().values())
+            return now if there == children and abs(now - sum(before.values())) < _STILL_MB else None
+
+        return wait_until(settled, _READY_WITHIN_S)
 
     def processor_s(self) -> float:
         """Processor time of everything that runs now, in seconds."""

@@ -42,23 +42,44 @@ _SLEEP = "import select, time\ntime.sleep = lambda seconds: select.select([], []
 """The library that sets the clock breaks the call that ``sleep`` makes by itself."""
 
 _DAY_S = 86_400
+_KILLED = 0.2
 
 
 def kills(jobs: int, faults: int, seed: int = 1) -> Tally:
     """SIGKILL of child, worker, service and queue server in turn, at random moments, while jobs come in."""
     chance = random.Random(seed)
     with plant(workers=2, spare_child=True) as there:
-        before = sum(there.memory_mb().values())
+        before = there.settled_mb()
         traffic = Traffic(there, jobs, pace_s=max(0.02, 2.0 * faults / jobs)).start()
-        recovered = []
+        recovered = dict.fromkeys(KINDS, 0.0)
         for k in range(faults):
             time.sleep(chance.uniform(0.2, 1.0))
-            there.kill(KINDS[k % len(KINDS)], chance)
-            recovered.append(probe(there))
+            there.kill(part := KINDS[k % len(KINDS)], chance)
+            recovered[part] = max(recovered[part], round(probe(there), 2))
         found = traffic.tally()
-        found.faults, found.worst_recovery_s = faults, round(max(recovered), 2)
-        found.grown_mb = round(sum(there.memory_mb().values()) - before, 1)
+        found.faults, found.recovery_s, found.worst_recovery_s = faults, recovered, max(recovered.values())
+        found.grown_mb = round(there.settled_mb() - before, 1)
     return found
+
+
+def preempted(jobs: int, faults: int) -> Tally:
+    """Interactive jobs come while batch jobs of a second run, which stand still; children and workers die."""
+    chance, kills = random.Random(1), 0
+    with plant(workers=2, spare_child=True, max_attempts=9) as there:
+        there.settled_mb()
+        traffic = Traffic(there, jobs, pace_s=0.02, shortest_s=1.0, priority="batch").start()
+        waits = []
+        while traffic.sending or there.queue.depth()["batch"]:
+            time.sleep(chance.uniform(0.1, 0.6))
+            if kills < faults and chance.random() < _KILLED:
+                there.kill(("child", "worker")[kills % 2], chance)
+                kills += 1
+            waits.append(probe(there))
+        found = traffic.tally()
+        stood = round(there.queue.measures().counters.get(("preempted", "noop"), 0))
+        found.faults, found.worst_recovery_s = kills, round(max(waits), 2)
+        found.note = f"jobs stood still {stood} times; seconds: the slowest of {len(waits)} interactive no-ops"
+        return found
 
 
 def frozen_queue(jobs: int, faults: int) -> Tally:
@@ -167,7 +188,7 @@ def leaking_jobs(jobs: int, faults: int) -> Tally:
 SCENARIOS: dict[str, Callable[[int, int], Tally]] = {
     scenario.__name__: scenario
     for scenario in (
-        kills, power_loss, torn_log, full_disk, slow_disk, frozen_queue, full_queue, clock_jump, clock_steps,
+        kills, preempted, power_loss, torn_log, full_disk, slow_disk, frozen_queue, full_queue, clock_jump, clock_steps,
         unreadable_weights, client_gone, hanging_jobs, leaking_jobs, dripping_clients, dripping_receivers,
     )
 }  # fmt: skip

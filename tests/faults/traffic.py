@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 from uuid import uuid4
 
@@ -37,6 +37,8 @@ class Tally:
     faults: int = 0
     worst_recovery_s: float = 0.0
     """From a fault until a job that was sent right after it had ended."""
+    recovery_s: dict[str, float] = field(default_factory=dict)
+    """The worst of each part that was killed."""
     grown_mb: float = 0.0
     note: str = ""
 
@@ -56,6 +58,8 @@ def added(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
         "good": known["good"] and more["good"],
         **{name: round(known[name] + more[name], 1) for name in (*COUNTED, "took_s")},
         **{name: max(known.get(name, 0.0), more[name]) for name in ("worst_recovery_s", "grown_mb", "load")},
+        "recovery_s": known.get("recovery_s", {})
+        | {part: max(s, known.get("recovery_s", {}).get(part, 0.0)) for part, s in more["recovery_s"].items()},
         "note": more["note"],
     }
 
@@ -63,10 +67,13 @@ def added(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
 class Traffic:
     """Sends ``jobs`` no-op jobs, each of its own length, at a steady pace from a thread."""
 
-    def __init__(self, plant: Plant, jobs: int, pace_s: float) -> None:
+    def __init__(
+        self, plant: Plant, jobs: int, pace_s: float, shortest_s: float = 0.01, priority: str = "interactive"
+    ) -> None:
         self._plant = plant
         self._pace_s = pace_s
-        self._holds = [0.01 + 1e-5 * k for k in range(jobs)]
+        self._priority = priority
+        self._holds = [shortest_s + 1e-5 * k for k in range(jobs)]
         self.ids: dict[str, float] = {}
         """Of accepted jobs, and how long each holds its worker."""
         self._label = f"traffic {uuid4().hex[:8]}"
@@ -83,7 +90,7 @@ class Traffic:
     def _send_all(self) -> None:
         with httpx.Client(base_url=self._plant.url, timeout=20) as client:
             for hold_s in self._holds:
-                self.ids[send(client, hold_s, self._label)] = hold_s
+                self.ids[send(client, hold_s, self._label, self._priority)] = hold_s
                 time.sleep(self._pace_s)
 
     def tally(self, sent: int | None = None) -> Tally:
@@ -115,9 +122,9 @@ def all_jobs(plant: Plant) -> Iterator[AnyJob]:
             return
 
 
-def send(client: httpx.Client, hold_s: float, label: str) -> str:
+def send(client: httpx.Client, hold_s: float, label: str, priority: str) -> str:
     """Submit until it is accepted, as a client does that was told nothing: with one key; the job's id."""
-    body = {"kind": "noop", "hold_s": hold_s, "timeout_s": _TIMEOUT_S, "label": label}
+    body = {"kind": "noop", "hold_s": hold_s, "timeout_s": _TIMEOUT_S, "label": label, "priority": priority}
     key, give_up = uuid4().hex, time.monotonic() + _PATIENCE_S
     while time.monotonic() < give_up:
         try:

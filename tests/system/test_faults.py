@@ -12,6 +12,7 @@ import pytest
 from dlo_client.contracts import JobState, NoopRequest
 
 from tests.processes import KEYS, ROOT, environment, wait_until
+from workers import memory
 from workers.connection import connect
 from workers.embedded import EmbeddedQueue
 from workers.queue import JobQueue
@@ -45,6 +46,12 @@ def succeeds(queue, job_id, timeout_s=300.0):
 
 def is_alive(pid):
     return Path(f"/proc/{pid}").exists()
+
+
+def loaded(*children):
+    """Whether each has about as much in memory as the one that has most."""
+    sizes = [memory.resident_mb(pid) for pid in children]
+    return min(sizes) > 0.9 * max(sizes)
 
 
 def test_child_killed_in_mid_job_the_job_is_retried(job_queue, start_worker):
@@ -310,3 +317,15 @@ def test_the_next_child_is_there_already_when_one_is_killed(settings, start_work
     queue.cancel(job_id)
     succeeds(queue, submit(queue))
     assert before & set(worker.child_pids()), "the job after it ran in a child that was there before"
+
+
+def test_a_robot_does_not_wait_for_a_long_job_of_a_batch(settings, start_worker):
+    settings = Settings(**settings.model_dump() | {"spare_child": True})
+    worker, queue = start_worker(settings), JobQueue(settings)
+    wait_until(lambda: len(pids := worker.child_pids()) == 2 and loaded(*pids), 300.0)
+    batch = submit(queue, hold_s=30, priority="batch")
+    wait_running(queue, batch)
+    robots = [succeeds(queue, submit(queue)) for _ in range(2)]
+    job = succeeds(queue, batch)
+    assert job.attempts == 1
+    assert all(job.started_at <= robot.started_at <= robot.ended_at < job.ended_at for robot in robots)

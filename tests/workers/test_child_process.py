@@ -1,6 +1,3 @@
-import os
-import signal
-
 import pytest
 from dlo_client.contracts import ImageRef, InstancesRequest, JobState, NoopRequest
 
@@ -45,15 +42,17 @@ def test_waiting_for_an_idle_child_ends_without_news(child):
 def test_a_child_that_does_not_take_up_its_job_is_frozen(child, job_queue, settings, monkeypatch):
     """It was waited for until the job's time limit, however quickly another could have run it."""
     monkeypatch.setattr(child_process, "_BEGIN_WITHIN_S", 0.0)
-    os.kill(child._process.pid, signal.SIGSTOP)
+    child.pause()
     with connect(settings) as client:
         job, _ = job_queue.submit(NoopRequest())
         child.give(Ledger(client, settings).claim(job.id, "w"))
     assert not child.wait(0.05)
     assert child.frozen
-    os.kill(child._process.pid, signal.SIGCONT)
+    assert not child.has_begun
+    child.resume()
     assert child.wait(20)
     assert not child.frozen
+    assert child.has_begun
 
 
 def test_a_job_that_needs_more_memory_than_a_child_may_take_is_too_large(job_queue, settings):

@@ -137,6 +137,33 @@ def test_without_a_next_child_a_worn_one_is_replaced_all_the_same(children, sett
     assert children.current.ready
 
 
+def test_the_next_child_does_a_job_while_the_current_one_is_at_work(pair):
+    second = Child.made[1]
+    assert pair.standby() is second
+    second.alive = False  # killed by the system meanwhile
+    assert pair.standby() is None
+    assert pair.current is Child.made[0]
+
+
+@pytest.mark.parametrize("why", ["worn", "spent"])
+def test_a_next_child_that_has_done_enough_such_jobs_is_replaced(pair, why):
+    """Nobody else looks at it while the current one is at work, which may be for an hour."""
+    second = Child.made[1]
+    setattr(second, why, True)
+    assert pair.standby() is None
+    assert not second.alive
+    for _ in range(3):
+        found = pair.standby()
+    assert found is Child.made[2]
+
+
+def test_without_a_next_child_nobody_does(children, settings):
+    children._settings = settings
+    children.ready()
+    assert children.standby() is None
+    assert len(Child.made) == 1
+
+
 def test_the_end_of_the_worker_ends_both(pair):
     pair.kill()
     assert not any(child.alive for child in Child.made)

@@ -11,7 +11,7 @@ from workers.ledger import Ledger
 from workers.lua import filled
 from workers.queue import JobQueue
 from workers.record import Origin
-from workers.warm import Turns
+from workers.turns import Turns
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from workers.blobs import BlobMissing, Blobs, BlobsUnreachableError, FolderBlobs
 from workers.embedded import free_port
 from workers.settings import Settings
 
-LIFETIME_S = 10_000.0
+LIFETIME_S = 12_000.0
 
 
 @pytest.fixture(scope="module")
