@@ -8,12 +8,16 @@ from __future__ import annotations
 import asyncio
 import resource
 import sys
+from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from services.problems import ProblemError, response_of
 
 HEADERS_WITHIN_S = 15.0
+KEEP_ALIVE_S = 20
+"""An idle connection stays for longer than clients use it again (httpx for 5 s, as uvicorn does, aiohttp for 15): a
+request would now and then meet its closing."""
 REST_WITHIN_S = 10.0
 """For the rest of a body whose request is already answered."""
 
@@ -39,6 +43,10 @@ class BoundedHttp(HttpToolsProtocol):
     """Set by :func:`limit_connections`."""
     _timer: asyncio.TimerHandle | None = None
     _whole = True
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self.timeout_keep_alive = KEEP_ALIVE_S
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)

@@ -9,6 +9,8 @@ import sys
 
 import httpx
 import pytest
+import uvicorn
+from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from services import gate, http_protocol
@@ -209,6 +211,15 @@ class TestConnections:
         assert b"too_many_connections" in answer
         assert b"Retry-After" in answer or b"retry-after" in answer
         wait_until(lambda: httpx.get(f"http://{address[0]}:{address[1]}/healthz").status_code == 200)
+
+    def test_an_idle_one_is_there_for_longer_than_clients_use_it_again(self):
+        """Client and service gave it up in the same moment, and a request was lost in between."""
+        config = uvicorn.Config(FastAPI(), http=BoundedHttp, log_config=None)
+        config.load()
+        loop = asyncio.new_event_loop()
+        protocol = BoundedHttp(config, uvicorn.Server(config).server_state, {}, loop)
+        loop.close()
+        assert protocol.timeout_keep_alive == http_protocol.KEEP_ALIVE_S > 2 * httpx.Limits().keepalive_expiry
 
     def test_there_are_never_more_than_descriptors_for_them(self, monkeypatch):
         monkeypatch.setattr(http_protocol.resource, "getrlimit", lambda _: (400, 400))
