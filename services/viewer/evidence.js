@@ -4,6 +4,8 @@
 import { sorted } from "./kinds.js";
 
 const BODY = 0.7; // of the half width, within which a cut must look like the cable to be trusted
+const DOUBT = 0.05; // the probability of neither is less
+const SURE = Math.log((1 - DOUBT) / DOUBT);
 
 /** `gain`: what speaks for a sample being cable, `half` being the half widths so far and `taught` the cuts at which a
  *  person has shown the edges; `edge`: the strength of the step there, 0 to 1; `trust`: of every cut, low where what lies
@@ -25,9 +27,8 @@ function judged({ n, m, r, fine, p }, kinds, half, inside, outside, o) {
     let own = 0;
     let count = 0;
     for (let k = 0, at = i * m; k < m; k += 1, at += 1) {
-      const q = Math.min(0.95, Math.max(0.05, p[at]));
       const speaks = ratio[kinds[at]];
-      gain[at] = o.color * speaks + o.probability * Math.log(q / (1 - q));
+      gain[at] = o.color * speaks + o.probability * logOdds(p[at]);
       if ((Math.abs(k - r) * fine) / half[i] > BODY) continue;
       if (speaks > -0.5) own += 1;
       count += 1;
@@ -37,11 +38,18 @@ function judged({ n, m, r, fine, p }, kinds, half, inside, outside, o) {
   return { gain, trust };
 }
 
+/** Most places are surely cable or surely not: they need no logarithm. */
+function logOdds(p) {
+  if (p <= DOUBT) return -SURE;
+  return p >= 1 - DOUBT ? SURE : Math.log(p / (1 - p));
+}
+
 /** For every cut the `weights` of its samples of each kind that are `from` to `to` half widths off the line. */
 function counted({ n, m, r, fine }, kinds, half, weights, from, to, o) {
   return Array.from({ length: n }, (_, i) => {
     const row = new Float64Array(o.kinds);
-    for (let k = 0; k < m; k += 1) {
+    const reach = Math.ceil((to * half[i]) / fine);
+    for (let k = Math.max(0, r - reach); k < Math.min(m, r + reach + 1); k += 1) {
       const part = (Math.abs(k - r) * fine) / half[i];
       if (part > from && part < to) row[kinds[i * m + k]] += weights[i];
     }
@@ -94,14 +102,15 @@ function stepped({ n, m, colors }, along) {
 function averaged(plane, n, m, along) {
   const mean = new Float32Array(n * m);
   const sums = new Float64Array(m);
-  const shift = (row, sign) => {
-    for (let k = 0, at = row * m; k < m; k += 1, at += 1) sums[k] += sign * plane[at];
-  };
   let [from, to] = [0, 0];
   for (let i = 0; i < n; i += 1) {
-    for (; to < Math.min(n, i + along + 1); to += 1) shift(to, 1);
-    for (; from < i - along; from += 1) shift(from, -1);
+    for (; to < Math.min(n, i + along + 1); to += 1) added(sums, plane, to * m, 1);
+    for (; from < i - along; from += 1) added(sums, plane, from * m, -1);
     for (let k = 0; k < m; k += 1) mean[i * m + k] = sums[k] / (to - from);
   }
   return mean;
+}
+
+function added(sums, plane, from, sign) {
+  for (let k = 0; k < sums.length; k += 1) sums[k] += sign * plane[from + k];
 }

@@ -45,11 +45,13 @@ function clustered(few, count) {
     centers.set(few.subarray(at, at + 3), 3 * k);
   }
   const [sums, counts] = [new Float64Array(3 * count), new Float64Array(count)];
+  const kinds = new Uint8Array(total);
   for (let round = 0; round < ROUNDS; round += 1) {
     sums.fill(0);
     counts.fill(0);
-    for (let at = 0; at < few.length; at += 3) {
-      const k = alike(centers, few[at], few[at + 1], few[at + 2]);
+    for (let i = 0, at = 0; i < total; i += 1, at += 3) {
+      const k = alike(centers, few[at], few[at + 1], few[at + 2], kinds[i]);
+      kinds[i] = k;
       counts[k] += 1;
       sums[3 * k] += few[at];
       sums[3 * k + 1] += few[at + 1];
@@ -63,21 +65,28 @@ function clustered(few, count) {
   return centers;
 }
 
-/** The kind whose middle is nearest. */
-function alike(centers, light, red, yellow) {
-  let best = 0;
-  let least = Infinity;
-  for (let at = 0; at < centers.length; at += 3) {
+/** The kind whose middle is nearest; a good `guess` spares most of the others. */
+function alike(centers, light, red, yellow, guess = 0) {
+  let best = guess;
+  let least = apart(centers, 3 * guess, light, red, yellow);
+  for (let k = 0, at = 0; at < centers.length; k += 1, at += 3) {
     const x = light - centers[at];
-    const y = red - centers[at + 1];
-    const z = yellow - centers[at + 2];
-    const d = x * x + 2 * (y * y + z * z); // light changes along a cable more than its color does
+    if (x * x >= least) continue;
+    const d = apart(centers, at, light, red, yellow);
     if (d < least) {
-      best = at;
+      best = k;
       least = d;
     }
   }
-  return best / 3;
+  return best;
+}
+
+/** Light changes along a cable more than its color does. */
+function apart(centers, at, light, red, yellow) {
+  const x = light - centers[at];
+  const y = red - centers[at + 1];
+  const z = yellow - centers[at + 2];
+  return x * x + 2 * (y * y + z * z);
 }
 
 /** The kind of every sample, looked for once in each cell of two levels a side: most samples have a neighbor's color. */

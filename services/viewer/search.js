@@ -9,11 +9,11 @@ const OTHER_SHARE = 0.5; // of the probability, that is taken away there
 const [RIGHT, DOWN] = [[1, -1, 0, 0, 1, 1, -1, -1], [0, 0, 1, -1, 1, -1, 1, -1]].map((steps) => Int8Array.from(steps));
 const LENGTH = Float64Array.from(RIGHT, (dx, s) => Math.hypot(dx, DOWN[s]));
 
-/** A map with what a search in it needs: `prices` of its pixels, 0 where none was asked for yet, and the `tones` of the
- *  clicks, which are a cable's. */
+/** A map with what a search in it needs: `prices` of its pixels, 0 where none was asked for yet, the `lowest` there can
+ *  be, and the `tones` of the clicks, which are a cable's. */
 export function searchable(view, clicks) {
   const tones = Float64Array.from(clicks.flatMap((click) => toneAt(view, click)));
-  return { ...view, prices: new Float32Array(view.width * view.height), tones };
+  return { ...view, prices: new Float32Array(view.width * view.height), tones, lowest: lowestPrice(view) };
 }
 
 const toneAt = ({ planes, width, height }, [x, y]) => planes.map((plane) => plane[clamp(y, height - 1) * width + clamp(x, width - 1)]);
@@ -40,13 +40,15 @@ function boxAround(map, from, to) {
   return { left, top, w, h };
 }
 
-/** For every pixel of the box the one before it on the cheapest path from `start` (Dijkstra), until `goal` is reached. */
+/** For every pixel of the box the one before it on the cheapest path from `start`, until `goal` is reached (A*: what is
+ *  left costs the map's lowest price at least). */
 function searched(map, { left, top, w, h }, start, goal) {
   const reached = new Float64Array(w * h).fill(Infinity);
   const before = new Int32Array(w * h).fill(-1);
   const done = new Uint8Array(w * h);
   const open = new Heap();
-  const { prices, width } = map;
+  const { prices, width, lowest } = map;
+  const [goalX, goalY] = [goal % w, Math.floor(goal / w)];
   reached[start] = 0;
   open.push(start, 0);
   while (open.size) {
@@ -69,13 +71,26 @@ function searched(map, { left, top, w, h }, start, goal) {
       if (next >= reached[j]) continue;
       reached[j] = next;
       before[j] = i;
-      open.push(j, next);
+      const across = Math.abs(u - goalX);
+      const down = Math.abs(v - goalY);
+      open.push(j, next + lowest * (Math.max(across, down) + (Math.SQRT2 - 1) * Math.min(across, down)));
     }
   }
   return before;
 }
 
-const price = (map, i) => 0.05 + 3 * (1 - likely(map, i)) ** 2 + 0.6 / (1 + map.depth[i]);
+const price = (map, i) => priceOf(likely(map, i), map.depth[i]);
+const priceOf = (p, depth) => 0.05 + 3 * (1 - p) ** 2 + 0.6 / (1 + depth);
+
+/** What no pixel of the map costs less than, whatever its color. */
+function lowestPrice({ p, depth }) {
+  let [surest, deepest] = [TONE_SHARE, 0];
+  for (let i = 0; i < p.length; i += 1) {
+    if (p[i] > surest) surest = p[i];
+    if (depth[i] > deepest) deepest = depth[i];
+  }
+  return priceOf(surest, deepest);
+}
 
 /** The probability, raised where the color is that of a click, for the network misses a gray cable on gray ground, and
  *  lowered where it is far from that, for there are other cables. */

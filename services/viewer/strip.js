@@ -6,11 +6,22 @@ import { normalAt } from "./livewire.js";
 export function paint(bytes, width, height) {
   const channels = bytes.length / (width * height);
   const planes = [0, 1, 2].map(() => new Float32Array(width * height));
-  for (let i = 0; i < width * height; i += 1) {
-    const [r, g, b] = [bytes[channels * i], bytes[channels * i + 1], bytes[channels * i + 2]];
-    planes[0][i] = (r + g + b) / 3;
-    planes[1][i] = (r - g) / 2;
-    planes[2][i] = (r + g) / 4 - b / 2;
+  planes.forEach((plane, c) => {
+    for (let i = 0; i < plane.length; i += 1) plane[i] = bytes[channels * i + c];
+  });
+  return opposed(planes);
+}
+
+/** Red, green and blue to brightness and two color differences, in place. */
+function opposed(planes) {
+  const [first, second, third] = planes;
+  for (let i = 0; i < first.length; i += 1) {
+    const r = first[i];
+    const g = second[i];
+    const b = third[i];
+    first[i] = (r + g + b) / 3;
+    second[i] = (r - g) / 2;
+    third[i] = (r + g) / 4 - b / 2;
   }
   return planes;
 }
@@ -29,10 +40,17 @@ export function straightened(view, line, reach, fine) {
       places[at + 1] = y + k * fine * ny;
     }
   }
-  const { coarse } = view;
-  const colors = view.bytes ? painted(view, places) : view.planes.map((plane) => sampled(plane, view, places));
-  const p = view.bytes ? sampled(coarse.p, coarse, insideOf(coarse, places)) : sampled(view.p, view, places);
-  return { n: line.length, m, r, fine, normals, colors, p };
+  return { n: line.length, m, r, fine, normals, ...seen(view, places) };
+}
+
+/** Colors and probability at all places. The planes of a large picture would take too much room: its colors are read
+ *  from its RGBA bytes, its probability from the coarse copy. */
+function seen(view, places) {
+  const { bytes, coarse, planes, p } = view;
+  const spots = located(view, places);
+  if (!bytes) return { colors: planes.map((plane) => sampled(plane, spots)), p: sampled(p, spots) };
+  const colors = opposed([0, 1, 2].map((channel) => sampled(bytes, spots, 4, channel)));
+  return { colors, p: sampled(coarse.p, located(coarse, insideOf(coarse, places))) };
 }
 
 /** The places in the coarse copy. */
@@ -45,43 +63,31 @@ function insideOf({ sx, sy }, places) {
   return inside;
 }
 
-/** A plane between its samples at all places; beyond its border, the border's. */
-function sampled(plane, { width, height }, places) {
-  const out = new Float32Array(places.length / 2);
-  for (let at = 0; at < out.length; at += 1) {
+/** Between which pixels the places lie: the upper left one, and how far `right` and `down` of it; beyond the border, on it. */
+function located({ width, height }, places) {
+  const corners = new Int32Array(places.length / 2);
+  const [right, down] = [new Float64Array(corners.length), new Float64Array(corners.length)];
+  for (let at = 0; at < corners.length; at += 1) {
     const x = Math.max(0, Math.min(width - 1.001, places[2 * at]));
     const y = Math.max(0, Math.min(height - 1.001, places[2 * at + 1]));
-    const u = Math.floor(x);
-    const v = Math.floor(y);
-    const a = x - u;
-    const b = y - v;
-    const i = v * width + u;
-    const upper = (1 - a) * plane[i] + a * plane[i + 1];
-    const lower = (1 - a) * plane[i + width] + a * plane[i + width + 1];
+    corners[at] = Math.floor(y) * width + Math.floor(x);
+    right[at] = x - Math.floor(x);
+    down[at] = y - Math.floor(y);
+  }
+  return { corners, right, down, width };
+}
+
+/** One of the values that every pixel has, between the pixels. */
+function sampled(values, { corners, right, down, width }, channels = 1, channel = 0) {
+  const out = new Float32Array(corners.length);
+  const row = channels * width;
+  for (let at = 0; at < out.length; at += 1) {
+    const a = right[at];
+    const b = down[at];
+    const i = channels * corners[at] + channel;
+    const upper = (1 - a) * values[i] + a * values[i + channels];
+    const lower = (1 - a) * values[i + row] + a * values[i + row + channels];
     out[at] = (1 - b) * upper + b * lower;
   }
   return out;
 }
-
-/** As `paint` and `sampled` do it, from RGBA bytes: the planes of a large picture take too much room. */
-function painted({ bytes, width, height }, places) {
-  const [light, red, yellow] = [0, 1, 2].map(() => new Float32Array(places.length / 2));
-  const row = 4 * width;
-  for (let at = 0; at < light.length; at += 1) {
-    const x = Math.max(0, Math.min(width - 1.001, places[2 * at]));
-    const y = Math.max(0, Math.min(height - 1.001, places[2 * at + 1]));
-    const u = Math.floor(x);
-    const v = Math.floor(y);
-    const a = x - u;
-    const b = y - v;
-    const i = 4 * (v * width + u);
-    const [r, g, blue] = [channel(bytes, i, row, a, b), channel(bytes, i + 1, row, a, b), channel(bytes, i + 2, row, a, b)];
-    light[at] = (r + g + blue) / 3;
-    red[at] = (r - g) / 2;
-    yellow[at] = (r + g) / 4 - blue / 2;
-  }
-  return [light, red, yellow];
-}
-
-const channel = (bytes, i, row, a, b) =>
-  (1 - b) * ((1 - a) * bytes[i] + a * bytes[i + 4]) + b * ((1 - a) * bytes[i + row] + a * bytes[i + row + 4]);
