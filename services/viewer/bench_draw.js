@@ -9,7 +9,8 @@ import { visiblePieces } from "./strands.js";
 const SMALLEST_GAP = 7; // screen pixels, half of it
 const maps = new WeakMap(); // instances → their masks
 
-/** `state`: `{ label, mask, hovered, chosen, drag, pointer, clicks, trace, opacity, shows }`; `view` as the stage has it. */
+/** `state`: `{ label, mask, hovered, chosen, drag, pointer, clicks, trace, ahead, opacity, shows }`; `view` as the stage has
+ *  it. */
 export function drawBench(context, state, view) {
   const { label } = state;
   if (state.mask && state.shows.probability) spread(context, state.mask, label, view, 0.7);
@@ -115,8 +116,14 @@ function drawAreas(context, { label, chosen, hovered }, view) {
   });
 }
 
-function drawUnfinished(context, { clicks, trace, pointer, tool }, view) {
+function drawUnfinished(context, { clicks, trace, ahead, pointer, tool, opacity }, view) {
   if (!clicks.length) return;
+  if (ahead) {
+    context.globalAlpha = opacity;
+    context.fillStyle = "#fff";
+    context.fill(outlineOf(ahead, view));
+    context.globalAlpha = 1;
+  }
   const area = tool === "ignore" || tool === "connector";
   const points = pointer ? [...clicks, pointer] : clicks;
   const line = !area && trace && clicks.length ? trace : points;

@@ -8,6 +8,7 @@ import { add, joined, mark, merge, remove, reshape, shapeOf, split, swap, unmark
 
 const NEAR_PX = 12; // on the screen
 const USUAL_PX = 6; // the width of a line that does not snap
+const REST_MS = 80; // of the pointer in a drag, after which the outline there is asked for ahead
 const MARKS = { ignore: "ignore", connector: "connectors", branch: "branch_points" };
 
 export class Tools {
@@ -15,10 +16,12 @@ export class Tools {
   snaps = true;
   clicks = [];
   trace = null; // the line through the clicks and the pointer
+  ahead = null; // the outline of the clicks so far
   drag = null;
   pointer = null;
   hovered = null;
   chosen = null;
+  #resting = 0;
   #last = Promise.resolve();
   #pending = 0;
 
@@ -34,7 +37,7 @@ export class Tools {
 
   /** Forgets what was begun. */
   drop() {
-    Object.assign(this, { clicks: [], trace: null, drag: null, chosen: null });
+    Object.assign(this, { clicks: [], trace: null, ahead: null, drag: null, chosen: null });
     if (this.bench.shown?.clicks?.length) this.bench.note(this.bench.shown, { clicks: [] });
     this.changed();
   }
@@ -42,7 +45,7 @@ export class Tools {
   /** What was begun in a picture that is shown again. */
   resume() {
     const { shown } = this.bench;
-    Object.assign(this, { clicks: shown?.clicks ?? [], trace: null, drag: null, hovered: null, chosen: null });
+    Object.assign(this, { clicks: shown?.clicks ?? [], trace: null, ahead: null, drag: null, hovered: null, chosen: null });
   }
 
   press(event) {
@@ -66,12 +69,14 @@ export class Tools {
     this.pointer = this.stage.toPicture(event);
     this.hovered = this.#under(this.pointer);
     if (this.tool === "add" && this.clicks.length) this.#traceOn();
+    if (this.drag?.instance) this.#rest(this.drag, this.pointer);
     this.changed();
   }
 
   release(event) {
     const { drag } = this;
     this.drag = null;
+    clearTimeout(this.#resting);
     if (!drag) return;
     const to = this.stage.toPicture(event);
     if (drag.box) {
@@ -90,7 +95,7 @@ export class Tools {
   finish() {
     const { clicks, tool } = this;
     if (!clicks.length) return false;
-    Object.assign(this, { clicks: [], trace: null });
+    Object.assign(this, { clicks: [], trace: null, ahead: null });
     const far = clicks.some((one) => away(one, clicks[0]) > 1);
     // What becomes an edit stays noted until that is kept.
     if (!far && this.bench.shown) this.bench.note(this.bench.shown, { clicks: [] });
@@ -111,6 +116,7 @@ export class Tools {
     this.clicks = this.clicks.slice(0, -1);
     this.trace = null;
     this.#note();
+    this.#lookAhead();
   }
 
   deleteChosen() {
@@ -140,8 +146,9 @@ export class Tools {
   #click(at, near) {
     const under = this.#under(at);
     if (this.tool === "add" || this.tool === "ignore") {
-      this.clicks.push(at);
+      this.clicks = [...this.clicks, at];
       this.#note();
+      this.#lookAhead();
     } else if (this.tool === "split" && near) {
       this.#edit((label) => split(label, near.instance.id, near.index));
     } else if (this.tool === "join") this.#join(near?.instance.id);
@@ -161,6 +168,15 @@ export class Tools {
         return clicks && merge(label, first, id, await this.#shape(clicks, []));
       });
     }
+  }
+
+  /** Most drags end where the pointer has rested: the worker has the outline there then. */
+  #rest(drag, to) {
+    clearTimeout(this.#resting);
+    this.#resting = setTimeout(() => {
+      const { clicks, pulls } = dropped(drag, to);
+      this.#shape(clicks, pulls, drag.instance.width_px).catch(() => {}); // asked for again when the drag ends
+    }, REST_MS);
   }
 
   #moved(drag, to) {
@@ -199,6 +215,19 @@ export class Tools {
       this.trace = line;
       this.changed();
     });
+  }
+
+  /** Outlines what is clicked so far: who looks sees whether it needs one more click, and who ends it has not to wait. */
+  #lookAhead() {
+    this.ahead = null;
+    const { clicks } = this;
+    const twice = clicks.length > 1 && away(clicks.at(-1), clicks.at(-2)) < 1; // of a double click
+    if (this.tool !== "add" || !this.snaps || clicks.length < 2 || twice) return;
+    this.#shape(clicks, []).then((shape) => {
+      if (clicks !== this.clicks) return;
+      this.ahead = shape;
+      this.changed();
+    }, () => {}); // asked for again, and its problem shown, when the line ends
   }
 
   #reach = () => NEAR_PX / this.stage.view.scale;

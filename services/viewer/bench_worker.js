@@ -1,19 +1,19 @@
 // The heavy part of the label bench, off the page's own thread: the picture's pixels, snapping, outlines, masks.
 
 import { finished } from "./label_save.js";
-import { prepare } from "./livewire.js";
 import { outlined, stroke, traced } from "./outline.js";
-import { paint } from "./strip.js";
 import { viewOf, withProbability } from "./bench_view.js";
 
+const WARM_SIZES = [[1800, 1200], [600, 200]];
+
 let view = null;
-warm();
+let known = { asked: null, shape: null }; // the last outline: most are asked for ahead, and again when they are wanted
 
 const CALLS = {
-  open: ({ bitmap, size }) => void (view = viewOf(bitmap, size)),
-  probability: ({ bitmap }) => void (view = withProbability(view, bitmap)),
+  open: ({ bitmap, size }) => look(viewOf(bitmap, size)),
+  probability: ({ bitmap }) => look(withProbability(view, bitmap)),
   trace: ({ points }) => traced(view, points).line,
-  shape: ({ clicks, pulls, width, snaps }) => (snaps ? outlined(view, clicks, pulls) : stroke(clicks, width, pulls)),
+  shape: ({ clicks, pulls, width, snaps }) => (snaps ? outline(clicks, pulls) : stroke(clicks, width, pulls)),
   finish: ({ label, confirmed }) => finished(label, confirmed),
 };
 
@@ -24,15 +24,42 @@ addEventListener("message", ({ data: { id, call, values } }) => {
     postMessage({ id, error: error.message });
   }
 });
+warm();
 
-/** Outlines a drawn cable before anybody asks for one, as in a large picture and in a small one: the first outlines would
- *  wait for the compiler, half a second. */
-function warm() {
-  const [width, height] = [400, 100];
-  const bytes = new Uint8ClampedArray(4 * width * height).map((_, i) => (Math.abs(Math.floor(i / (4 * width)) - 50) < 6 ? 180 : 60 + (i % 7)));
-  const drawn = { ...prepare(new Float32Array(width * height), width, height), planes: paint(bytes, width, height) };
-  const coarse = { ...drawn, sx: 1, sy: 1, inside: (at) => at, outside: (one) => one };
-  for (const view of [{ width, height, bytes, coarse }, { ...drawn, coarse: drawn, bytes: null }]) {
-    for (const x of [370, 371, 372]) outlined(view, [[10, 50], [x, 50]], [{ at: [200, 56], side: 1 }]);
+function look(next) {
+  view = next;
+  known = { asked: null, shape: null };
+}
+
+function outline(clicks, pulls) {
+  const asked = JSON.stringify([clicks, pulls]);
+  if (known.asked !== asked) known = { asked, shape: outlined(view, clicks, pulls) };
+  return known.shape;
+}
+
+/** Outlines a drawn cable before anybody asks for one: the first outlines wait for the compiler, half a second. It has to
+ *  see what is to come, a large picture with and without a probability and a small one, or it begins anew. Who asks
+ *  meanwhile comes first, and from the first line on that is the better practice. */
+async function warm() {
+  const [large, small] = WARM_SIZES.map(([width, height]) => drawn(width, height));
+  const [wide, narrow] = [large, small].map((picture) => viewOf(picture, picture));
+  for (const view of [wide, withProbability(wide, large), withProbability(narrow, small)]) {
+    const { width, height } = view;
+    for (const pulls of [[], [{ at: [width / 2, height / 2 + 12], side: 1 }]]) {
+      await new Promise((resume) => setTimeout(resume));
+      if (known.asked) return;
+      outlined(view, [[0.15 * width, height / 2], [0.85 * width, height / 2]], pulls);
+    }
   }
+}
+
+/** A picture of one cable. */
+function drawn(width, height) {
+  const sheet = new OffscreenCanvas(width, height);
+  const context = sheet.getContext("2d");
+  context.fillStyle = "#555";
+  context.fillRect(0, 0, width, height);
+  context.fillStyle = "#c84";
+  context.fillRect(0, height / 2 - 10, width, 20);
+  return sheet;
 }

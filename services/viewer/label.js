@@ -149,7 +149,9 @@ function paint(context, view) {
   drawBench(context, { ...drawnOf(tools), label: bench.label(), mask, shows, opacity: byId("opacity").valueAsNumber }, view);
 }
 
-const drawnOf = ({ hovered, chosen, drag, pointer, clicks, trace, tool }) => ({ hovered, chosen, drag, pointer, clicks, trace, tool });
+const drawnOf = ({ hovered, chosen, drag, pointer, clicks, trace, ahead, tool }) => ({
+  hovered, chosen, drag, pointer, clicks, trace, ahead, tool,
+});
 
 function list() {
   const choose = (what) => {

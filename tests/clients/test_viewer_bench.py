@@ -82,6 +82,29 @@ def test_nothing_is_lost_when_the_page_is_left(page: Any, tmp_path: Any) -> None
     assert len(saved(page, tmp_path).instances) == 3
 
 
+BRIGHTER = """([x, y, level]) => {
+    const canvas = document.querySelector("#canvas"), box = canvas.getBoundingClientRect();
+    const at = [x - box.left, y - box.top].map((value) => Math.floor(value * devicePixelRatio));
+    return canvas.getContext("2d").getImageData(...at, 1, 1).data[0] > level;
+}"""
+
+
+def test_the_outline_is_seen_before_the_line_ends(page: Any) -> None:
+    """Whether a cable needed one more click was seen only after it had ended, and whoever ended it waited."""
+    take(page, "dim.png", png(probability() // 2))
+    page.wait_for_selector("#instances button")
+    click(page, 17, 99)
+    click(page, 147, 98)
+    page.mouse.move(*place(page, 30, 30))
+    level = 127 + 20
+    page.wait_for_function(BRIGHTER, arg=[*place(page, 60, 86), level])
+    press(page, "Enter")
+    assert cables(page) == 3
+    click(page, 20, 20)
+    page.keyboard.press("Escape")
+    assert cables(page) == 3
+
+
 HOLD = """() => {
     const ask = IDBObjectStore.prototype.getAll;
     IDBObjectStore.prototype.getAll = function (...range) {
@@ -241,3 +264,48 @@ def test_what_the_service_was_unsure_of_is_there_to_be_labelled(browser: Any, se
         page.click("#unsure")
         page.wait_for_function("document.querySelectorAll('#pictures button').length === 2")
         page.wait_for_selector("#instances button")
+
+
+SEARCHED = """async () => {
+    const { cheapest, searchable } = await import("/viewer/search.js");
+    const { prepare } = await import("/viewer/livewire.js");
+    const [width, height, row] = [400, 400, 200];
+    const p = new Float32Array(width * height).map((_, i) => Number(Math.abs(Math.floor(i / width) - row) < 2));
+    const planes = [0, 1, 2].map(() => p.map((value) => 100 * value));
+    const map = searchable({ ...prepare(p, width, height), planes }, [[50, row], [350, row]]);
+    const path = cheapest(map, [50, row], [350, row]);
+    return [path.every(([, y]) => y === row), path.length, map.prices.filter(Boolean).length];
+}"""
+
+
+def test_a_search_keeps_to_the_cable(page: Any) -> None:
+    """It went to all that was nearer than the goal, most of a large picture: half of the time of a click."""
+    straight, length, priced = page.evaluate(SEARCHED)
+    assert (straight, length) == (True, 301)
+    assert priced < 3000
+
+
+STRIPS = """async () => {
+    const { paint, straightened } = await import("/viewer/strip.js");
+    const [width, height] = [60, 40];
+    const bytes = new Uint8ClampedArray(4 * width * height).map((_, i) => (37 * i + (i >> 5)) % 256);
+    const p = new Float32Array(width * height).map((_, i) => (i % 7) / 7);
+    const planes = paint(bytes, width, height);
+    const line = Array.from({ length: 20 }, (_, i) => [3 * i - 2.3, 5 + 1.7 * i]);
+    const coarse = { width, height, sx: 1, sy: 1, p };
+    const small = straightened({ width, height, planes, p }, line, 6, 0.5);
+    const large = straightened({ width, height, bytes, coarse }, line, 6, 0.5);
+    const off = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i])));
+    const at = small.m * 4 + small.r;
+    const [x, y] = line[4].map(Math.floor);
+    return [off(small.p, large.p), ...small.colors.map((plane, c) => off(plane, large.colors[c])), small.colors[0][at],
+        Math.min(...[0, 1, width, width + 1].map((k) => planes[0][y * width + x + k])),
+        Math.max(...[0, 1, width, width + 1].map((k) => planes[0][y * width + x + k]))];
+}"""
+
+
+def test_a_large_picture_is_read_as_a_small_one(page: Any) -> None:
+    """Its bytes were read by an interpolation of their own."""
+    *off, value, least, most = page.evaluate(STRIPS)
+    assert max(off) < 1e-3
+    assert least <= value <= most
