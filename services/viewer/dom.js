@@ -1,6 +1,7 @@
 // Elements of a page: found, made, filled. Text from the service enters as text, never as HTML.
 
 import { t } from "./i18n.js";
+import { titleOf } from "./problem_titles.js";
 
 export const byId = (id) => document.getElementById(id);
 
@@ -22,9 +23,10 @@ export function showProblem(problem, box = byId("error")) {
   box.hidden = !problem;
   if (!problem) return;
   const errors = problem.errors ?? [];
-  box.replaceChildren(element("strong", "", problem.title), element("span", "", errors.length ? "" : problem.detail));
+  const lang = problem.code ? "en" : document.documentElement.lang; // the service writes English
+  box.replaceChildren(element("strong", "", titleOf(problem)), element("span", "", errors.length ? "" : problem.detail, { lang }));
   for (const { field, message } of errors) {
-    const line = element("p");
+    const line = element("p", "", "", { lang });
     line.append(element("code", "", field), ` ${message}`);
     box.append(line);
   }

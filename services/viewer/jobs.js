@@ -6,6 +6,7 @@ import { button, byId, element, problemOf, showProblem } from "./dom.js";
 import { t } from "./i18n.js";
 import { jobLink, recipeLink } from "./joblinks.js";
 import { byLabel, metricsOf, valueOf } from "./metrics.js";
+import { titleOf } from "./problem_titles.js";
 import { shell } from "./shell.js";
 
 const EVERY_MS = 4000;
@@ -22,7 +23,7 @@ async function look() {
 async function showReadiness() {
   byId("version").value = (await api.json("version")).version;
   const problem = await api.json("readyz").then(() => null, (error) => problemOf(error));
-  byId("ready").textContent = problem ? problem.detail : t("Ready: the queue answers and a worker is warm");
+  byId("ready").textContent = problem ? `${titleOf(problem)}: ${problem.detail}` : t("Ready: the queue answers and a worker is warm");
   byId("ready").className = problem ? "unsure" : "sure";
 }
 
@@ -84,9 +85,16 @@ function jobRow(job) {
   made.append(
     link, element("td", "", job.kind), element("td", job.state === "failed" ? "unsure" : "", t(job.state) + percent),
     element("td", "", new Date(job.created_at).toLocaleString()), element("td", "number", seconds(job.created_at, job.started_at)),
-    element("td", "number", seconds(job.started_at, job.ended_at)), element("td", "", job.problem?.detail ?? ""), doCell(job),
+    element("td", "number", seconds(job.started_at, job.ended_at)), reasonCell(job.problem), doCell(job),
   );
   return made;
+}
+
+/** Why a job failed: its problem in the page's language, and what the service writes of it. */
+function reasonCell(problem) {
+  const cell = element("td", "", problem ? titleOf(problem) : "");
+  if (problem) cell.append(element("p", "hint", problem.detail, { lang: "en" }));
+  return cell;
 }
 
 /** What can be done with a job: one on its way is cancelled, one that succeeded becomes a recipe. */
@@ -103,8 +111,8 @@ async function showFailures() {
   const reasons = Map.groupBy(jobs, ({ problem }) => problem?.code ?? "unknown");
   const rows = [...reasons].map(([code, all]) => {
     const made = element("tr");
-    const reason = element("td");
-    reason.append(element("code", "", code), ` ${all[0].problem?.detail ?? ""}`);
+    const reason = reasonCell(all[0].problem);
+    reason.prepend(element("code", "", code), " ");
     const link = element("td");
     link.append(jobLink(all[0]));
     made.append(reason, element("td", "number", String(all.length)), element("td", "", new Date(all[0].ended_at).toLocaleString()), link);

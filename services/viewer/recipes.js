@@ -4,6 +4,7 @@ import { api } from "./api.js";
 import { button, byId, element, problemOf, showProblem } from "./dom.js";
 import { jobLink } from "./joblinks.js";
 import { t } from "./i18n.js";
+import { titleOf } from "./problem_titles.js";
 import { shell } from "./shell.js";
 
 const EXAMPLE = { name: t("Cables on the table"), request: { kind: "instances", files: [] } };
@@ -109,7 +110,7 @@ function outcome(job) {
   const line = element("li");
   const show = (now) => line.replaceChildren(jobLink(now), ` ${t(now.state)} ${summaryOf(now)}`);
   show(job);
-  return { line, show, fail: (error) => line.replaceChildren(jobLink(job), ` ${problemOf(error).detail}`) };
+  return { line, show, fail: (error) => line.replaceChildren(jobLink(job), ` ${titleOf(problemOf(error))}: ${problemOf(error).detail}`) };
 }
 
 function summaryOf({ result, poses }) {

@@ -79,12 +79,17 @@ export class Stage {
     this.#set({ ...this.#view, left: this.#view.left + dx, top: this.#view.top + dy });
   }
 
-  /** Brings a stretch of the picture into view: corners in picture pixels. */
+  /** Brings a stretch of the picture into view, in its middle where the picture goes on: corners in picture pixels. */
   lookAt([left, top], [right, bottom]) {
     const { clientWidth: w, clientHeight: h } = this.canvas;
+    const { width, height } = this.#size;
     const scale = Math.min(8, (0.6 * w) / Math.max(right - left, 1), (0.6 * h) / Math.max(bottom - top, 1));
     this.#fitted = false;
-    this.#set({ scale, left: w / 2 - (scale * (left + right)) / 2, top: h / 2 - (scale * (top + bottom)) / 2 });
+    this.#set({
+      scale,
+      left: covering(w / 2 - (scale * (left + right)) / 2, scale * width, w),
+      top: covering(h / 2 - (scale * (top + bottom)) / 2, scale * height, h),
+    });
   }
 
   /** The center of the top-left pixel is (0, 0): it lies half a pixel inside the picture. */
@@ -231,4 +236,9 @@ export class Stage {
     );
     this.frame.append(bar);
   }
+}
+
+/** Where a side of a picture begins in a room: as wanted, but without a margin; in the middle where it is shorter. */
+function covering(wanted, side, room) {
+  return side <= room ? (room - side) / 2 : Math.max(room - side, Math.min(0, wanted));
 }

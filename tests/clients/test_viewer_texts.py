@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 from html.parser import HTMLParser
@@ -111,6 +112,29 @@ def test_every_reason_of_the_contract_has_words() -> None:
     words = dict(re.findall(r'(\w+): "([^"]+)"', rest.partition("}")[0]))
     assert words.keys() == set(get_args(Reason))
     assert set(words.values()) <= german().keys()
+
+
+def codes_in(place: Path) -> set[str]:
+    """Codes of the problems that a package answers with, as they are written in its calls."""
+    found: set[str] = set()
+    for file in place.rglob("*.py") if place.is_dir() else [place]:
+        calls = [node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)]
+        for call in calls:
+            named = [one.value for one in call.keywords if one.arg == "code"]
+            second = call.args[1:2] if getattr(call.func, "id", "") in {"ProblemError", "_retry"} else []
+            found |= {one.value for one in [*named, *second] if isinstance(one, ast.Constant)}
+    return found
+
+
+def test_every_problem_has_a_title() -> None:
+    """Titles came from the service, in English on a German page."""
+    _, _, rest = (VIEWER / "problem_titles.js").read_text().partition("const TITLES = {")
+    titles = dict(re.findall(r'(\w+): "([^"]+)"', rest.partition("}")[0]))
+    root = VIEWER.parents[1]
+    codes = codes_in(root / "services") | codes_in(root / "workers" / "problems.py")
+    assert {"worker_lost", "queue_full", "invalid_image", "unknown_folder"} <= codes
+    assert codes - titles.keys() == set()
+    assert set(titles.values()) - german().keys() == set()
 
 
 def test_translations_keep_what_is_filled_in() -> None:
