@@ -27,12 +27,13 @@ export class Api {
     else localStorage.removeItem(KEY);
   }
 
-  /** Submits one picture or several, or a mask where `part` is "mask", and follows the job to its end; `onChange(job)`
-      sees every state on the way. An aborted `signal` ends the waiting, not the job. */
-  async run(request, files, onChange, signal, part = "image") {
+  /** Submits one picture or several, or other parts by their names, such as `{ mask }` and `{ image, depth }`, and follows
+      the job to its end; `onChange(job)` sees every state on the way. An aborted `signal` ends the waiting, not the job. */
+  async run(request, files, onChange, signal) {
     const body = new FormData();
     body.append("request", JSON.stringify(request));
-    for (const file of [files].flat()) body.append(part, file);
+    const parts = files instanceof Blob || Array.isArray(files) ? { image: files } : files;
+    for (const [name, given] of Object.entries(parts)) for (const file of [given ?? []].flat()) body.append(name, file);
     const job = await this.json(`v1/jobs?wait=${FIRST_WAIT_S}`, { method: "POST", body, signal });
     return this.ended(job, onChange, signal);
   }

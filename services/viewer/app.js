@@ -4,7 +4,7 @@ import { api } from "./api.js";
 import { byId, copy, download, isTyping, onDrop, problemOf, showProblem } from "./dom.js";
 import { Film } from "./film.js";
 import { t } from "./i18n.js";
-import { recipeLink } from "./joblinks.js";
+import { recipeLink, spaceLink } from "./joblinks.js";
 import { instanceAt, labelMap } from "./masks.js";
 import { culpritsOf, draw } from "./overlay.js";
 import { clearResult, showFiles, showFocus, showResult, showTimings } from "./panels.js";
@@ -19,7 +19,7 @@ const REACH = 6; // screen pixels between the pointer and a cable that still cou
 const FILES = ["instances", "overlay", "mask"];
 
 const canvas = byId("canvas");
-const page = { shown: null, hovered: null, pinned: null };
+const page = { shown: null, hovered: null, pinned: null, camera: {} };
 const stage = new Stage(canvas, (context, view) => paint(context, view, page.shown?.scene));
 const beside = new Stage(byId("other"), (context, view) => paint(context, view, page.shown?.other));
 const queue = new Queue(analyze, changed, api.cancel);
@@ -28,7 +28,7 @@ const film = new Film(byId("film"), show);
 // Pictures and their jobs ------------------------------------------------------------------------------------------
 
 const empty = () => ({ result: null, map: null });
-const pictureOf = (file) => ({ file, name: file.name, bitmap: null, scene: empty(), other: empty(), state: "waiting" });
+const pictureOf = (file) => ({ file, name: file.name, depth: null, bitmap: null, scene: empty(), other: empty(), state: "waiting" });
 
 function choose(files) {
   if (!files.length) return;
@@ -39,6 +39,8 @@ function choose(files) {
   queue.add(pictures);
 }
 
+const partsOf = ({ file, depth }) => ({ image: file, depth });
+
 async function look(picture) {
   picture.bitmap = await api.bitmap(picture.file);
   film.picture(picture);
@@ -46,11 +48,11 @@ async function look(picture) {
 }
 
 async function analyze(picture, signal, onJob) {
-  Object.assign(picture, { scene: empty(), other: empty(), request: requestOf() });
+  Object.assign(picture, { scene: empty(), other: empty(), request: requestOf(picture) });
   const wanted = [[picture.request, "scene"]];
   if (byId("compare").value) wanted.push([{ ...picture.request, method: byId("compare").value }, "other"]);
   for (const [request, into] of wanted) {
-    const job = await api.run({ ...request, files: [] }, picture.file, onJob, signal);
+    const job = await api.run({ ...request, files: [] }, partsOf(picture), onJob, signal);
     if (!job.result) throw new Error(t("The job was {state}", { state: t(job.state) }));
     picture[into] = { result: job.result, map: labelMap(job.result), job };
   }
@@ -68,7 +70,9 @@ function changed(picture) {
 function show(picture) {
   Object.assign(page, { shown: picture, hovered: null, pinned: null });
   film.select(picture);
-  byId("run").disabled = !canRun();
+  byId("run").disabled = byId("depth").disabled = !canRun();
+  byId("depth").value = "";
+  byId("depth-name").value = picture.depth?.name ?? "";
   showRequest();
   showState();
 }
@@ -96,7 +100,8 @@ function showAnswer() {
   showResult(scene.result, hover, pin);
   byId("worst").hidden = !culpritsOf(scene.result).length;
   showTimings(scene.job.timings_ms);
-  showFiles([...(canRun() ? FILES.map((file) => `${file}.png`) : []), "result.json"], save, recipeLink(scene.job));
+  const more = [spaceLink(scene.job), recipeLink(scene.job)];
+  showFiles([...(canRun() ? FILES.map((file) => `${file}.png`) : []), "result.json"], save, more);
   canvas.setAttribute("aria-label", `${name}: ${summary(scene)}`);
 }
 
@@ -108,8 +113,9 @@ const summary = ({ result }) =>
 
 // Request and code -------------------------------------------------------------------------------------------------
 
-function requestOf() {
-  const request = { kind: "instances", method: byId("method").value };
+/** Of a picture with its depth the request says how the camera sees. */
+function requestOf(picture) {
+  const request = { kind: "instances", method: byId("method").value, ...(picture?.depth ? page.camera : {}) };
   for (const name of ["model", "effort"]) if (byId(name).value) request[name] = byId(name).value;
   if (byId("threshold").value !== "") request.threshold = byId("threshold").valueAsNumber;
   return request;
@@ -118,11 +124,34 @@ function requestOf() {
 function showRequest() {
   const base = new URL(".", document.baseURI).href.replace(/\/$/, "");
   const name = page.shown?.name ?? "picture.jpg";
-  const recipe = recipeOf(requestOf(), t("Cables"));
-  byId("curl").textContent = curlOf(requestOf(), name, base, Boolean(api.key));
-  byId("python").textContent = pythonOf(requestOf(), name, base);
+  const request = requestOf(page.shown);
+  const recipe = recipeOf(request, t("Cables"));
+  const parts = { image: name, ...(page.shown?.depth ? { depth: page.shown.depth.name } : {}) };
+  byId("curl").textContent = curlOf(request, parts, base, Boolean(api.key));
+  byId("python").textContent = pythonOf(request, parts, base);
   byId("recipe").textContent = JSON.stringify(recipe, null, 2);
   byId("save-recipe").href = `viewer/recipes.html?body=${encodeURIComponent(JSON.stringify(recipe))}`;
+}
+
+/** The depth of the picture shown: a map of another one must not come with it. */
+function takeDepth(file) {
+  page.shown.depth = file ?? null;
+  byId("depth-name").value = file?.name ?? "";
+  showRequest();
+}
+
+/** A camera from a file: its intrinsics as such, or with `T_world_camera` beside them. */
+async function takeCamera(file) {
+  page.camera = {};
+  try {
+    const given = file ? JSON.parse(await file.text()) : {};
+    const { intrinsics, T_world_camera } = given.intrinsics ? given : { intrinsics: given };
+    if (file) page.camera = { intrinsics, ...(T_world_camera ? { T_world_camera } : {}) };
+    showProblem(null);
+  } catch (error) {
+    showProblem(problemOf(error, file.name));
+  }
+  showRequest();
 }
 
 // What is seen -----------------------------------------------------------------------------------------------------
@@ -200,7 +229,7 @@ async function save(name) {
 /** Files are made when somebody wants them: the job whose answer is shown was asked for none. */
 async function made(name) {
   const request = { ...page.shown.request, files: [name.replace(".png", "")] };
-  const job = await api.run(request, page.shown.file, () => {});
+  const job = await api.run(request, partsOf(page.shown), () => {});
   return api.file(job.id, name);
 }
 
@@ -226,6 +255,8 @@ function offerNetworks(networks) {
 
 function listen() {
   byId("file").addEventListener("change", (event) => choose([...event.target.files]));
+  byId("depth").addEventListener("change", (event) => takeDepth(event.target.files[0]));
+  byId("camera").addEventListener("change", (event) => takeCamera(event.target.files[0]));
   byId("form").addEventListener("submit", (event) => {
     event.preventDefault();
     if (page.shown) queue.add([page.shown]);

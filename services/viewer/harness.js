@@ -41,7 +41,7 @@ async function run() {
   try {
     const request = await requestOf();
     const part = byId("as").value === "mask" ? "mask" : "image";
-    const job = await api.run(request, page.file, onJob, controller.signal, part);
+    const job = await api.run(request, { [part]: page.file }, onJob, controller.signal);
     show(job);
     remember({ ...page }, job.id);
   } catch (error) {

@@ -20,6 +20,12 @@ export function jobLink({ id, kind, state }) {
   return element("a", "mono", id.slice(0, 8), { href: `${page}?job=${id}`, title: id });
 }
 
+/** A link to the cables of a job in space, where depth has measured them; else null. */
+export function spaceLink({ id, result }) {
+  if (!result?.instances?.some(({ curve_m }) => curve_m)) return null;
+  return element("a", "button", t("Show in 3D"), { href: `viewer/reconstruction.html?job=${id}` });
+}
+
 /** A link to the page that makes a recipe of a finished job; null where there is none. */
 export function recipeLink({ id, kind, state }) {
   if (state !== "succeeded" || !WITH_PICTURES.has(kind)) return null;

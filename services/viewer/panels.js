@@ -51,15 +51,15 @@ export function showTimings(timings) {
   byId("timings").replaceChildren(...rows);
 }
 
-/** Buttons for the files, and `more` beside them. */
-export function showFiles(names, onSave, more = null) {
+/** Buttons for the files, and what there is of `more` beside them. */
+export function showFiles(names, onSave, more = []) {
   const buttons = names.map((name) => {
     const button = element("button", "", name);
     button.type = "button";
     button.addEventListener("click", () => onSave(name));
     return button;
   });
-  byId("files").replaceChildren(...buttons, ...(more ? [more] : []));
+  byId("files").replaceChildren(...buttons, ...more.filter(Boolean));
 }
 
 const REASONS = {
@@ -85,11 +85,22 @@ function statusOf({ code, limit, reasons }) {
   return t("Unsure: a score is below {limit}", { limit }) + (reasons.length ? ` (${inWords(reasons)})` : "");
 }
 
-function instanceRow({ id, score, width_px, length_px, closed, endpoints, reasons }) {
+function instanceRow({ id, score, width_px, length_px, closed, endpoints, reasons, ...measured }) {
   const ends = [closed ? t("closed ring") : endpoints.map(({ kind }) => t(kind)).join(" – ")];
+  if (measured.curve_m) ends.unshift(inMeters(measured));
   if (reasons.length) ends.push(inWords(reasons));
   const size = `${width_px.toFixed(1)} × ${length_px.toFixed(0)} px`;
   return [swatch(id), element("span", "size", size), element("span", "ends", ends.join("; ")), scoreOf(score)];
+}
+
+/** What depth has measured: length, thickness, and how far both may be off. */
+function inMeters({ curve_m, radius_m, sigma_m }) {
+  const length = curve_m.slice(1).reduce((sum, point, i) => sum + Math.hypot(...point.map((v, k) => v - curve_m[i][k])), 0);
+  const middle = sigma_m?.toSorted((a, b) => a - b)[Math.floor(sigma_m.length / 2)];
+  return [
+    `${(100 * length).toFixed(1)} cm`, ...(radius_m ? [`⌀ ${(2000 * radius_m).toFixed(1)} mm`] : []),
+    ...(middle ? [`σ ${(1000 * middle).toFixed(1)} mm`] : []),
+  ].join(", ");
 }
 
 function crossingRow(crossing) {

@@ -54,10 +54,9 @@ async function trySample() {
 
 async function open(job) {
   if (job.problem) throw new ProblemError(job.problem);
+  if (job.result?.instances?.some(({ curve_m }) => curve_m)) return openMeasured(job);
   if (job.result?.kind !== "reconstruct") throw new ProblemError(wrong(t("Job {id} holds no reconstruction", job)));
-  showProblem(null);
-  byId("job").value = job.id;
-  if (new URLSearchParams(location.search).get("job") !== job.id) address(`?job=${job.id}`);
+  named(job);
   const { result } = job;
   const views = result.views.map((view) => ({ ...view, kind: view.status }));
   const next = (result.next_view?.T_world_camera ?? []).map((pose) => ({
@@ -72,14 +71,37 @@ async function open(job) {
   await showViews(job, views);
 }
 
+function named(job) {
+  showProblem(null);
+  byId("job").value = job.id;
+  if (new URLSearchParams(location.search).get("job") !== job.id) address(`?job=${job.id}`);
+}
+
+/** The cables of one picture, as its depth has measured them. */
+function openMeasured(job) {
+  named(job);
+  const measured = job.result.instances.filter(({ curve_m }) => curve_m);
+  const curves = measured.map(({ id, curve_m, ...rest }) => ({ ...rest, points_m: curve_m, color: COLORS[(id - 1) % COLORS.length] }));
+  space.show(curves, []);
+  byId("space").setAttribute("aria-label", t("{n} cables", { n: curves.length }));
+  const facts = measured.map(({ id, radius_m, sigma_m }) => [
+    t("cable {id}", { id }), radius_m ? `⌀ ${mm(2 * radius_m)}${sigma_m ? `, σ ${mm(mean(sigma_m))}` : ""}` : t("not known"),
+  ]);
+  byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+  byId("warnings").replaceChildren(...(job.result.warnings ?? []).map((text) => element("li", text)));
+  byId("after").replaceChildren(recipeLink(job) ?? "");
+  byId("views").replaceChildren();
+}
+
+const mm = (meters) => `${(1000 * meters).toFixed(2)} mm`;
+const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+
 function showFacts(result) {
   const { curve, next_view: next } = result;
-  const mm = (meters) => `${(1000 * meters).toFixed(2)} mm`;
-  const mean = curve.sigma_m.reduce((sum, value) => sum + value, 0) / curve.sigma_m.length;
   const facts = {
     length: `${(1000 * curve.length_m).toFixed(1)} mm`,
     radius: curve.radius_m === null ? t("not known") : mm(curve.radius_m),
-    "standard deviation": mm(mean),
+    "standard deviation": mm(mean(curve.sigma_m)),
     reprojection: `${result.reprojection_px.toFixed(2)} px`,
     ends: result.ends.map((end) => t(end)).join(", "),
     "other cables": String(result.others.length),

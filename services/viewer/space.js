@@ -115,7 +115,8 @@ export class Space {
     const reach = 2 * this.enlarged * this.#scale();
     context.fillStyle = "#f59e0b33";
     curve.points_m.forEach((point, i) => {
-      const c = curve.covariance_m2[i];
+      const c = curve.covariance_m2?.[i];
+      if (!c) return;
       const times = (a, b) => a.reduce((sum, x, r) => sum + x * b.reduce((s, y, k) => s + y * c[UPPER[r][k]], 0), 0);
       const [xx, xy, yy] = [times(right, right), -times(right, up), times(up, up)];
       const [mean, half] = [(xx + yy) / 2, Math.hypot((xx - yy) / 2, xy)];

@@ -307,6 +307,86 @@ def test_several_pictures_are_reviewed_worst_first(page: Any, service: FakeServi
     assert page.is_hidden("#worst")
 
 
+def unsure_at_the_border() -> Any:
+    job = samples.instances_job()
+    (first, second) = job.result.instances
+    line = [(1500.0, 20.0), (1580.0, 140.0)]
+    low = second.model_copy(update={"score": 0.4, "reasons": ["short"], "centerline_xy": line})
+    status = SceneStatus(code="unsure", limit=0.8, reasons=["short"])
+    changed = job.result.model_copy(update={"instances": [first, low], "crossings": [], "status": status})
+    large = changed.model_copy(update={"width": 10 * samples.WIDTH, "height": 10 * samples.HEIGHT})
+    return job.model_copy(update={"result": large})
+
+
+def test_what_is_unsure_at_the_border_leaves_no_part_of_the_view_empty(page: Any, service: FakeService) -> None:
+    """The place was brought to the middle of the view, whose upper and right third stayed black."""
+    service.next = [unsure_at_the_border()]
+    analyze(page)
+    page.click("#worst")
+    left, top, right, bottom = page.evaluate(
+        """() => {
+        const canvas = document.querySelector("#canvas"), { scale, left, top } = canvas.dataset;
+        const [w, h] = [WIDTH * scale, HEIGHT * scale];
+        return [left, top, canvas.clientWidth - left - w, canvas.clientHeight - top - h].map(Number);
+    }""".replace("WIDTH", str(10 * samples.WIDTH)).replace("HEIGHT", str(10 * samples.HEIGHT))
+    )
+    assert max(left, top, right, bottom) <= 0.01, "no margin on any side"
+    x, y = place(page, 1540, 80)
+    box = page.locator("#canvas").bounding_box()
+    assert box["x"] < x < box["x"] + box["width"]
+    assert box["y"] < y < box["y"] + box["height"]
+
+
+def test_a_refusal_has_a_title_in_the_language_of_the_page(page: Any, service: FakeService) -> None:
+    """A German page showed the title as the service writes it, in English."""
+    page.select_option("#language", "de")
+    page.wait_for_selector("html[lang=de]")
+    page.wait_for_selector("#service")
+    service.refusal = samples.refused(422)
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#error:visible")
+    assert page.inner_text("#error strong") == "Die Anfrage ist nicht gültig"
+    assert page.get_attribute("#error span", "lang") == "en", "what the service writes of it"
+    page.select_option("#language", "en")
+
+
+PINHOLE = {"width": 160, "height": 120, "fx": 150, "fy": 150, "cx": 79.5, "cy": 59.5}
+
+
+def measured_job() -> Any:
+    job = samples.instances_job()
+    first, second = job.result.instances
+    curve = [(0.0, 0.0, 0.5), (0.1, 0.0, 0.5)]
+    covariance = [(1e-8, 0, 0, 1e-8, 0, 1e-8)] * 2
+    more = {"curve_m": curve, "radius_m": 0.003, "sigma_m": [0.0004, 0.0004], "covariance_m2": covariance}
+    changed = job.result.model_copy(update={"instances": [first.model_copy(update=more), second]})
+    return job.model_copy(update={"result": changed})
+
+
+def test_a_picture_is_sent_with_its_depth_and_measured(page: Any, service: FakeService) -> None:
+    """The pages knew no depth; and the map of one picture must not go with another."""
+    analyze(page)
+    service.finished = measured_job()
+    page.click("summary >> text=Depth")
+    page.set_input_files("#depth", {"name": "depth.png", "mimeType": "image/png", "buffer": b"depth"})
+    camera = json.dumps(PINHOLE).encode()
+    page.set_input_files("#camera", {"name": "camera.json", "mimeType": "application/json", "buffer": camera})
+    page.wait_for_function("document.querySelector('#curl').textContent.includes('fx')")
+    assert 'depth=@"depth.png"' in page.text_content("#curl")
+    assert 'depth="depth.png"' in page.text_content("#python")
+    page.click("#run")
+    page.wait_for_selector("#instances .ends >> text=10.0 cm, ⌀ 6.0 mm, σ 0.4 mm")
+    assert service.parts == [["image"], ["image", "depth"]]
+    assert json.loads(service.requests[1])["intrinsics"] == PINHOLE
+    page.set_input_files("#file", {**picture(), "name": "other.jpg"})
+    page.wait_for_function("document.querySelectorAll('#film .mark.ok').length === 2")
+    assert service.parts[2] == ["image"]
+    assert "intrinsics" not in json.loads(service.requests[2])
+    page.click("#files >> text=Show in 3D")
+    page.wait_for_url("**/viewer/reconstruction.html?job=*")
+    page.wait_for_selector("#facts >> text=⌀ 6.00 mm, σ 0.40 mm")
+
+
 def test_two_methods_stand_side_by_side(page: Any, service: FakeService) -> None:
     other = samples.instances_job()
     service.next = [other, unsure_job()]
