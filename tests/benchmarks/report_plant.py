@@ -100,6 +100,7 @@ def fuzz_section(data: dict[str, Any]) -> str:
         f"## Odd requests\n\n`python -m tests.fuzz`, seeds {data['seeds']}. Broken: a 5xx, an internal error, NaN, an "
         "answer that its contract does not allow, or a worker that dies. Floor: 0.\n\n"
         + table(["part", "requests", "broken", "most often"], rows)
+        + data.get("note", "")
     )
 
 
