@@ -19,7 +19,7 @@ export const WEIGHTS = Object.freeze({
   core: 0.75, beyond: 1.29, far: 2.6, // parts of the half width: surely cable; surely not, from and to
   kinds: 24, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, shade: 0.6, // colors; cuts
   rim: 0.35, // pixels beyond the steepest step: what is cable in part is cable to who labels it
-  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.6, spread: 15, // what a person says
+  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.4, spread: 25, // what a person says
 });
 
 /** The cable through `clicks`: `{ line, low, high, normals, width, clicks, pulls }`. `line` runs in its middle; `low` and
@@ -143,7 +143,7 @@ function placed({ at, side }, line, normals) {
 /** Moves the edges through the pins. What is missing there is spread as a Gaussian process would expect it: in part an
  *  error of the whole edge (this person draws wider), in part one of that place. */
 export function pull(edges, pins, o = WEIGHTS) {
-  const alike = (a, b) => o.whole + (1 - o.whole) * Math.exp(-0.5 * ((a - b) / o.spread) ** 2);
+  const alike = (a, b) => o.whole + (1 - o.whole) * matern((a - b) / o.spread);
   for (const side of [-1, 1]) {
     const edge = side < 0 ? edges.low : edges.high;
     const own = pins.filter((pin) => pin.side === side);
@@ -152,6 +152,10 @@ export function pull(edges, pins, o = WEIGHTS) {
     edge.forEach((_, i) => own.forEach((pin, k) => (edge[i] += shares[k] * alike(i, pin.i))));
   }
 }
+
+/** How alike the errors of two places are, that many spreads apart (Matérn's function of order 3/2): a pull makes no cusp,
+ *  and is felt far away. */
+const matern = (apart) => (1 + Math.sqrt(3) * Math.abs(apart)) * Math.exp(-Math.sqrt(3) * Math.abs(apart));
 
 /** The solution of a positive definite system, by elimination. */
 function solved(matrix, values) {

@@ -81,7 +81,8 @@ def clicks(data: dict[str, Any]) -> str:
         "simulated clicks and drags through the page's own `outline.js` until IoU 90 % with the hand-made label. The "
         "person knows the true mask, has an exact hand and acts where the error is largest; pixels of other cables "
         "count neither way. The page's weights were set on rendered scenes, four of them on every third picture, which "
-        f"the last column leaves out ({aside['cables']} cables). RITM took about 40 clicks in the thesis's test.\n\n"
+        f"the last column leaves out ({aside['cables']} cables); how far a pull is felt (`whole`, `spread`) by how "
+        "alike the errors along the edges of all cables are. RITM took about 40 clicks in the thesis's test.\n\n"
         + table(["", "floor", "aim", "measured", "pictures not tuned on"], rows)
     )
 

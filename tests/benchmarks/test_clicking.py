@@ -133,6 +133,20 @@ def test_a_pulled_edge_passes_where_it_was_pulled_to(page: Page, tmp_path: Path)
     assert np.linalg.norm(lower[0] - lower[1]) < 0.75, "the other edge stays"
 
 
+def test_a_pull_moves_the_far_ends_of_the_edge_by_less_than_half(page: Page, tmp_path: Path) -> None:
+    """A person pulls where it is worst: six tenths of that on the whole edge spoiled what was right elsewhere."""
+    mask, line = wave(10, 10)
+    question = request(tmp_path, mask, mask, np.random.default_rng(3))
+    ends = {"clicks": [line[0].tolist(), line[-1].tolist()]}
+    free = page.draw({**question, **ends, "pulls": []})
+    i = len(free["line"]) // 2
+    at = np.array(free["line"][i]) + (free["high"][i] + 1.0) * np.array(free["normals"][i])
+    pulled = page.draw({**question, **ends, "pulls": [{"at": at.tolist(), "side": 1}]})
+    moved = np.array(pulled["high"]) - pulled["low"] - (np.array(free["high"]) - free["low"])
+    assert moved[i] == pytest.approx(1.0, abs=0.3)
+    assert 0.3 < np.mean([*moved[:8], *moved[-8:]]) < 0.55
+
+
 def test_the_same_wishes_come_true_in_the_loop(page: Page, tmp_path: Path) -> None:
     """A person who wants the label two pixels wider than the picture shows it gets it in a few drags."""
     mask, _ = wave(12, 12)
