@@ -117,6 +117,8 @@ def test_the_mixture_gains_most_for_what_it_forgets() -> None:
     mixtures = {1.0: Scores((80.0,), (80.0,)), 0.65: Scores((79.0,), (84.5,)), 0.5: Scores((76.0,), (85.2,))}
     assert best(before, mixtures) == 0.65
     assert best(before, {1.0: before, 0.5: before}) == 0.5
+    # The best of all would be refused: a smaller share is to be had.
+    assert best(before, {0.5: Scores((80.0,), (83.8,)), 0.2: Scores((73.0,), (84.4,))}) == 0.2
 
 
 @pytest.mark.parametrize(

@@ -75,13 +75,15 @@ def dice(found: BoolArray, true: BoolArray, known: BoolArray | None = None) -> f
 
 
 def best(before: Scores, mixtures: dict[float, Scores]) -> float:
-    """The share of the learnt weights to keep; of equals the smallest."""
+    """The share of the learnt weights to keep, of those that are not refused if there are some; of equals the
+    smallest."""
+    allowed = [share for share, scores in mixtures.items() if refusal(before, scores) is None]
 
     def gain(share: float) -> float:
         scores = mixtures[share]
         return round(scores.mean - before.forgotten_by(scores), 2)
 
-    return max(sorted(mixtures), key=gain)
+    return max(sorted(allowed or mixtures), key=gain)
 
 
 def refusal(before: Scores, after: Scores) -> str | None:
