@@ -47,7 +47,7 @@ class ContinuationParams:
     least ``contrast`` (CIELAB). ``gap`` that may look different, ``good`` share of the steps that may not; a
     continuation is ``shortest`` to ``longest``. ``turned``: most of all together, radians."""
 
-    least_chance: float = 0.6
+    least_chance: float = 0.5
     certainty: float = 0.9
     least_length: float = 6.0
     least_width_px: float = 2.0

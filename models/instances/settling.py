@@ -1,8 +1,8 @@
 """What a picture's foreground is once its strands were looked at: lookalikes go, lost pieces of cables come.
 
 The network answers pixel by pixel; whether a strand is a cable at all, and whether it can end where it ends, shows only
-along it. Strategy: the strands are found by the default method and rated. Where none is likely a cable, what is hardly
-one leaves the foreground. From the free ends of cables it is continued (``continuation.py``).
+along it. Strategy: the strands are found by the default method and rated. What is hardly a cable leaves the
+foreground. From the free ends of cables it is continued (``continuation.py``).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.instances.continuation import continued
-from models.instances.lookalikes import EVEN, calibration, chances, rated
+from models.instances.lookalikes import calibration, chances, rated
 from models.instances.scene import Scene
 from models.instances.section_matching import extract
 
@@ -49,8 +49,8 @@ def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, thresh
 
 
 def _without_hardly_any(cable: BoolArray, scene: Scene, likely: FloatArray) -> BoolArray:
-    """``cable`` (H, W) without the instances that are hardly cables, of a picture in which none is likely one."""
+    """``cable`` (H, W) without the instances that are hardly cables."""
     none = likely < calibration().least
-    if not none.any() or not (likely < EVEN).all():
+    if not none.any():
         return cable
     return np.asarray(cable & ~np.concatenate(([False], none))[scene.labels])

@@ -14,6 +14,7 @@ import numpy as np
 
 from models.geometry.arrays import ByteArray, Float32Array
 from models.segmentation.segment import ForegroundInput, Network, enlarged, network_scale, probability_at
+from models.segmentation.thick_strands import look_from_afar
 from models.segmentation.thin_strands import look_closer
 
 Effort = Literal["fast", "normal", "thorough"]
@@ -23,7 +24,7 @@ Effort = Literal["fast", "normal", "thorough"]
 class Passes:
     """``longest`` side of the picture that is seen, over that of the network; ``scales`` of this at which the whole
     picture is seen, ``mirrored`` too; ``closer`` bounds the second look at thin strands, in pixels over those of one
-    pass; ``eight_bit``: with the 8-bit form of the network."""
+    pass, thick ones are looked at from afar, too, where it is not 0; ``eight_bit``: with the network's 8-bit form."""
 
     longest: float
     scales: tuple[float, ...]
@@ -48,6 +49,7 @@ def look(image: ByteArray, network: Network, settings: ForegroundInput, effort: 
     whole = seen[0] if len(seen) == 1 else _agreed([enlarged(p, seen[0].shape) for p in seen])
     if passes.closer == 0.0:
         return enlarged(whole, image.shape[:2])
+    whole = look_from_afar(image, whole, network, settings)
     return look_closer(image, whole, network, settings, passes.closer)
 
 

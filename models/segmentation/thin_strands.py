@@ -24,6 +24,8 @@ _HINT = 0.15
 _LEAST_HINTS = 6
 """Pixels of a tile that hint at something thin; fewer are noise."""
 _VERY_THIN_PX = 3.0
+_NEAR = 0.8
+"""From this scale on a picture has little more to show than the first pass saw."""
 _CORE_PX, _MARGIN_PX = 384, 32
 """A tile at its own scale, and what it sees around itself."""
 
@@ -48,8 +50,7 @@ def look_closer(
     """
     whole = enlarged(probability, image.shape[:2])
     scale = probability.shape[1] / image.shape[1]
-    hints = _thin(probability >= _HINT, THIN_PX)
-    if scale > 0.8 or not hints.any():
+    if scale > _NEAR or not (hints := _thin(probability >= _HINT, THIN_PX)).any():
         return whole
     zoom = min(4.0 if _typical_width(probability >= _HINT, hints) < _VERY_THIN_PX else 2.0, 1.0 / scale)
     tile_px = (_CORE_PX + 2 * _MARGIN_PX) ** 2

@@ -57,6 +57,36 @@ def test_a_wire_thin_at_the_networks_scale_is_whole_after_the_closer_look() -> N
     assert normal.pixels <= (1 + PASSES["normal"].closer) * 640 * 480
 
 
+class Narrow(Brightness):
+    """In the right half of the picture it is lost on what is white farther than 36 pixels from something dark."""
+
+    def __call__(self, planes: np.ndarray) -> np.ndarray:
+        seen = super().__call__(planes)
+        inside = cv2.distanceTransform((seen[0, 0] > 0).astype(np.uint8), cv2.DIST_L2, 5)
+        inside[:, : inside.shape[1] // 2] = 0
+        return np.where(inside > 36, -4, seen).astype(np.float32)
+
+
+def test_a_strand_too_thick_for_the_network_is_seen_from_afar() -> None:
+    """Of a hose of 100 px half was lost but for its edges."""
+    image, true = wire((360, 640), 100)
+    once, normal = Narrow(), Narrow()
+    scale = network_scale(image.shape[:2], SETTINGS)
+    missed = probability_at(image, once, SETTINGS, scale) >= 0.5
+    found = look(image, normal, SETTINGS) >= 0.5
+    assert dice(missed, true) < 0.93
+    assert dice(found, true) > 0.97
+    assert normal.pixels < 1.3 * once.pixels
+
+
+def test_nothing_thick_is_looked_at_once() -> None:
+    image, _ = wire((360, 640), 30)
+    once, normal = Brightness(), Brightness()
+    probability_at(image, once, SETTINGS, network_scale(image.shape[:2], SETTINGS))
+    look(image, normal, SETTINGS)
+    assert normal.pixels == once.pixels
+
+
 def test_a_thick_strand_is_left_to_the_first_pass() -> None:
     image, true = wire((1200, 1600), 60)
     network = Brightness()

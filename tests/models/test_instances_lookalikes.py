@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from models.instances.likeness import Likeness, likeness
 from models.instances.lookalikes import (
     COEFFICIENTS,
     Calibration,
-    Likeness,
     calibration,
-    likeness,
+    chances,
     without_lookalikes,
 )
 from models.instances.scene import Scene
@@ -39,8 +39,10 @@ def strands() -> tuple[Scene, np.ndarray, np.ndarray, np.ndarray]:
 
 def rule(least: float) -> Calibration:
     """A cable is what the network is certain of."""
-    weights = np.array([2.0 * (name == "certainty") - 2.0 * (name == "one") for name in Likeness._fields])
-    return Calibration(weights, least)
+    names = Likeness._fields
+    hidden = 0.5 * np.array([[name == "certainty"] for name in names])
+    mean, scale = np.zeros(len(names)), np.ones(len(names))
+    return Calibration(mean, scale, hidden, np.array([-0.5]), np.array([4.0]), 0.0, least)
 
 
 def test_what_the_network_hardly_sees_is_left_out_and_the_rest_is_numbered_anew() -> None:
@@ -91,20 +93,25 @@ def test_evidence_of_the_shortest_lines_is_finite(points: int) -> None:
     assert np.isfinite(rows).all()
 
 
-def test_shipped_weights_have_the_names_of_the_evidence() -> None:
+def test_the_shipped_rule_has_the_names_of_the_evidence() -> None:
     table = tomllib.loads(COEFFICIENTS.read_text())
-    assert tuple(table["weights"]) == Likeness._fields
+    assert tuple(table["evidence"]) == Likeness._fields
     assert 0 < calibration().least < 0.5
-    assert calibration().weights[Likeness._fields.index("certainty")] > 0
+
+
+def test_the_shipped_rule_believes_a_certain_network_more() -> None:
+    scene, probability, mask, picture = strands()
+    likely = chances(scene, probability, mask, picture)
+    second = int(np.argmin([abs(i.centerline_xy[:, 1].mean() - 180) for i in scene.instances]))
+    assert likely.argmin() == second
 
 
 def test_the_fit_finds_what_tells_them_apart() -> None:
     rng = np.random.default_rng(4)
     seen = []
-    for _ in range(60):
+    for _ in range(400):
         rows = rng.normal(size=(6, len(Likeness._fields)))
-        rows[:, 0] = 1.0
-        seen.append(Seen(rows, rows[:, 1] > 0.3))
+        seen.append(Seen(rows, rows[:, 1] > 0.3, np.ones(6)))
     table = fit(seen)
     held = table["held_out"]
     assert isinstance(held, dict)
