@@ -38,11 +38,13 @@ _SHARPNESS = 0.1
 
 class Match(NamedTuple):
     """The pieces of one cable in this frame, the longest first; ``probability`` that they are this cable; ``goes_on``
-    whether a strand that no cable owns follows on it at its first and at its last end."""
+    whether a strand that no cable owns follows on it at its first and at its last end; ``joined`` whether the
+    picture joins it to a cable that is known to be another one."""
 
     pieces: tuple[Piece, ...]
     probability: float
     goes_on: tuple[bool, bool] = (False, False)
+    joined: bool = False
 
 
 def assign(
@@ -65,13 +67,14 @@ def assign(
         for k in refused:
             costs[found[k].first : found[k].stop, found[k].cable] = _FORBIDDEN
     own = {i: {k: piece for k, piece in pieces.items() if k not in refused} for i, pieces in own.items()}
-    changed = cuts(found, own, cables)
+    changed, joined = cuts(found, own, cables)
     taken, on = extended(found, own, cables)
     matches = {}
     for i, pieces in own.items():
         of_it = recognised(slid(list(pieces.values()), cables[i], expected[i]), cables[i], expected[i])
         longest = sorted(of_it, key=lambda piece: -piece.length_px)
-        matches[i] = Match(tuple(longest), _probability(i, [found[k] for k in pieces]), ((i, 0) in on, (i, 1) in on))
+        sure, goes_on = _probability(i, [found[k] for k in pieces]), ((i, 0) in on, (i, 1) in on)
+        matches[i] = Match(tuple(longest), sure, goes_on, i in joined)
     left = [run for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
     return matches, _found_again(cables, expected, matches, left), changed
 

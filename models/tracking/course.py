@@ -8,17 +8,20 @@ a piece that shows no end has slid along the cable, without a sum of errors from
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray
+from models.tracking.nodes import between
 from models.tracking.placing import Piece
-from models.tracking.sliding import MODES, waves
+from models.tracking.sliding import MODES, trusted, waves
 from models.tracking.state import NODES, TrackedCable
 
 _BENDS_RAD = 1.2 / np.maximum(np.arange(MODES), 0.1) ** 2
 """Standard deviation of what each cosine adds to the direction; a turn of the whole is free."""
 _MIDDLES_U = (np.arange(NODES - 1) + 0.5) / (NODES - 1)
+_BASIS = waves(_MIDDLES_U)
 _NOISE_RAD, _INDEPENDENT = 0.06, 3.0
 """Of a direction between two samples; so many neighboring ones err alike."""
 _SLIDE_WIDTHS = 0.5
@@ -35,18 +38,31 @@ _PULL = 0.15
 
 def course_of(xy: FloatArray) -> FloatArray:
     """(n - 1,) directions between points (n, 2), rad, without jumps."""
-    steps = np.diff(xy, axis=0)
-    return np.asarray(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
+    steps = xy[1:] - xy[:-1]
+    course = np.arctan2(steps[:, 1], steps[:, 0])
+    turns = course[1:] - course[:-1]
+    course[1:] = course[0] + np.cumsum(turns - 2 * np.pi * np.rint(turns / (2 * np.pi)))
+    return course
+
+
+class _Steps(NamedTuple):
+    """Between each two neighboring points of all pieces: the ``position`` (N,) px along the cable, the ``direction``
+    (N,) rad, whether it is ``pinned`` (N,), and its ``weight`` (N,)."""
+
+    position: FloatArray
+    direction: FloatArray
+    pinned: BoolArray
+    weight: FloatArray
 
 
 def recognised(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArray) -> list[Piece]:
     """The pieces, those that no end pins down moved along the cable to where their course is known from."""
     if cable.closed or all(piece.pinned for piece in pieces):
         return list(pieces)
-    usual, before = course_of(expected), cable.course
+    steps, usual = _steps(pieces), course_of(expected)
     slide = 0.0
     for _ in range(_ROUNDS):
-        step = _slide(pieces, slide, cable, usual, before)
+        step = _slide(steps, slide, cable, usual)
         slide += step
         if abs(step) < 0.05 * cable.width_px:
             break
@@ -54,31 +70,32 @@ def recognised(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArra
     return [piece if piece.pinned else piece._replace(position=piece.position + slide) for piece in pieces]
 
 
-def _slide(pieces: Sequence[Piece], slide: float, cable: TrackedCable, usual: FloatArray, before: FloatArray) -> float:
-    """Px by which the pieces that are not pinned are to be moved on from ``slide``."""
-    at = _MIDDLES_U * cable.length_px
-    rising = np.gradient(before, cable.length_px / (NODES - 1))
-    rows, values = [], []
+def _steps(pieces: Sequence[Piece]) -> _Steps:
+    parts = []
     for piece in pieces:
-        position = piece.position if piece.pinned else piece.position + slide
-        steps = np.diff(piece.xy, axis=0)
-        direction = np.arctan2(steps[:, 1], steps[:, 0])
-        middle = 0.5 * (position[1:] + position[:-1])
-        inside = (middle > at[0]) & (middle < at[-1])
-        middle, direction = middle[inside], direction[inside]
-        here, known = np.interp(middle, at, usual), np.interp(middle, at, before)
-        turned = np.angle(np.exp(1j * (direction - here))) + here - known
-        slope = np.zeros(len(middle)) if piece.pinned else np.interp(middle, at, rising)
-        rows.append(np.column_stack([waves(middle / cable.length_px), slope]))
-        values.append(turned)
-    matrix, wanted = np.concatenate(rows), np.concatenate(values)
-    if len(wanted) < _LEAST_SAMPLES:
+        steps, weight = piece.xy[1:] - piece.xy[:-1], trusted(piece)
+        position = 0.5 * (piece.position[1:] + piece.position[:-1])
+        direction, pinned = np.arctan2(steps[:, 1], steps[:, 0]), np.full(len(steps), piece.pinned)
+        parts.append((position, direction, pinned, np.minimum(weight[1:], weight[:-1])))
+    return _Steps(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _slide(steps: _Steps, slide: float, cable: TrackedCable, usual: FloatArray) -> float:
+    """Px by which the pieces that are not pinned are to be moved on from ``slide``."""
+    position = steps.position + slide * ~steps.pinned
+    place = position * ((NODES - 1) / cable.length_px) - 0.5
+    inside = (place > 0) & (place < NODES - 2)
+    if np.count_nonzero(inside) < _LEAST_SAMPLES:
         return 0.0
+    rising = np.gradient(cable.course, cable.length_px / (NODES - 1))
+    here, known, slope = between(np.column_stack([usual, cable.course, rising]), place).T
+    turns = steps.direction - here
+    wanted = turns - 2 * np.pi * np.rint(turns / (2 * np.pi)) + here - known
+    matrix = np.column_stack([waves(np.clip(position / cable.length_px, 0.0, 1.0)), slope * ~steps.pinned])
     precision = np.append(1 / _BENDS_RAD**2, 1 / (_SLIDE_WIDTHS * cable.width_px) ** 2)
-    weight = 1 / (_NOISE_RAD**2 * _INDEPENDENT)
     pull = np.append(np.zeros(MODES), -slide * precision[-1])
-    system = weight * (matrix.T @ matrix) + np.diag(precision)
-    return float(np.linalg.solve(system, weight * (matrix.T @ wanted) + pull)[-1])
+    weighted = (matrix * (steps.weight * inside)[:, None]).T / (_NOISE_RAD**2 * _INDEPENDENT)
+    return float(np.linalg.solve(weighted @ matrix + np.diag(precision), weighted @ wanted + pull)[-1])
 
 
 def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -108,7 +125,6 @@ def _bent(change: FloatArray, weight: FloatArray) -> FloatArray:
     """(NODES - 1,) the smooth part of a change of direction whose places weigh (NODES - 1,)."""
     if np.count_nonzero(weight >= 1) < _LEAST_SAMPLES:
         return np.zeros(NODES - 1)
-    basis = waves(_MIDDLES_U)
-    weighted = (basis * weight[:, None]).T / (_NOISE_RAD**2 * _INDEPENDENT)
-    system = weighted @ basis + np.diag(1 / _BENDS_RAD**2)
-    return np.asarray(basis @ np.linalg.solve(system, weighted @ np.nan_to_num(change)))
+    weighted = (_BASIS * weight[:, None]).T / (_NOISE_RAD**2 * _INDEPENDENT)
+    system = weighted @ _BASIS + np.diag(1 / _BENDS_RAD**2)
+    return np.asarray(_BASIS @ np.linalg.solve(system, weighted @ np.nan_to_num(change)))

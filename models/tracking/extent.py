@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from models.instances.scene import EndpointKind
-from models.tracking.placing import Piece
+from models.tracking.placing import Piece, end_kind
 from models.tracking.regrouping import cut
 from models.tracking.state import TrackedCable
 
@@ -41,7 +40,7 @@ def revised(cable: TrackedCable, pieces: Sequence[Piece], goes_on: tuple[bool, b
         near = abs(away[k]) < limit
         longer = cable.ends[k] == "free" and (away[k] > limit or (goes_on[k] and near))
         shorter = away[k] < -limit and free[k] and not goes_on[k]
-        confirmed = cable.ends[k] == "free" and free[k] and near
+        confirmed = int(cable.ends[k] == "free" and free[k] and near)
         if longer or shorter:
             counts[k] += _GOES_ON if longer and counts[k] < 0 else 1
         else:
@@ -57,10 +56,3 @@ def _kept(cable: TrackedCable, kept: list[float]) -> TrackedCable:
     if kept == [0.0, cable.length_px] or kept[1] - kept[0] < _LEAST_WIDTHS * cable.width_px:
         return cable
     return replace(cut(cable, (kept[0], kept[1])), ends=cable.ends)
-
-
-def end_kind(piece: Piece, u: float) -> EndpointKind:
-    """What is at the place ``u`` of the piece's observation."""
-    if u < 0.01:
-        return piece.observed.ends[0]
-    return piece.observed.ends[1] if u > 0.99 else "hidden"

@@ -12,10 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray
+from models.geometry.polylines import point_at
 from models.instances.scene import EndpointKind
 from models.tracking.course import laid_on
-from models.tracking.extent import end_kind, revised
-from models.tracking.placing import Piece, shows_all
+from models.tracking.extent import revised
+from models.tracking.nodes import between, middle
+from models.tracking.placing import Piece, end_kind, shows_all
 from models.tracking.sliding import precision, waves
 from models.tracking.state import NODES, TrackedCable
 
@@ -31,6 +33,12 @@ _WHOLE = 0.93
 """A cable of which this share is in view counts as seen."""
 _SPREAD_WIDTHS, _SPREAD_SPEED, _MOST_SPREAD_WIDTHS = 0.1, 0.3, 12.0
 """By what a node out of view may be further off every frame: in widths, and as a share of its speed; at most."""
+_ADRIFT_WIDTHS, _MOST_ADRIFT_WIDTHS = 0.25, 12.0
+"""By which a cable of which no end is in view may have slid along itself, more every frame; at most."""
+_AT_AN_END = 0.2
+"""Share of that where some end is in view that is not the known one: the place of that end would change, too."""
+_KNOWN_PLACE_WIDTHS = 2.0
+"""An end that comes into view is known from then on if the cable has slid by less, or has no other known end."""
 _END_WIDTHS = 2.0
 _ALONE = 0.5
 """A node counts as alone from such trust on."""
@@ -71,7 +79,7 @@ def moved(
     model = predicted + off + seam
     model += _toward(xy - model, cable.width_px) * (seen & ~alone)[:, None]
     xy, course = laid_on(cable, np.where(alone[:, None], xy, model), seen)
-    away = float(np.median(np.hypot(*off.T)))
+    away = middle(np.hypot(off[:, 0], off[:, 1]))
     gain = _GAIN if away < _JUMP_WIDTHS * cable.width_px else 0.0
     velocity = (cable.velocity + gain / frames * off) * np.where(hidden, DAMPING, 1.0)
     after = replace(
@@ -84,11 +92,21 @@ def moved(
         firm=firm,
         course=course,
         spread=wider(cable, seen),
+        adrift_px=adrift(cable, pieces),
         state="seen" if seen.mean() >= _WHOLE else "partly_covered",
         missed=0,
         met=cable.met + 1,
     )
     return revised(after, pieces, goes_on)
+
+
+def adrift(cable: TrackedCable, pieces: Sequence[Piece] = ()) -> float:
+    """Px by which the places of the cable may have slid along it, after one more frame that showed ``pieces`` of it."""
+    if any(piece.pinned for piece in pieces):
+        return 0.0
+    free = any("free" in (end_kind(piece, piece.u0), end_kind(piece, piece.u1)) for piece in pieces)
+    more = _ADRIFT_WIDTHS * cable.width_px * (_AT_AN_END if free else 1.0)
+    return min(cable.adrift_px + more, _MOST_ADRIFT_WIDTHS * cable.width_px)
 
 
 def wider(cable: TrackedCable, seen: BoolArray) -> FloatArray:
@@ -110,7 +128,7 @@ def _laid(
             position = piece.position + turn
             inside = (at > position[0] - 0.5 * spacing) & (at < position[-1] + 0.5 * spacing) & ~seen
             if inside.any():
-                xy[inside] = np.stack([np.interp(at[inside], position, axis) for axis in piece.xy.T], axis=1)
+                xy[inside] = point_at(piece.xy, position, at[inside])
                 trust = np.interp(at[inside], position, piece.trust)
                 firm[inside] = np.minimum(firm[inside] + trust, 1.0)
                 alone[inside] = trust > _ALONE
@@ -134,9 +152,12 @@ def _toward(off: FloatArray, width_px: float) -> FloatArray:
 
 
 def _ends(cable: TrackedCable, pieces: Sequence[Piece]) -> tuple[EndpointKind, EndpointKind]:
-    """An end that was out of view and is seen to be free now is free from here on."""
+    """An end that was out of view and is seen to be free now is free from here on; not so while another end is known
+    better than the places of what is in view: that one tells where this one is, once it is back."""
     first, last = cable.ends
     near = _END_WIDTHS * cable.width_px
+    if "free" in cable.ends and cable.adrift_px > _KNOWN_PLACE_WIDTHS * cable.width_px:
+        return first, last
     for piece in pieces:
         if end_kind(piece, piece.u0) == "free" and piece.position[0] < near:
             first = "free"
@@ -168,10 +189,8 @@ def _lengthened(
     length = cable.length_px + before + after
     old = np.linspace(0.0, cable.length_px, NODES) + before
     new = np.linspace(0.0, length, NODES)
-    xy, velocity, predicted, on = (
-        np.stack([np.interp(new, old, values[:, axis]) for axis in (0, 1)], axis=1)
-        for values in (cable.xy, cable.velocity, predicted, on)
-    )
+    place = (new - before) * ((NODES - 1) / cable.length_px)
+    xy, velocity, predicted, on = (between(values, place) for values in (cable.xy, cable.velocity, predicted, on))
     spread = np.interp(new, old, cable.spread)
     middle = 0.5 * (old[1:] + old[:-1]), 0.5 * (new[1:] + new[:-1])
     course = np.interp(middle[1], middle[0], cable.course, left=np.nan, right=np.nan)

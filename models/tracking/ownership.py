@@ -53,7 +53,7 @@ class Samples(NamedTuple):
     point; ``of`` (P,) index of the observation; ``loose`` (P,) where a picture may go on with the wrong strand;
     ``weight`` (P,) of its cost; ``trust`` (P,) how surely the strand before it is the one after it; ``left`` (P,) where
     one strand left the picture and another one came in: the picture joined them at its border; ``gap`` (P,) in a long
-    gap that was bridged, as under an arm: what is before it need not be what is after it."""
+    gap that was bridged, as under an arm: what is before it need not be what is after it; ``tree`` of ``xy``."""
 
     xy: FloatArray
     direction: FloatArray
@@ -64,6 +64,18 @@ class Samples(NamedTuple):
     trust: FloatArray
     left: BoolArray
     gap: BoolArray
+    tree: cKDTree
+
+
+class _Sampled(NamedTuple):
+    """The samples of one observation."""
+
+    xy: FloatArray
+    direction: FloatArray
+    along: FloatArray
+    loose: BoolArray
+    weight: FloatArray
+    left: BoolArray
 
 
 class Run(NamedTuple):
@@ -91,12 +103,13 @@ class Run(NamedTuple):
 def sample(observations: Sequence[Observation]) -> Samples:
     """Equally spaced places on every observation, both ends included."""
     parts = [_sampled(observed) for observed in observations]
-    of = np.repeat(np.arange(len(parts)), [len(part.of) for part in parts])
-    xy, direction, along, _, loose, weight, _, left, _ = (np.concatenate(c) for c in zip(*parts, strict=True))
+    of = np.repeat(np.arange(len(parts)), [len(part.xy) for part in parts])
+    xy, direction, along, loose, weight, left = (np.concatenate(c) for c in zip(*parts, strict=True))
     widths = np.array([observed.width_px for observed in observations])[of]
-    loose = loose | _beside(xy, of, _BESIDE_WIDTHS * widths)
+    tree = cKDTree(xy)
+    loose = loose | _beside(tree, of, _BESIDE_WIDTHS * widths)
     gap = _long_gaps(weight, of)
-    return Samples(xy, direction, along, of, loose | left, weight, _trust(loose, of, along, widths), left, gap)
+    return Samples(xy, direction, along, of, loose | left, weight, _trust(loose, of, along, widths), left, gap, tree)
 
 
 def _trust(loose: BoolArray, of: IntArray, along: FloatArray, widths: FloatArray) -> FloatArray:
@@ -108,9 +121,10 @@ def _trust(loose: BoolArray, of: IntArray, along: FloatArray, widths: FloatArray
     return np.asarray(np.repeat(value, np.diff(np.r_[starts, len(of)])))
 
 
-def _beside(xy: FloatArray, of: IntArray, near: FloatArray) -> BoolArray:
+def _beside(tree: cKDTree, of: IntArray, near: FloatArray) -> BoolArray:
     """Which samples are nearer than ``near`` (P,) px to one of another observation."""
-    pairs = cKDTree(xy).query_pairs(float(near.max()), output_type="ndarray")
+    xy = tree.data
+    pairs = tree.query_pairs(float(near.max()), output_type="ndarray")
     first, second = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]].T
     away = np.hypot(*(xy[first] - xy[second]).T)
     beside = np.zeros(len(xy), bool)
@@ -119,7 +133,7 @@ def _beside(xy: FloatArray, of: IntArray, near: FloatArray) -> BoolArray:
     return beside
 
 
-def _sampled(observed: Observation) -> Samples:
+def _sampled(observed: Observation) -> _Sampled:
     count = int(np.clip(observed.length_px / (_STEP_WIDTHS * observed.width_px), _FEWEST, _MOST))
     lengths = arc_lengths(observed.xy)
     along = np.linspace(0.0, lengths[-1], count)
@@ -137,15 +151,15 @@ def _sampled(observed: Observation) -> Samples:
     if observed.leaves is not None:
         inner = np.minimum(along, lengths[-1] - along) > _INNER_WIDTHS * observed.width_px
         left = inner & (np.interp(along, lengths, observed.leaves) > 0)
-    return Samples(xy, directions(xy), along, np.zeros(count, int), near, weight, weight, left, left)
+    return _Sampled(xy, directions(xy), along, near, weight, left)
 
 
 def directions(xy: FloatArray) -> FloatArray:
-    """(n, 2) unit tangents of a polyline."""
+    """(..., n, 2) unit tangents of polylines."""
     steps = np.empty_like(xy)
-    steps[1:-1] = xy[2:] - xy[:-2]
-    steps[0], steps[-1] = xy[1] - xy[0], xy[-1] - xy[-2]
-    return np.asarray(steps / np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)[:, None])
+    steps[..., 1:-1, :] = xy[..., 2:, :] - xy[..., :-2, :]
+    steps[..., 0, :], steps[..., -1, :] = xy[..., 1, :] - xy[..., 0, :], xy[..., -1, :] - xy[..., -2, :]
+    return np.asarray(steps / np.maximum(np.hypot(steps[..., 0], steps[..., 1]), 1e-9)[..., None])
 
 
 def runs(
@@ -230,17 +244,18 @@ def _against(
     """Cost (n,) and place along the cable (n,) of ``points`` (n, 2) at the best of its nodes ``xy`` (NODES, 2), each
     known to ``sigma`` (NODES,) px."""
     tangent = directions(xy)
-    away = points[:, None] - xy
-    along = away[..., 0] * tangent[:, 0] + away[..., 1] * tangent[:, 1]
-    across = away[..., 1] * tangent[:, 0] - away[..., 0] * tangent[:, 1]
+    normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    # Products of matrices: (a - b) along t is a·t - b·t.
+    along = points @ tangent.T - (xy * tangent).sum(1)
+    across = points @ normal.T - (xy * normal).sum(1)
     spacing = cable.length_px / (NODES - 1)
     beyond = np.maximum(np.abs(along) - 0.5 * spacing, 0.0)
     for node, outward in ((0, -along[:, 0]), (-1, along[:, -1])):
         if cable.ends[node] != "free":
             beyond[:, node] *= np.where(outward > 0, _OUTWARD, 1.0)
-    turned = (direction[:, :1] * tangent[:, 1] - direction[:, 1:] * tangent[:, 0]) ** 2
+    turned = (direction @ normal.T) ** 2
     squared = (across**2 + beyond**2) / sigma**2
-    cost = np.log1p(squared) + np.log(sigma / (_KNOWN_WIDTHS * cable.width_px)) + _ANGLE * turned
+    cost = np.log((1.0 + squared) * (sigma / (_KNOWN_WIDTHS * cable.width_px))) + _ANGLE * turned
     node = cost.argmin(1)
     rows = np.arange(len(points))
     return cost[rows, node], node * spacing + along[rows, node]

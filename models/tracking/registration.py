@@ -1,20 +1,22 @@
-"""Where the strands of a picture have moved a cable that was expected near them.
+"""Where the strands of a picture have moved the cables that were expected near them.
 
 Strategy: two cables upon one another are one strand in a picture. So a cable is laid on whatever strand runs its way
 near each of its nodes, whoever that strand is thought to be: its nodes move by a sum of a few cosines along it, with
 stiffness and without stretch, as in :mod:`models.tracking.sliding`; nodes whose strand disagrees with the rest count
-less in every round.
+less in every round. All cables are laid at once: each node has looked for its nearest samples once, C cables of NODES
+nodes with K samples near each.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray
 from models.tracking.ownership import Samples, directions
-from models.tracking.sliding import precision, stretch, waves
+from models.tracking.sliding import MODES, precision, stretch, waves
 from models.tracking.state import NODES, TrackedCable
 
 _GATES_WIDTHS = 2.5, 1.5, 1.0
@@ -30,66 +32,117 @@ _KNOWN_WIDTHS = 1.5
 _FRESH = 4
 _OF_TANGLED = 0.1
 """Weight of a strand in a tangle: which of those there is the cable's is not known."""
+_NEAREST = 24
+"""Samples that a node looks at."""
+_WAVES = waves(np.linspace(0.0, 1.0, NODES))
 
 
-def registered(cable: TrackedCable, predicted: FloatArray, samples: Samples | None) -> FloatArray:
-    """(NODES, 2) the cable laid on the strands near ``predicted`` (NODES, 2)."""
-    known = cable.spread <= _KNOWN_WIDTHS * cable.width_px
-    if samples is None or cable.missed or known.sum() < _FRESH:
-        return predicted
-    gates = (_AT_FIRST_WIDTHS, *_GATES_WIDTHS) if cable.met < _FRESH else _GATES_WIDTHS
-    near = _near(predicted[known], samples, gates[0] * cable.width_px + cable.length_px / NODES)
-    rows = stretch(directions(predicted))
-    prior = np.diag(precision(cable)) + rows.T @ rows
-    basis = waves(np.linspace(0.0, 1.0, NODES))
-    xy = predicted
-    factors: FloatArray = np.zeros(prior.shape[0])
-    for gate in gates:
-        off, normal, found, trust = _to_strands(xy, near, gate * cable.width_px, cable)
-        use = found & known
-        if use.sum() < _FRESH:
-            return predicted
-        matrix = np.hstack([basis[use] * normal[use, :1], basis[use] * normal[use, 1:]])
-        weight = np.where(trust[use] >= 1, 1.0, _OF_TANGLED) / (1.0 + (off[use] / (_OFF_WIDTHS * cable.width_px)) ** 2)
-        wanted = off[use] + matrix @ factors
-        weighted = (matrix * weight[:, None]).T
-        factors = np.asarray(np.linalg.solve(weighted @ matrix + prior, weighted @ wanted))
-        xy = predicted + basis @ factors.reshape(2, -1).T
-    off, normal, found, trust = _to_strands(xy, near, _GATES_WIDTHS[-1] * cable.width_px, cable)
-    return np.asarray(xy + np.where(found & known & (trust >= 1), off, 0.0)[:, None] * normal)
+class _Cables(NamedTuple):
+    """C cables that can be laid: ``xy`` (C, NODES, 2) where they are predicted, ``known`` (C, NODES) of which nodes
+    that is known; ``width_px`` (C,), ``reach_px`` (C,) how far along itself a node looks; ``prior`` (C, 2 MODES,
+    2 MODES) what holds the factors of the cosines."""
+
+    xy: FloatArray
+    known: BoolArray
+    width_px: FloatArray
+    reach_px: FloatArray
+    prior: FloatArray
 
 
 class _Near(NamedTuple):
-    """Samples about a cable: ``xy``, ``direction`` (n, 2)."""
+    """The samples near each node: ``xy``, ``direction`` (C, NODES, K, 2), ``trust`` (C, NODES, K)."""
 
     xy: FloatArray
     direction: FloatArray
     trust: FloatArray
 
 
-def _near(xy: FloatArray, samples: Samples, reach_px: float) -> _Near:
-    inside = ((samples.xy > xy.min(0) - reach_px) & (samples.xy < xy.max(0) + reach_px)).all(1)
-    return _Near(samples.xy[inside], samples.direction[inside], samples.trust[inside])
+class _Strands(NamedTuple):
+    """Of each node the nearest strand that runs its way: ``off`` (C, NODES) px to it along its ``normal``
+    (C, NODES, 2); whether it was ``found``; ``trust`` (C, NODES) as of the samples."""
+
+    off: FloatArray
+    normal: FloatArray
+    found: BoolArray
+    trust: FloatArray
 
 
-def _to_strands(
-    xy: FloatArray, near: _Near, gate_px: float, cable: TrackedCable
-) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:
-    """Px (NODES,) from each node to the nearest strand that runs its way, along the strand's normal (NODES, 2); and
-    whether there is one within ``gate_px``."""
-    if not len(near.xy):
-        return np.zeros(NODES), np.zeros((NODES, 2)), np.zeros(NODES, bool), np.zeros(NODES)
-    tangent = directions(xy)
-    reach = max(cable.length_px / (NODES - 1), cable.width_px)
-    # Products of matrices: |a - b| along t is a·t - b·t.
-    along = tangent @ near.xy.T - (xy * tangent).sum(1)[:, None]
-    normals = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    across = np.abs(normals @ near.xy.T - (xy * normals).sum(1)[:, None])
-    turned = np.abs(normals @ near.direction.T)
-    along = np.abs(along)
-    cost = np.where((along < reach) & (across < gate_px) & (turned < _TURNED), across + 0.5 * along, np.inf)
-    best = cost.argmin(1)
-    direction = near.direction[best]
-    normal = np.column_stack([-direction[:, 1], direction[:, 0]])
-    off = ((near.xy[best] - xy) * normal).sum(1)
-    return off, normal, np.isfinite(cost[np.arange(NODES), best]), near.trust[best]
+def registered(
+    cables: Sequence[TrackedCable], predicted: Sequence[FloatArray], samples: Samples | None
+) -> list[FloatArray]:
+    """(NODES, 2) of every cable laid on the strands near where it is ``predicted`` (NODES, 2)."""
+    out = list(predicted)
+    if samples is None:
+        return out
+    laid = [i for i, cable in enumerate(cables) if not cable.missed and _known(cable).sum() >= _FRESH]
+    for fresh in (True, False):
+        group = [i for i in laid if (cables[i].met < _FRESH) == fresh]
+        gates = (_AT_FIRST_WIDTHS, *_GATES_WIDTHS) if fresh else _GATES_WIDTHS
+        if group:
+            placed = _registered(_gathered([cables[i] for i in group], [predicted[i] for i in group]), samples, gates)
+            for i, xy in zip(group, placed, strict=True):
+                out[i] = xy
+    return out
+
+
+def _known(cable: TrackedCable) -> BoolArray:
+    return np.asarray(cable.spread <= _KNOWN_WIDTHS * cable.width_px)
+
+
+def _gathered(cables: Sequence[TrackedCable], predicted: Sequence[FloatArray]) -> _Cables:
+    xy = np.stack(predicted)
+    width = np.array([cable.width_px for cable in cables])
+    lengths = np.array([cable.length_px for cable in cables])
+    rows = stretch(directions(xy))
+    prior = rows.transpose(0, 2, 1) @ rows
+    diagonal = np.arange(prior.shape[-1])
+    prior[:, diagonal, diagonal] += [precision(cable) for cable in cables]
+    known = np.stack([_known(cable) for cable in cables])
+    return _Cables(xy, known, width, np.maximum(lengths / (NODES - 1), width), prior)
+
+
+def _registered(cables: _Cables, samples: Samples, gates: Sequence[float]) -> FloatArray:
+    """(C, NODES, 2); a cable that finds too few strands stays where it is predicted."""
+    near = _near(cables.xy, samples)
+    xy, factors = cables.xy, np.zeros((len(cables.xy), 2 * MODES, 1))
+    enough = np.ones(len(xy), bool)
+    for gate in gates:
+        strands = _to_strands(xy, near, gate, cables)
+        use = strands.found & cables.known
+        enough &= use.sum(1) >= _FRESH
+        matrix = np.concatenate([_WAVES * strands.normal[..., :1], _WAVES * strands.normal[..., 1:]], axis=2)
+        far = strands.off / (_OFF_WIDTHS * cables.width_px)[:, None]
+        weight = use * np.where(strands.trust >= 1, 1.0, _OF_TANGLED) / (1.0 + far**2)
+        wanted = strands.off[..., None] + matrix @ factors
+        weighted = (matrix * weight[..., None]).transpose(0, 2, 1)
+        factors = np.linalg.solve(weighted @ matrix + cables.prior, weighted @ wanted)
+        xy = cables.xy + np.concatenate([_WAVES @ factors[:, :MODES], _WAVES @ factors[:, MODES:]], axis=2)
+    strands = _to_strands(xy, near, gates[-1], cables)
+    alone = strands.found & cables.known & (strands.trust >= 1)
+    xy = xy + np.where(alone, strands.off, 0.0)[..., None] * strands.normal
+    return np.where(enough[:, None, None], xy, cables.xy)
+
+
+def _near(xy: FloatArray, samples: Samples) -> _Near:
+    count = min(_NEAREST, len(samples.xy))
+    _, index = samples.tree.query(xy.reshape(-1, 2), k=np.arange(1, count + 1))
+    index = index.reshape(*xy.shape[:2], count)
+    return _Near(samples.xy[index], samples.direction[index], samples.trust[index])
+
+
+def _to_strands(xy: FloatArray, near: _Near, gate_widths: float, cables: _Cables) -> _Strands:
+    tangent = directions(xy)[:, :, None]
+    away = near.xy - xy[:, :, None]
+    along = np.abs(away[..., 0] * tangent[..., 0] + away[..., 1] * tangent[..., 1])
+    across = np.abs(away[..., 1] * tangent[..., 0] - away[..., 0] * tangent[..., 1])
+    turned = np.abs(near.direction[..., 1] * tangent[..., 0] - near.direction[..., 0] * tangent[..., 1])
+    gate = gate_widths * cables.width_px[:, None, None]
+    meets = (along < cables.reach_px[:, None, None]) & (across < gate) & (turned < _TURNED)
+    cost = np.where(meets, across + 0.5 * along, np.inf)
+    best = cost.argmin(2)[..., None]
+    direction = np.take_along_axis(near.direction, best[..., None], 2)[:, :, 0]
+    away = np.take_along_axis(away, best[..., None], 2)[:, :, 0]
+    off = away[..., 1] * direction[..., 0] - away[..., 0] * direction[..., 1]
+    normal = np.stack([-direction[..., 1], direction[..., 0]], axis=2)
+    found = np.isfinite(np.take_along_axis(cost, best, 2)[..., 0])
+    return _Strands(off, normal, found, np.take_along_axis(near.trust, best, 2)[..., 0])

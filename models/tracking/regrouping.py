@@ -2,8 +2,12 @@
 
 Strategy: an observation on which one cable follows another joins them; the track holds them apart. A cable is firmly
 known to go on where it was once seen alone: away from crossings and other strands. Such knowledge is kept through any
-tangle. Where neither cable has it, because they were met together, the picture is believed: the longer cable is
-extended, what it was thought to be beyond is cut off, and so is the other one's part.
+tangle. Where neither cable has it, because they were met together, the picture is believed: one cable is extended, what
+it was thought to be beyond is cut off, and so is the other one's part. It is the one by which the more of both stays
+with the id that it has. What is known firmly may be wrong, too: it is given up after many more frames that contradict
+it than not, and each cable stays where its end was confirmed more often. Two cables that pictures go on to join, and of
+which nothing else is seen, share one strand: each is thought to go on out of view just where the other one is. After
+some such frames they become the older one.
 """
 
 from __future__ import annotations
@@ -16,13 +20,15 @@ from typing import NamedTuple
 import numpy as np
 
 from models.tracking.ownership import TANGLED_WIDTHS, Run
-from models.tracking.placing import Piece
+from models.tracking.placing import Piece, pinned_down
 from models.tracking.state import NODES, TrackedCable
 
 _NEAR_WIDTHS = 3.0
 """A cable is firmly known to go on if it is firm so far on."""
 _LEAST_WIDTHS = 4.0
 """What is left of a cable and is shorter is no cable."""
+_SHARED_FRAMES, _CONTRADICTED_FRAMES = 6, 12
+"""So often more than not pictures join two cables that then become one, and others whose parts are then exchanged."""
 
 
 class _Side(NamedTuple):
@@ -37,10 +43,6 @@ class _Side(NamedTuple):
     firm: bool
     left: bool
 
-    @property
-    def length_px(self) -> float:
-        return self.stop - self.start
-
 
 Kept = tuple[float, float] | None
 """From where to where, px, a cable stays; None for nowhere."""
@@ -48,22 +50,67 @@ Kept = tuple[float, float] | None
 
 def cuts(
     found: Sequence[Run], own: Mapping[int, Mapping[int, Piece]], cables: Sequence[TrackedCable]
-) -> dict[int, Kept]:
-    """By index of the cable, what remains of those that the picture joins otherwise than the track does."""
+) -> tuple[dict[int, Kept], set[int]]:
+    """By index of the cable, what remains of those that the picture joins otherwise than the track does; and which
+    cables it joins although the track holds them firmly apart."""
     out: dict[int, Kept] = {}
+    joined: set[int] = set()
     for k, (a, b) in enumerate(pairwise(found)):
         if not _joined(a, b) or a.cable < 0 or b.cable < 0 or {a.cable, b.cable} & out.keys():
             continue
         if k not in own.get(a.cable, {}) or k + 1 not in own.get(b.cable, {}):
             continue
         sides = _side(own[a.cable][k], a.cable, cables, True), _side(own[b.cable][k + 1], b.cable, cables, False)
-        if any(side.firm or side.left for side in sides):
+        if any(side.left for side in sides) or all(_ends_there(side, cables[side.cable]) for side in sides):
             continue
-        winner, loser = sorted(sides, key=lambda side: -side.length_px)
-        out[winner.cable] = winner.start, winner.stop
-        others = [piece for number, piece in own[loser.cable].items() if number not in (k, k + 1)]
-        out[loser.cable] = _rest(loser, cables[loser.cable], others)
-    return out
+        if any(side.firm for side in sides):
+            joined |= {a.cable, b.cable}
+        decided = _decided(sides, (k, k + 1), own, cables)
+        if decided is not None:
+            out |= decided
+    return out, joined
+
+
+def _decided(
+    sides: tuple[_Side, _Side],
+    numbers: tuple[int, int],
+    own: Mapping[int, Mapping[int, Piece]],
+    cables: Sequence[TrackedCable],
+) -> dict[int, Kept] | None:
+    """What remains of two cables whose pieces of these ``numbers`` the picture joins; None where the track is right,
+    or may be."""
+    here = [own[side.cable][k].length_px for side, k in zip(sides, numbers, strict=True)]
+    stays = [2 * length - _seen_px(own[side.cable]) for length, side in zip(here, sides, strict=True)]
+    if any(side.firm for side in sides):
+        times = min(cables[side.cable].joined for side in sides)
+        if times >= _SHARED_FRAMES and _share(sides, numbers, own):
+            older, newer = sorted(sides, key=lambda side: -cables[side.cable].met)
+            return {older.cable: (older.start, older.stop), newer.cable: None}
+        if times < _CONTRADICTED_FRAMES:
+            return None
+        stays = [float(_confirmed(side, cables[side.cable])) for side in sides]
+    winner, loser = sides if stays[0] >= stays[1] else sides[::-1]
+    others = [piece for number, piece in own[loser.cable].items() if number not in numbers]
+    return {
+        winner.cable: (winner.start, winner.stop),
+        loser.cable: _rest(loser, cables[loser.cable], others),
+    }
+
+
+def _seen_px(pieces: Mapping[int, Piece]) -> float:
+    return sum(piece.length_px for piece in pieces.values())
+
+
+def _confirmed(side: _Side, cable: TrackedCable) -> int:
+    """How many frames more confirmed the end of the cable on this side of the junction than its other end: the one that
+    was confirmed less often came to the cable later."""
+    first, last = (-min(count, 0) for count in cable.doubted)
+    return first - last if side.last else last - first
+
+
+def _share(sides: tuple[_Side, _Side], numbers: tuple[int, int], own: Mapping[int, Mapping[int, Piece]]) -> bool:
+    """Whether of none of both a part is seen beyond the junction."""
+    return all(_alone_beyond(side, k, own[side.cable]) for side, k in zip(sides, numbers, strict=True))
 
 
 def cut(cable: TrackedCable, kept: tuple[float, float]) -> TrackedCable:
@@ -85,8 +132,9 @@ def cut(cable: TrackedCable, kept: tuple[float, float]) -> TrackedCable:
 def extended(
     found: Sequence[Run], own: dict[int, dict[int, Piece]], cables: Sequence[TrackedCable]
 ) -> tuple[set[int], set[tuple[int, int]]]:
-    """Give runs without an owner that follow on a cable where it was not known to end or go on to it, in ``own``;
-    returns their numbers, and beyond which ends (index of the cable, 0 or 1), known to be free, such runs follow."""
+    """Give runs without an owner that follow on a cable to it, in ``own``, where it was not known to end, and where it
+    was known to go on, but all that is beyond is out of view: it was supposed to be elsewhere; returns their numbers,
+    and beyond which ends (index of the cable, 0 or 1), known to be free, such runs follow."""
     taken: set[int] = set()
     beyond: set[tuple[int, int]] = set()
     for k, (a, b) in enumerate(pairwise(found)):
@@ -97,15 +145,27 @@ def extended(
             piece = own.get(run.cable, {}).get(number)
             if piece is None or len(more.along) < 2:
                 continue
-            side = _side(piece, run.cable, cables, at_stop)
-            known = side.start if not side.last else cables[run.cable].length_px - side.stop
-            if known < _NEAR_WIDTHS * cables[run.cable].width_px:
-                if side.firm:
-                    beyond.add((run.cable, int(side.last)))
-                else:
-                    own[run.cable][number] = _longer(piece, more, side)
-                    taken.add(other)
+            side, cable = _side(piece, run.cable, cables, at_stop), cables[run.cable]
+            if _ends_there(side, cable) and side.firm:
+                beyond.add((run.cable, int(side.last)))
+            elif _ends_there(side, cable) or _alone_beyond(side, number, own[run.cable]):
+                own[run.cable][number] = pinned_down(_longer(piece, more, side), cable)
+                taken.add(other)
     return taken, beyond
+
+
+def _ends_there(side: _Side, cable: TrackedCable) -> bool:
+    """Whether the junction is at an end of the cable."""
+    beyond = cable.length_px - side.stop if side.last else side.start
+    return beyond < _NEAR_WIDTHS * cable.width_px
+
+
+def _alone_beyond(side: _Side, number: int, pieces: Mapping[int, Piece]) -> bool:
+    """Whether no other one of the cable's pieces is beyond the junction."""
+    others = [piece for k, piece in pieces.items() if k != number]
+    if side.last:
+        return all(piece.position[-1] <= side.stop for piece in others)
+    return all(piece.position[0] >= side.start for piece in others)
 
 
 def _joined(a: Run, b: Run) -> bool:

@@ -48,8 +48,10 @@ class TrackedCable:
     nodes as it was seen over many frames; ``certainty``
     probability that this is the cable which first had the id; ``likely`` the same of the
     last frame alone: a doubt that goes on counts once; ``missed`` frames since it was last seen; ``met``
-    frames in which it was seen; ``doubted`` how many frames in a row showed its first and its last end elsewhere, less
-    those that confirmed it before;
+    frames in which it was seen; ``adrift_px`` by how much its places may have slid along it since an end of it was
+    seen; ``joined`` how many frames more than not joined it to a cable that is known to be another one; ``doubted``
+    how many frames in a row showed its first and its last end elsewhere, less those that confirmed it
+    before;
     ``number`` of the observation that most of it is on, 0 when it is not seen;
     ``start_px`` arc length of the first node from where the cable began when it was first met: below 0 once more of it
     came into view there, so that a place on the cable keeps its arc length."""
@@ -71,6 +73,8 @@ class TrackedCable:
     likely: float = 1.0
     missed: int = 0
     met: int = 1
+    adrift_px: float = 0.0
+    joined: int = 0
     doubted: tuple[int, int] = (0, 0)
     number: int = 0
     color: FloatArray | None = None

@@ -16,7 +16,7 @@ from models.instances.scene import EndpointKind, Instance, Scene
 from models.tracking.assignment import Match, assign
 from models.tracking.course import course_of
 from models.tracking.crossings import Place, Places, carried_on
-from models.tracking.motion import DAMPING, expected_xy, moved, wider
+from models.tracking.motion import DAMPING, adrift, expected_xy, moved, wider
 from models.tracking.ownership import Run, sample
 from models.tracking.registration import registered
 from models.tracking.regrouping import cut
@@ -74,7 +74,7 @@ def follow(
     before = list(track.cables)
     for rounds in range(_REGROUPED, 0, -1):
         predicted = [expected_xy(cable, frames) for cable in before]
-        expected = [registered(cable, xy, samples) for cable, xy in zip(before, predicted, strict=True)]
+        expected = registered(before, predicted, samples)
         matches, left, changed = assign(before, expected, observations, samples)
         if not changed or rounds == 1:
             break
@@ -198,6 +198,7 @@ def _met(
         likely=match.probability,
         score=main.score,
         number=main.number,
+        joined=cable.joined + 1 if match.joined else max(cable.joined - 1, 0),
     )
 
 
@@ -209,6 +210,7 @@ def _missed(cable: TrackedCable, expected: FloatArray, params: TrackParams) -> T
         velocity=DAMPING * cable.velocity,
         seen=nothing,
         spread=wider(cable, nothing),
+        adrift_px=adrift(cable),
         state="lost",
         certainty=cable.certainty * params.fading,
         missed=cable.missed + 1,

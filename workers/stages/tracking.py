@@ -107,6 +107,8 @@ def _nodes_in(cable: TrackNodes) -> state.TrackedCable:
         score=cable.score,
         missed=cable.missed,
         met=cable.met,
+        adrift_px=cable.adrift_px,
+        joined=cable.joined,
         doubted=cable.doubted,
         color=None if cable.color is None else np.array(cable.color),
         start_px=cable.start_px,
@@ -133,6 +135,8 @@ def _nodes_out(cable: state.TrackedCable) -> TrackNodes:
         score=round(cable.score, 4),
         missed=cable.missed,
         met=cable.met,
+        adrift_px=round(cable.adrift_px, 2),
+        joined=cable.joined,
         doubted=cable.doubted,
         color=None if cable.color is None else as_color(cable.color),
     )

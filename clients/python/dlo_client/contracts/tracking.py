@@ -58,6 +58,12 @@ class TrackNodes(Taken):
     score: Probability = Field(description="score of the instance that it was last seen as")
     missed: int = Field(ge=0, le=10**9, description="how many frames since it was last seen")
     met: int = Field(ge=0, le=10**9, description="how many frames showed it")
+    adrift_px: _Pixels = Field(
+        default=0.0, description="pixels by which it may have slid along itself since an end of it was seen"
+    )
+    joined: int = Field(
+        default=0, ge=0, le=10**9, description="how many frames more than not joined it to another known cable"
+    )
     doubted: tuple[_Frames, _Frames] = Field(
         default=(0, 0),
         description="how many frames in a row showed its first and last end elsewhere, less those that confirmed it",
