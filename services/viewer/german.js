@@ -107,6 +107,7 @@ export const GERMAN = {
   "when asked for": "auf Wunsch", "no job has failed": "kein Auftrag ist fehlgeschlagen",
 
   "Depth": "Tiefe", "Depth of the picture shown: PNG, TIFF, PCD, NPY": "Tiefe des gezeigten Bildes: PNG, TIFF, PCD, NPY", "Camera: JSON of its intrinsics": "Kamera: JSON ihrer Intrinsik", "Show in 3D": "In 3D zeigen", "cable {id}": "Kabel {id}",
+  "The input cannot be used": "Die Eingabe ist nicht brauchbar", "These labels are not known": "Diese Labels sind nicht bekannt", "This name is taken": "Dieser Name ist vergeben",
   "The request is not valid": "Die Anfrage ist nicht gültig", "This kind of file is not taken": "Diese Art Datei wird nicht angenommen", "The picture cannot be read": "Das Bild ist nicht lesbar", "The labels cannot be used": "Die Labels sind nicht brauchbar",
   "This network cannot be used": "Dieses Netz ist nicht brauchbar", "The calibration cannot be used": "Die Kalibrierung ist nicht brauchbar", "The sizes do not fit each other": "Die Größen passen nicht zueinander", "This is too large": "Das ist zu groß",
   "These are too many files": "Das sind zu viele Dateien", "The upload took too long": "Das Hochladen dauerte zu lange", "The service asks for an API key": "Der Dienst verlangt einen API-Schlüssel", "The service answers its own machine only": "Der Dienst antwortet nur dem eigenen Rechner", "This API key may not do that": "Dieser API-Schlüssel darf das nicht",

@@ -37,6 +37,9 @@ const TITLES = {
   unreadable_folder: "This folder cannot be read",
   changed_meanwhile: "Somebody else has changed this meanwhile",
   etag_required: "Somebody else may have changed this meanwhile",
+  unknown_labels: "These labels are not known",
+  none_found: "No cable is seen",
+  name_taken: "This name is taken",
   unknown_network: "This network is not known",
   in_service: "This network is in use",
   not_checked_yet: "This network has not been checked yet",
@@ -68,5 +71,10 @@ const TITLES = {
   internal: "A fault of the service",
 };
 
+const UNUSABLE = "The input cannot be used"; // any other `invalid_…`: what a job found at fault in its request
+
 /** In the page's language; of a code that is not known here, as the service calls it. */
-export const titleOf = ({ code, title }) => (TITLES[code] ? t(TITLES[code]) : title);
+export function titleOf({ code, title }) {
+  const known = TITLES[code] ?? (code?.startsWith("invalid_") ? UNUSABLE : null);
+  return known ? t(known) : title;
+}

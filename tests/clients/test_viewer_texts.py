@@ -120,9 +120,11 @@ def codes_in(place: Path) -> set[str]:
     for file in place.rglob("*.py") if place.is_dir() else [place]:
         calls = [node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)]
         for call in calls:
-            named = [one.value for one in call.keywords if one.arg == "code"]
-            second = call.args[1:2] if getattr(call.func, "id", "") in {"ProblemError", "_retry"} else []
-            found |= {one.value for one in [*named, *second] if isinstance(one, ast.Constant)}
+            name = getattr(call.func, "id", "")
+            named = [one.value for one in call.keywords if one.arg == "code" and not name.startswith("Plan")]
+            at = {"ProblemError": 1, "_retry": 1, "InvalidInput": 2}.get(name)
+            given = call.args[at : at + 1] if at else []
+            found |= {one.value for one in [*named, *given] if isinstance(one, ast.Constant)}
     return found
 
 
@@ -134,7 +136,10 @@ def test_every_problem_has_a_title() -> None:
     codes = codes_in(root / "services") | codes_in(root / "workers" / "problems.py")
     assert {"worker_lost", "queue_full", "invalid_image", "unknown_folder"} <= codes
     assert codes - titles.keys() == set()
-    assert set(titles.values()) - german().keys() == set()
+    of_jobs = {code for code in codes_in(root / "workers" / "stages") if not code.startswith("invalid_")}
+    assert {"name_taken", "size_mismatch"} <= of_jobs
+    assert of_jobs - titles.keys() == set(), "any invalid_… has one title"
+    assert {*titles.values(), "The input cannot be used"} - german().keys() == set()
 
 
 def test_translations_keep_what_is_filled_in() -> None:

@@ -124,7 +124,7 @@ def test_a_failed_job_is_one_click_from_the_failures(address: str, browser: Any)
         page.click("#failures a")
         page.wait_for_url(f"**/viewer/jobs.html?job={job['id']}")
         page.wait_for_selector("#record-problem:not([hidden])")
-        assert "The request is not valid" in page.inner_text("#record-problem")
+        assert "The input cannot be used" in page.inner_text("#record-problem")
         assert json.loads(page.text_content("#record-json"))["id"] == job["id"]
     assert wrong == []
 
