@@ -24,6 +24,10 @@ from models.instances.likeness import Likeness, likeness
 from models.instances.scene import Instance, Scene
 
 COEFFICIENTS = Path(__file__).with_name("lookalikes.toml")
+_EVEN = 0.5
+_ALONE = 0.5
+"""Share of the probability below which an instance leaves the foreground, where no other is likely a cable: a straight
+cable that lies alone on a table is much like a joint."""
 IN_COMPANY = 0.25
 """Probability at which an instance is left out beside others: a cable left out costs as much as three lookalikes that
 are kept."""
@@ -34,8 +38,7 @@ FARTHEST = 3.0
 @dataclass(frozen=True)
 class Calibration:
     """``mean`` and ``scale`` (f,) of :class:`Likeness`, ``hidden`` (f, h) and ``bias`` (h,), ``out`` (h,) and
-    ``offset``; ``least``: the probability below which an instance leaves the foreground, and the scene even where
-    nothing else is found."""
+    ``offset``; ``least``: the probability below which an instance is hardly a cable beside one."""
 
     mean: FloatArray
     scale: FloatArray
@@ -78,14 +81,19 @@ def chances(
     return (rule or calibration()).chance(likeness(scene, probability, mask, image).rows())
 
 
+def hardly(cable: FloatArray, rule: Calibration | None = None) -> BoolArray:
+    """``(I,)`` which instances are hardly cables, by the probabilities ``cable`` (I,) of all of a scene."""
+    limit = (rule or calibration()).least
+    return np.asarray(cable < (limit if (cable >= _EVEN).any() else _ALONE * limit))
+
+
 def rated(scene: Scene, cable: FloatArray, rule: Calibration | None = None) -> Scene:
     """The scene without what is hardly a cable, by the ``(I,)`` probabilities ``cable``."""
     if not scene.instances:
         return scene
-    least = (rule or calibration()).least
     named = tuple(_rated(i, c) for i, c in zip(scene.instances, cable.tolist(), strict=True))
-    likely = cable >= max(least, IN_COMPANY)
-    return _only(replace(scene, instances=named), likely if likely.any() else cable >= least)
+    likely = (cable >= IN_COMPANY) & ~hardly(cable, rule)
+    return _only(replace(scene, instances=named), likely if likely.any() else ~hardly(cable, rule))
 
 
 def _rated(instance: Instance, cable: float) -> Instance:

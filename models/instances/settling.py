@@ -13,7 +13,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.instances.continuation import continued
-from models.instances.lookalikes import calibration, chances, rated
+from models.instances.lookalikes import chances, hardly, rated
 from models.instances.scene import Scene
 from models.instances.section_matching import extract
 
@@ -50,7 +50,7 @@ def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, thresh
 
 def _without_hardly_any(cable: BoolArray, scene: Scene, likely: FloatArray) -> BoolArray:
     """``cable`` (H, W) without the instances that are hardly cables."""
-    none = likely < calibration().least
+    none = hardly(likely)
     if not none.any():
         return cable
     return np.asarray(cable & ~np.concatenate(([False], none))[scene.labels])

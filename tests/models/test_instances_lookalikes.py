@@ -15,6 +15,7 @@ from models.instances.lookalikes import (
     Calibration,
     calibration,
     chances,
+    hardly,
     without_lookalikes,
 )
 from models.instances.scene import Scene
@@ -76,6 +77,15 @@ def test_doubt_alone_leaves_no_picture_empty() -> None:
     probability[mask] = 0.55
     assert len(without_lookalikes(scene, probability, mask, picture, rule(0.0)).instances) == 3
     assert not without_lookalikes(scene, probability, mask, picture, rule(0.49)).instances
+
+
+def test_what_lies_alone_is_hardly_a_cable_at_half_the_probability() -> None:
+    """A straight cable alone on a table was answered with nothing."""
+    least = rule(0.2)
+    assert hardly(np.array([0.15]), least).tolist() == [False]
+    assert hardly(np.array([0.15, 0.3]), least).tolist() == [False, False]
+    assert hardly(np.array([0.15, 0.6]), least).tolist() == [True, False]
+    assert hardly(np.array([0.05]), least).tolist() == [True]
 
 
 def test_nothing_changes_in_an_empty_scene() -> None:
