@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.colors import LAB_OF_A_LEVEL
 from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
@@ -33,8 +34,6 @@ _CORE, _LEFT, _RIGHT = np.abs(_ACROSS) <= 0.32, np.abs(_ACROSS + 0.93) <= 0.22, 
 _LONGEST_PX = 960
 """A larger picture is followed at this size."""
 _SMOOTHING_PX = 0.8
-_UNITS = np.array([100 / 255, 1.0, 1.0])
-"""CIELAB of one level in 8 bits."""
 _FORGETTING = 0.03
 """Share of a path's color that each step renews: light changes along a cable."""
 
@@ -176,7 +175,7 @@ def _strips(lab: ByteArray, xy: FloatArray, direction: FloatArray, width: float)
     at = xy[..., None, :] + (width * _ACROSS)[:, None] * quarter_turned(direction)[..., None, :]
     x, y = (at[..., axis].reshape(-1, len(_ACROSS)).astype(np.float32) for axis in (0, 1))
     read = cv2.remap(lab, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    read = read.reshape(*at.shape[:-1], 3) * _UNITS
+    read = read.reshape(*at.shape[:-1], 3) * LAB_OF_A_LEVEL
     color = read[..., _CORE, :].mean(axis=-2)
     spread = np.linalg.norm(read[..., _CORE, :] - color[..., None, :], axis=-1).mean(axis=-1)
     sides = [np.linalg.norm(read[..., side, :].mean(axis=-2) - color, axis=-1) for side in (_LEFT, _RIGHT)]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from models.geometry.colors import LAB_OF_A_LEVEL
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, Scene
 
@@ -28,9 +29,7 @@ _LEAST_HALF_PX = 2.0
 _LONGEST_PX = 1280
 _CERTAIN = 0.99
 _LEVELS = 16.0
-_UNITS = np.array([100 / 255, 1.0, 1.0])
-"""CIELAB of one level in 8 bits."""
-_ALONE = -2.0
+_NO_OTHER = -2.0
 """Odds of the surest other instance, where there is none."""
 
 
@@ -83,7 +82,7 @@ def likeness(scene: Scene, probability: Float32Array, mask: BoolArray, image: By
     along = _Along([len(line) for line in lines])
     half = np.array([max(i.width_px / 2, 1.0) for i in instances])
     at = _across(lines, half[along.owner])
-    lab = cv2.cvtColor(_read(image, at), cv2.COLOR_RGB2Lab) * _UNITS
+    lab = cv2.cvtColor(_read(image, at), cv2.COLOR_RGB2Lab) * LAB_OF_A_LEVEL
     seen = _read(probability, at).astype(np.float64)
     length = np.array([max(i.length_px, 1.0) for i in instances])
     surest = seen[:, _BODY].max(axis=1)
@@ -199,7 +198,7 @@ def _bow(line: FloatArray) -> float:
 def _surest_other(certainty: FloatArray) -> FloatArray:
     """``(I,)`` the largest of the others' certainties."""
     if len(certainty) < 2:
-        return np.full(len(certainty), _ALONE)
+        return np.full(len(certainty), _NO_OTHER)
     second, first = np.partition(certainty, -2)[-2:]
     return np.where(np.arange(len(certainty)) == certainty.argmax(), second, first)
 

@@ -92,8 +92,9 @@ def rated(scene: Scene, cable: FloatArray, rule: Calibration | None = None) -> S
     if not scene.instances:
         return scene
     named = tuple(_rated(i, c) for i, c in zip(scene.instances, cable.tolist(), strict=True))
-    likely = (cable >= IN_COMPANY) & ~hardly(cable, rule)
-    return _only(replace(scene, instances=named), likely if likely.any() else ~hardly(cable, rule))
+    maybe = ~hardly(cable, rule)
+    likely = maybe & (cable >= IN_COMPANY)
+    return _only(replace(scene, instances=named), likely if likely.any() else maybe)
 
 
 def _rated(instance: Instance, cable: float) -> Instance:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.colors import LAB_OF_A_LEVEL
 from models.geometry.polylines import resample
 from models.instances.scene import EndpointKind, Instance, Scene
 from models.tracking.assignment import Match, assign
@@ -168,7 +169,7 @@ def _color(image: ByteArray, xy: FloatArray) -> tuple[FloatArray, float]:
     """Mean CIE Lab at ``xy`` (n, 2), and how far from it its pixels usually are."""
     lab = cv2.cvtColor(_looked_up(image, xy)[None], cv2.COLOR_RGB2LAB)[0]
     # OpenCV stretches lightness to 0 … 255 and shifts a and b by 128.
-    values = lab * (100 / 255, 1.0, 1.0) - (0, 128, 128)
+    values = lab * LAB_OF_A_LEVEL - (0, 128, 128)
     mean = values.mean(0)
     return np.asarray(mean), float(np.linalg.norm(values - mean, axis=1).mean())
 

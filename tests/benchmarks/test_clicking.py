@@ -118,15 +118,19 @@ def test_what_the_network_missed_is_found_by_the_color_of_the_clicks(page: Page,
     assert overlap(drawn["mask"], mask, NOTHING) > 0.9
 
 
-def test_a_pulled_edge_passes_where_it_was_pulled_to(page: Page, tmp_path: Path) -> None:
+def pulled_in_the_middle(page: Page, folder: Path) -> tuple[dict, dict, int, np.ndarray]:
+    """What is drawn before and after the upper edge was pulled out by a pixel, at which cut, and to where."""
     mask, line = wave(10, 10)
-    question = request(tmp_path, mask, mask, np.random.default_rng(3))
+    question = request(folder, mask, mask, np.random.default_rng(3))
     ends = {"clicks": [line[0].tolist(), line[-1].tolist()]}
     free = page.draw({**question, **ends, "pulls": []})
     i = len(free["line"]) // 2
-    place, normal = np.array(free["line"][i]), np.array(free["normals"][i])
-    at = place + (free["high"][i] + 1.0) * normal
-    pulled = page.draw({**question, **ends, "pulls": [{"at": at.tolist(), "side": 1}]})
+    at = np.array(free["line"][i]) + (free["high"][i] + 1.0) * np.array(free["normals"][i])
+    return free, page.draw({**question, **ends, "pulls": [{"at": at.tolist(), "side": 1}]}), i, at
+
+
+def test_a_pulled_edge_passes_where_it_was_pulled_to(page: Page, tmp_path: Path) -> None:
+    free, pulled, i, at = pulled_in_the_middle(page, tmp_path)
     upper = np.array(pulled["line"]) + np.array(pulled["high"])[:, None] * np.array(pulled["normals"])
     assert np.linalg.norm(upper - at, axis=1).min() < 0.75
     lower = [np.array(d["line"])[i] + d["low"][i] * np.array(d["normals"])[i] for d in (free, pulled)]
@@ -135,13 +139,7 @@ def test_a_pulled_edge_passes_where_it_was_pulled_to(page: Page, tmp_path: Path)
 
 def test_a_pull_moves_the_far_ends_of_the_edge_by_less_than_half(page: Page, tmp_path: Path) -> None:
     """A person pulls where it is worst: six tenths of that on the whole edge spoiled what was right elsewhere."""
-    mask, line = wave(10, 10)
-    question = request(tmp_path, mask, mask, np.random.default_rng(3))
-    ends = {"clicks": [line[0].tolist(), line[-1].tolist()]}
-    free = page.draw({**question, **ends, "pulls": []})
-    i = len(free["line"]) // 2
-    at = np.array(free["line"][i]) + (free["high"][i] + 1.0) * np.array(free["normals"][i])
-    pulled = page.draw({**question, **ends, "pulls": [{"at": at.tolist(), "side": 1}]})
+    free, pulled, i, _ = pulled_in_the_middle(page, tmp_path)
     moved = np.array(pulled["high"]) - pulled["low"] - (np.array(free["high"]) - free["low"])
     assert moved[i] == pytest.approx(1.0, abs=0.3)
     assert 0.3 < np.mean([*moved[:8], *moved[-8:]]) < 0.55

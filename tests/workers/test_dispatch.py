@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
 from dlo_client.contracts import JobState, NoopRequest, NoopResult
 
 from tests.processes import KEYS
-from workers.connection import connect
 from workers.ledger import Ledger
 from workers.lua import filled
 from workers.queue import JobQueue
 from workers.record import Origin
 from workers.turns import Turns
-
-
-@pytest.fixture
-def client(settings):
-    with connect(settings) as client:
-        yield client
 
 
 def submit(queue, owner="", count=1, **fields):

@@ -10,24 +10,12 @@ from dlo_client.contracts import JobState, NoopRequest, NoopResult
 from tests.processes import KEYS
 from workers import ledger as ledger_module
 from workers import problems
-from workers.connection import connect
 from workers.ledger import Ledger
 from workers.queue import JobQueue
 from workers.record import Entry
 from workers.steps import LONGEST_KEPT_REQUEST
 
 RESULT = NoopResult(held_s=0.0)
-
-
-@pytest.fixture
-def client(settings):
-    with connect(settings) as client:
-        yield client
-
-
-@pytest.fixture
-def ledger(client, settings):
-    return Ledger(client, settings)
 
 
 @pytest.fixture

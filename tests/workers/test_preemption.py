@@ -9,23 +9,10 @@ from dlo_client.contracts import ImportNetworkRequest, JobState, NoopRequest, No
 
 from tests.processes import KEYS
 from workers import turns
-from workers.connection import connect
-from workers.ledger import Ledger
 from workers.record import QUEUES
 from workers.runner import Runner
 from workers.turns import Pauses
 from workers.warm import WarmWorker
-
-
-@pytest.fixture
-def client(settings):
-    with connect(settings) as client:
-        yield client
-
-
-@pytest.fixture
-def ledger(client, settings):
-    return Ledger(client, settings)
 
 
 def submit(queue, **fields):

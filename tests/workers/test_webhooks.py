@@ -15,7 +15,6 @@ from dlo_client.webhooks import read_webhook
 
 from tests.processes import KEYS
 from workers import webhooks
-from workers.connection import connect
 from workers.ledger import Ledger
 from workers.settings import Settings
 from workers.webhooks import Courier
@@ -55,12 +54,6 @@ def receiver():
     receiver.server.shutdown()
     receiver.server.server_close()
     thread.join()
-
-
-@pytest.fixture
-def client(settings):
-    with connect(settings) as client:
-        yield client
 
 
 @pytest.fixture

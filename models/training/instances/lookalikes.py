@@ -42,7 +42,7 @@ _PHOTOGRAPHS = 2.0
 """An instance of a photograph counts as many of a render: these are many, those are what is to be told apart."""
 _SIZES = (1.0, 0.6, 1.3)
 _LOST = 0.01
-"""Share of the true cables that may be left out even where nothing else is found."""
+"""Share of the true cables that may leave the foreground beside others."""
 _TABLE = SceneParams((360, 640))
 _WORKSHOP = replace(WORKSHOP, size=(360, 640), empty_share=0.25)
 _KINDS = (_TABLE, _WORKSHOP, replace(_WORKSHOP, empty_share=0.6))
@@ -144,7 +144,7 @@ def _table(rule: Calibration) -> dict[str, object]:
 
 
 def _figures(rule: Calibration, held: Seen) -> dict[str, object]:
-    """Shares of the cables, and of what is none, that are left out where nothing else is found and beside others."""
+    """Shares of the cables, and of what is none, that leave the foreground beside a cable, and the scene in company."""
     real = rule.chance(held.rows)
     figures: dict[str, object] = {"instances": len(held.cable), "cables": int(held.cable.sum())}
     for where, limit in (("", rule.least), ("_in_company", max(rule.least, lookalikes.IN_COMPANY))):
