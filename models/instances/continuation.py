@@ -7,7 +7,7 @@ Strategy: along the last widths of an instance its color is known. From a free e
 steps of a third of a width, each turning a little; what counts is how near the color across the strip stays to the
 instance's own, against its distance from the ground on both sides. A path that leads to the picture's border or to
 other foreground is the rest of the cable. One that is lost on the way is none: cables do not end nowhere, shadows and
-scratches do.
+scratches do. A strand that it meets at once covers it: it goes on at the other side.
 
 Symbols: B paths, K turns, T positions across, n points.
 """
@@ -15,6 +15,7 @@ Symbols: B paths, K turns, T positions across, n points.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
 from typing import NamedTuple
 
 import cv2
@@ -25,6 +26,7 @@ from models.geometry.colors import LAB_OF_A_LEVEL
 from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
+from models.instances.lookalikes import IN_COMPANY
 from models.instances.scene import Instance, Scene
 from models.strands.ends import within
 
@@ -40,13 +42,15 @@ _FORGETTING = 0.03
 
 @dataclass(frozen=True)
 class ContinuationParams:
-    """Lengths in widths. ``least_chance`` that the instance is a cable and ``certainty`` of the foreground along it;
-    ``least_length`` of the instance, ``least_width_px`` of it. ``known``: what its color is read from, behind the end.
-    ``turn_deg``: most of a step. ``near``: most distance from the color, over that from the ground, which is at
-    least ``contrast`` (CIELAB). ``gap`` that may look different, ``good`` share of the steps that may not; a
-    continuation is ``shortest`` to ``longest``. ``turned``: most of all together, radians."""
+    """Lengths in widths. ``least_chance`` that the instance is a cable, ``in_company`` of one that likely is, and
+    ``certainty`` of the foreground along it; ``least_length`` of the instance, ``least_width_px`` of it. ``known``:
+    what its color is read from, behind the end. ``turn_deg``: most of a step. ``near``: most distance from the color,
+    over that from the ground, which is at least ``contrast`` (CIELAB). ``gap`` that may look different, ``good`` share
+    of the steps that may not; a continuation is ``shortest`` to ``longest``, without at most ``covered`` of it that
+    are under other strands. ``turned``: most of all together, radians."""
 
     least_chance: float = 0.5
+    in_company: float = IN_COMPANY
     certainty: float = 0.9
     least_length: float = 6.0
     least_width_px: float = 2.0
@@ -61,6 +65,7 @@ class ContinuationParams:
     shortest: float = 2.0
     longest: float = 25.0
     turned: float = 3.6
+    covered: float = 5.0
 
 
 class _Tip(NamedTuple):
@@ -75,11 +80,13 @@ class _Tip(NamedTuple):
 
 
 class _Paths(NamedTuple):
-    """``xy`` (B, n, 2) so far, ``good`` (B, n) which points look like the cable; ``angle`` (B,) and ``cost`` (B,)
-    at the last point, ``color`` (B, 3) there, ``lost`` (B,) px since the last good one."""
+    """``xy`` (B, n, 2) so far, ``good`` (B, n) which points look like the cable, ``under`` (B, n) which are on other
+    foreground; ``angle`` (B,) and ``cost`` (B,) at the last point, ``color`` (B, 3) there, ``lost`` (B,) px since the
+    last good one."""
 
     xy: FloatArray
     good: BoolArray
+    under: BoolArray
     angle: FloatArray
     cost: FloatArray
     color: FloatArray
@@ -110,8 +117,10 @@ def continued(
     size = tuple(max(1, round(scale * side)) for side in cable.shape[::-1])
     drawn = np.zeros(size[::-1], np.uint8)
     foreground, lab = _resized(cable.view(np.uint8), size) > 0, None
-    for instance, chance in zip(scene.instances, chances.tolist(), strict=True):
-        if not _whole_enough(instance, chance, scale, probability, settings):
+    likely = bool((chances >= settings.least_chance).any())
+    enough = chances >= (settings.in_company if likely else settings.least_chance)
+    for instance in compress(scene.instances, enough):
+        if not _whole_enough(instance, scale, probability, settings):
             continue
         for line in _free_ends(instance, scale):
             if not within(line[0], foreground.shape, 1.2 * instance.width_px * scale + 2):
@@ -136,11 +145,9 @@ def _colors(image: ByteArray) -> ByteArray:
     return np.asarray(cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2LAB), (0, 0), _SMOOTHING_PX), np.uint8)
 
 
-def _whole_enough(
-    instance: Instance, chance: float, scale: float, probability: Float32Array, params: ContinuationParams
-) -> bool:
+def _whole_enough(instance: Instance, scale: float, probability: Float32Array, params: ContinuationParams) -> bool:
     width = instance.width_px
-    if chance < params.least_chance or width * scale < params.least_width_px:
+    if width * scale < params.least_width_px:
         return False
     if instance.closed or instance.length_px < params.least_length * width:
         return False
@@ -185,45 +192,65 @@ def _strips(lab: ByteArray, xy: FloatArray, direction: FloatArray, width: float)
 def _followed(tip: _Tip, lab: ByteArray, foreground: BoolArray, params: ContinuationParams) -> FloatArray | None:
     """(n, 2) from a width behind the tip to the border or to other foreground; None where it leads nowhere."""
     step = max(1.5, tip.width / 3)
-    start = np.full(1, tip.angle)
-    paths = _Paths(tip.xy[None, None], np.ones((1, 1), bool), start, np.zeros(1), tip.color[None], np.zeros(1))
+    none, start = np.zeros((1, 1), bool), np.full(1, tip.angle)
+    paths = _Paths(tip.xy[None, None], ~none, none, start, np.zeros(1), tip.color[None], np.zeros(1))
+    own = 1.5 * tip.width
     for taken in range(1, int((params.longest + 1) * tip.width / step) + 1):
-        paths = _led_on(paths, tip, step, lab, params)
+        other = foreground if taken * step > own else np.zeros_like(foreground)
+        paths = _led_on(paths, tip, step, lab, other, params)
         if not len(paths.cost):
             return None
-        if _arrived(paths.xy[0, -1], tip.width, foreground, taken * step):
-            return paths.xy[0] if _is_cable(paths.xy[0], paths.good[0], tip.width, params) else None
+        first = _Path(paths.xy[0], paths.good[0], paths.under[0])
+        if not within(first.xy[-1], foreground.shape, tip.width / 2):
+            return first.xy if _is_cable(first, tip.width, params) else None
+        if first.under[-1] and first.seen() * step >= (1 + params.shortest) * tip.width:
+            return first.xy if _is_cable(first, tip.width, params) else None
     return None
 
 
-def _arrived(xy: FloatArray, width: float, foreground: BoolArray, length: float) -> bool:
-    if not within(xy, foreground.shape, width / 2):
-        return True
-    return length > 1.5 * width and bool(read_nearest(foreground, xy))
+class _Path(NamedTuple):
+    """``xy`` (n, 2), ``good`` and ``under`` (n,): one of :class:`_Paths`."""
+
+    xy: FloatArray
+    good: BoolArray
+    under: BoolArray
+
+    def seen(self) -> int:
+        """Steps that are on no other foreground."""
+        return int(np.count_nonzero(~self.under[1:]))
 
 
-def _is_cable(path: FloatArray, good: BoolArray, width: float, params: ContinuationParams) -> bool:
-    steps = np.diff(path, axis=0)
+def _is_cable(path: _Path, width: float, params: ContinuationParams) -> bool:
+    steps = np.diff(path.xy, axis=0)
     turned = np.ptp(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
-    long_enough = float(arc_lengths(path)[-1]) >= (1 + params.shortest) * width
-    return bool(long_enough and good[1:].mean() >= params.good and turned < params.turned)
+    seen = ~path.under[1:]
+    length = float(np.hypot(*steps[seen].T).sum())
+    long_enough = length >= (1 + params.shortest) * width
+    return bool(long_enough and path.good[1:][seen].mean() >= params.good and turned < params.turned)
 
 
-def _led_on(paths: _Paths, tip: _Tip, step: float, lab: ByteArray, params: ContinuationParams) -> _Paths:
-    """The cheapest of all paths with each turn; of several at one place in one direction only the first."""
+def _led_on(
+    paths: _Paths, tip: _Tip, step: float, lab: ByteArray, other: BoolArray, params: ContinuationParams
+) -> _Paths:
+    """The cheapest of all paths with each turn; of several at one place in one direction only the first. Under
+    ``other`` (H, W) foreground only turning costs."""
     most = np.deg2rad(params.turn_deg)
     turn = np.linspace(-most, most, params.turns)
     angle = paths.angle[:, None] + turn
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     xy = paths.xy[:, -1, None] + step * direction
+    under = read_nearest(other, xy.reshape(-1, 2)).reshape(xy.shape[:2]) > 0
     strip = _strips(lab, xy, direction, tip.width)
     away = np.linalg.norm(strip.color - paths.color[:, None], axis=-1)
     good = (away < params.near * strip.contrast) & (strip.contrast > params.contrast)
     good &= strip.spread < 0.6 * np.maximum(strip.contrast, 1.0) + tip.spread
-    cost = paths.cost[:, None] + np.minimum(away / np.clip(strip.mean_contrast, 3.0, 40.0), 3.0)
-    cost += 0.25 * (turn / most) ** 2 + 0.6 * ~good
-    cost += 0.5 * np.maximum(strip.spread - 1.5 * tip.spread, 0.0) / np.maximum(strip.contrast, 3.0)
-    lost = np.where(good, 0.0, paths.lost[:, None] + step)
+    good &= ~under
+    look = np.minimum(away / np.clip(strip.mean_contrast, 3.0, 40.0), 3.0) + 0.6 * ~good
+    look += 0.5 * np.maximum(strip.spread - 1.5 * tip.spread, 0.0) / np.maximum(strip.contrast, 3.0)
+    cost = paths.cost[:, None] + 0.25 * (turn / most) ** 2 + np.where(under, 0.0, look)
+    covered = step * (np.count_nonzero(paths.under, axis=1)[:, None] + under)
+    lost = np.where(good, 0.0, paths.lost[:, None] + np.where(under, 0.0, step))
+    lost[covered > params.covered * tip.width] = np.inf
     best = _distinct(xy, angle, cost, tip.width)[: params.paths]
     best = best[lost.ravel()[best] <= params.gap * tip.width]
     path, kept = np.unravel_index(best, cost.shape)
@@ -232,6 +259,7 @@ def _led_on(paths: _Paths, tip: _Tip, step: float, lab: ByteArray, params: Conti
     return _Paths(
         np.concatenate((paths.xy[path], xy[path, kept, None]), axis=1),
         np.concatenate((paths.good[path], good[path, kept, None]), axis=1),
+        np.concatenate((paths.under[path], under[path, kept, None]), axis=1),
         angle[path, kept],
         cost[path, kept],
         color,

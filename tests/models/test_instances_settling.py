@@ -57,6 +57,36 @@ def test_a_cable_seen_to_both_sides_of_what_is_lost_is_left_to_the_method() -> N
     assert not added(drawn([COURSE]), seen).any()
 
 
+ACROSS = [(258, 0), (246, 239)]
+"""Of a cable over the one on COURSE."""
+
+
+def test_a_cable_that_is_lost_where_another_covers_it_goes_on_behind_that_one() -> None:
+    """Half of a cable was missing: the strand that covers it where it was lost was taken for its end."""
+    picture, other, whole = drawn([COURSE, ACROSS]), mask_of(ACROSS), mask_of(COURSE)
+    seen = mask_of(COURSE, until=238) | other
+    found = added(picture, seen)
+    assert (found & whole).sum() > 0.85 * (whole & ~seen).sum()
+    assert (found & ~whole).sum() < 0.1 * found.sum()
+
+
+def test_what_ends_under_another_cable_ends_there() -> None:
+    course = [(0, 150), (100, 120), (238, 120)]
+    seen = mask_of(course) | mask_of(ACROSS)
+    assert not added(drawn([course, ACROSS]), seen).any()
+
+
+@pytest.mark.parametrize(("other", "goes_on"), [(0.4, False), (1.0, True)])
+def test_a_doubtful_one_is_continued_only_beside_a_cable(other: float, goes_on: bool) -> None:
+    """A gray cable on gray ground, doubted and yet seen to go on, stayed half; alone it may be a joint."""
+    beside = [(0, 40), (399, 50)]
+    picture, seen = drawn([COURSE, beside]), mask_of(COURSE, until=250) | mask_of(beside)
+    scene = extract(seen, picture)
+    doubtful = [0.4 if i.centerline_xy[:, 1].mean() > 80 else other for i in scene.instances]
+    probability = np.where(seen, 0.99, 0.01).astype(np.float32)
+    assert continued(scene, np.array(doubtful), probability, seen, picture).any() == goes_on
+
+
 def test_an_end_is_an_end() -> None:
     """A cable that ends in the picture, on ground that does not go on like it."""
     short = [(0, 150), (100, 120), (230, 120)]
