@@ -12,6 +12,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -205,30 +206,39 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _train(args: argparse.Namespace, params: CampaignParams) -> None:
-    args.folder.mkdir(parents=True, exist_ok=True)
+@contextmanager
+def mixed(
+    params: CampaignParams, textures: Path | None, labelled: Path | None, empty: Path | None
+) -> Iterator[Mixture]:
+    """Batches, once the first scenes are rendered: over ``textures``, with photographs of the folders ``labelled`` and
+    ``empty``."""
     size = params.height, params.width
-    scenes = replace(WORKSHOP, size=size)
-    seed, pool = int(time.time()), load_pool(args.textures)
-    photographs = load_labelled(args.photographs) if args.photographs else None
-    empty = load_empty(args.empty_pictures) if args.empty_pictures else None
+    seed, pool = int(time.time()), load_pool(textures)
+    photographs = load_labelled(labelled) if labelled else None
+    without = load_empty(empty) if empty else None
 
     def stream(kind: SceneParams, first: int) -> SceneStream:
         return SceneStream(kind, pool, seed=first, slots=params.slots, renderers=params.renderers, reuse=params.reuse)
 
-    workshop = stream(scenes, seed)
+    workshop = stream(replace(WORKSHOP, size=size), seed)
     plain = stream(SceneParams(size, width_share=(0.006, 0.12)), seed + 1) if params.plain else workshop
     streams = Streams(workshop, plain)
     try:
         while streams.filled() < min(_FIRST_SCENES, params.slots // 2):
             time.sleep(0.5)
-        mixture = Mixture(streams, photographs, empty, params)
-        batches = (normalize(mixture.batch()[0]) for _ in range(_CALIBRATION_BATCHES))
-        learning = begin(params, args.folder, args.pretrained, args.initial, batches)
-        sheet = args.folder / "validation.png"
-        run(learning, params, mixture, args.folder, lambda net: validate(net, sheet, pool, scenes, args.validate))
+        yield Mixture(streams, photographs, without, params)
     finally:
         streams.close()
+
+
+def _train(args: argparse.Namespace, params: CampaignParams) -> None:
+    args.folder.mkdir(parents=True, exist_ok=True)
+    scenes, sheet = replace(WORKSHOP, size=(params.height, params.width)), args.folder / "validation.png"
+    with mixed(params, args.textures, args.photographs, args.empty_pictures) as mixture:
+        batches = (normalize(mixture.batch()[0]) for _ in range(_CALIBRATION_BATCHES))
+        learning = begin(params, args.folder, args.pretrained, args.initial, batches)
+        pool = load_pool(args.textures)
+        run(learning, params, mixture, args.folder, lambda net: validate(net, sheet, pool, scenes, args.validate))
 
 
 def main() -> None:

@@ -3,7 +3,8 @@
 Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this repository renders,
 and, with ``--labelled``, from as many photographs of the training set, one after the other: photographs have darker
 shadows and sharper edges, and what is beyond a range is cut. The first convolutions, up to a quarter of the picture's
-size, stay in single precision: most of what 8 bits cost on photographs is lost in them.
+size, stay in single precision: most of what 8 bits cost on photographs is lost in them. A network that has
+``--learned`` to compute in 8 bits (``rounded.py``) does without.
 """
 
 from __future__ import annotations
@@ -76,8 +77,11 @@ def scenes(
         yield to_uint8(scene.rgb), scene.ids.numpy() > 0
 
 
-def quantize(source: Path, target: Path, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]]) -> None:
-    """Write ``target``, the 8-bit network of ``source`` with ranges from ``pictures`` (H, W, 3)."""
+def quantize(
+    source: Path, target: Path, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]], single: int = SINGLE
+) -> None:
+    """Write ``target``, the 8-bit network of ``source`` with ranges from ``pictures`` (H, W, 3); the first ``single``
+    convolutions stay as they are."""
     graph = onnx.load(source).graph
     quantize_static(
         source,
@@ -88,7 +92,7 @@ def quantize(source: Path, target: Path, settings: ForegroundInput, pictures: It
         activation_type=QuantType.QUInt8,
         weight_type=QuantType.QInt8,
         calibrate_method=CalibrationMethod.MinMax,
-        nodes_to_exclude=[node.name for node in graph.node if node.op_type == "Conv"][:SINGLE],
+        nodes_to_exclude=[node.name for node in graph.node if node.op_type == "Conv"][:single],
         extra_options={"CalibMovingAverage": True},
     )
 
@@ -118,6 +122,7 @@ def main() -> None:
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
     parser.add_argument("--calibration", type=int, default=200, help="rendered pictures for the ranges")
     parser.add_argument("--labelled", type=Path, help="photographs with masks, as many for the ranges")
+    parser.add_argument("--learned", type=Path, help="the network's weights as rounded.py left them")
     parser.add_argument("--held-out", type=int, default=100, help="rendered pictures to compare on")
     args = parser.parse_args()
     pool, spec = load_pool(args.textures), manifest()[args.network]
@@ -125,7 +130,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / f"{name}.onnx"
         pictures = calibrating(pool, args.calibration, args.labelled)
-        quantize(WEIGHTS / spec.file, made, ForegroundInput.from_manifest(spec.preprocess), pictures)
+        source, single = (args.learned, 0) if args.learned else (WEIGHTS / spec.file, SINGLE)
+        quantize(source, made, ForegroundInput.from_manifest(spec.preprocess), pictures, single)
         target = WEIGHTS / made.name
         target.write_bytes(made.read_bytes())
     card = Card(
@@ -141,6 +147,7 @@ def main() -> None:
             "seed": _CALIBRATION_SEED,
             "calibration_pictures": args.calibration,
             "calibration_photographs": args.labelled is not None,
+            "learned_to_round": args.learned is not None,
         },
         metrics={},
     )
