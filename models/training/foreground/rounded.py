@@ -75,11 +75,14 @@ def rounded(network: nn.Module) -> nn.Module:
 
 
 def loss_of(network: nn.Module, teacher: nn.Module, images: Tensor) -> Tensor:
-    """Cross entropy of what the rounded network sees in (B, 3, H, W) uint8 pictures to what its teacher sees."""
+    """How far what the rounded network sees in (B, 3, H, W) uint8 pictures is from what its teacher sees: the
+    Kullback-Leibler divergence a pixel."""
     x = normalize(images).contiguous(memory_format=torch.channels_last)
     with torch.no_grad():
-        seen = torch.sigmoid(teacher(x))
-    return F.binary_cross_entropy_with_logits(network(x), seen)
+        taught = teacher(x)
+        seen = torch.sigmoid(taught)
+        least = F.binary_cross_entropy_with_logits(taught, seen)
+    return F.binary_cross_entropy_with_logits(network(x), seen) - least
 
 
 def main() -> None:
@@ -90,7 +93,7 @@ def main() -> None:
     parser.add_argument("--labelled", dest="photographs", type=Path, help="folder with imgs/ and masks/")
     parser.add_argument("--empty-pictures", type=Path, help="folder of photographs without cables")
     parser.add_argument("--minutes", type=float, default=40.0)
-    parser.add_argument("--rate", type=float, default=1e-4)
+    parser.add_argument("--rate", type=float, default=2e-5)
     parser.add_argument("--slots", type=int, default=400)
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -113,7 +116,7 @@ def main() -> None:
             now = time.monotonic()
             course.seconds, last = course.seconds + now - last, now
             if now - noted > 300 or course.share() >= 1:
-                noted, line = now, {"step": course.steps, "loss": round(float(np.mean(losses[-100:])), 5)}
+                noted, line = now, {"step": course.steps, "loss": round(float(np.mean(losses[-50:])), 6)}
                 print(json.dumps(line), flush=True)
                 (args.folder / "rounded.onnx").write_bytes(refold(file, course.result()))
 
