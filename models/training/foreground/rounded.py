@@ -21,6 +21,7 @@ from torch.nn.utils import parametrize
 from models.training.foreground.campaign import CampaignParams, mixed
 from models.training.foreground.initial import refold, unfold
 from models.training.foreground.learning import normalize
+from models.training.foreground.network_compact import InvertedResidual
 from models.training.foreground.networks import build
 from models.training.state import Config, Course
 from models.weights.inference import WEIGHTS, manifest
@@ -69,7 +70,7 @@ def rounded(network: nn.Module) -> nn.Module:
         parametrize.register_parametrization(conv, "weight", RoundedWeights())
         conv.add_module("rounded_input", RoundedActivations())
         conv.register_forward_pre_hook(lambda module, inputs: (module.rounded_input(inputs[0]),))
-    for block in [m for m in network.modules() if getattr(m, "skip", False)]:
+    for block in [m for m in network.modules() if isinstance(m, InvertedResidual) and m.skip]:
         block.conv.add_module("rounded_output", RoundedActivations())  # before it is added to what is skipped
     return network.eval()
 
