@@ -1,11 +1,21 @@
-"""A real browser for tests of pages: the fixture ``browser``, and the marks of tests that need it."""
+"""A real browser for tests of pages: the fixture ``browser``, and the marks of tests that need it.
+
+Opening a context or a tab has no time limit in Playwright, and Chromium has been seen to hang there for minutes: here
+it has one, and one more try in a browser started anew.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+import os
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -18,18 +28,96 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+OPENS_WITHIN_S = 20.0
 NEEDS_BROWSER = [
     pytest.mark.system,
     pytest.mark.browser,
     pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
 ]
+_NUMBERS = itertools.count(1)
+
+
+class Chromium:
+    """A browser that is started anew, once a call, where it opens nothing within ``within_s``."""
+
+    def __init__(self, playwright: Any, within_s: float = OPENS_WITHIN_S) -> None:
+        self._playwright = playwright
+        self._within_s = within_s
+        self._start()
+
+    def new_page(self, *, shared: bool = False, **options: Any) -> Any:
+        """A tab in a context of its own with these options, or in the one that is there already. Close the context of
+        one that is not ``shared``. Playwright's error if the second browser hangs too."""
+        try:
+            return self._opened(shared, options, self._within_s)
+        except self._playwright_error as error:
+            warnings.warn(f"Chromium opened no page within {self._within_s:g} s, started anew: {error}", stacklevel=2)
+            self.close()
+            self._start()
+            return self._opened(shared, options, OPENS_WITHIN_S)
+
+    def close(self) -> None:
+        with self._bounded(self._within_s):
+            self._browser.close()
+
+    @property
+    def processes(self) -> list[psutil.Process]:
+        return processes(self._mark)
+
+    def _start(self) -> None:
+        # No option of Chromium: by it the process is found, which Playwright does not name.
+        self._mark = f"--dlo-tests={os.getpid()}-{next(_NUMBERS)}"
+        launch: Callable[..., Any] = self._playwright.chromium.launch
+        for tries_left in (1, 0):
+            try:
+                self._browser = launch(
+                    executable_path=CHROMIUM, args=[*FLAGS, self._mark], timeout=1000 * OPENS_WITHIN_S
+                )
+                return
+            except self._playwright_error as error:
+                if not tries_left:
+                    raise
+                warnings.warn(f"Chromium did not start: {error}", stacklevel=2)
+
+    def _opened(self, shared: bool, options: dict[str, Any], within_s: float) -> Any:
+        with self._bounded(within_s):
+            contexts = self._browser.contexts if shared else []
+            return (contexts[0] if contexts else self._browser.new_context(**options)).new_page()
+
+    @contextmanager
+    def _bounded(self, within_s: float) -> Iterator[None]:
+        """Kills the browser if what is done meanwhile takes too long: that is then an error of Playwright."""
+        timer = threading.Timer(within_s, kill, [self._mark])
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    @property
+    def _playwright_error(self) -> type[Exception]:
+        from playwright.sync_api import Error
+
+        return Error
+
+
+def processes(mark: str) -> list[psutil.Process]:
+    """Those that were started with this argument."""
+    found = psutil.process_iter(["cmdline"])
+    return [process for process in found if mark in (process.info["cmdline"] or [])]
+
+
+def kill(mark: str) -> None:
+    for process in processes(mark):
+        with suppress(psutil.NoSuchProcess):
+            process.kill()
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
+def browser() -> Iterator[Chromium]:
     """One for the tests of a file; every page that they open in a context of its own has an empty database."""
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
+        chromium = Chromium(playwright)
+        yield chromium
+        chromium.close()

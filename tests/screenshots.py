@@ -16,7 +16,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from tests.browser import CHROMIUM, FLAGS
+from tests.browser import Chromium
 from tests.processes import ROOT, running_service
 
 DESKTOP, TABLET = (1440, 900), (1024, 768)
@@ -101,12 +101,12 @@ SHOTS: list[Shot] = [
 """Name of the file, page, size, language, light or dark: what the documentation shows."""
 
 EVERY: list[Shot] = [
-    (f"{name}_{size[0]}_{scheme}", name, size, "de-DE" if size == TABLET else "en-US", scheme)
+    (f"{name}_{size[0]}_{scheme}", name, size, "de-DE" if (size == TABLET) == (scheme == "light") else "en-US", scheme)
     for name in PAGES
     for size in (DESKTOP, TABLET)
     for scheme in ("light", "dark")
 ]
-"""Every page at both sizes, light and dark: to look at."""
+"""Every page at both sizes, light and dark, each of them in one language at one size and in the other at the other."""
 
 
 def main() -> None:
@@ -122,14 +122,13 @@ def main() -> None:
                 taken(opened, url, shot, arguments.out)
 
 
-def taken(opened: Any, url: str, shot: Shot, out: Path) -> None:
+def taken(opened: Chromium, url: str, shot: Shot, out: Path) -> None:
     """A picture of one page; what its console has to say is printed."""
     name, page_name, (width, height), locale, scheme = shot
     path, act = PAGES[page_name]
-    context = opened.new_context(
-        viewport={"width": width, "height": height}, locale=locale, color_scheme=scheme, bypass_csp=True
-    )
-    page = context.new_page()
+    viewport = {"width": width, "height": height}
+    touched = (width, height) == TABLET
+    page = opened.new_page(viewport=viewport, locale=locale, color_scheme=scheme, has_touch=touched, bypass_csp=True)
     page.on("console", lambda message: print(name, message.type, message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: print(name, error))
     page.set_default_timeout(120_000)
@@ -137,13 +136,13 @@ def taken(opened: Any, url: str, shot: Shot, out: Path) -> None:
     act(page)
     page.wait_for_timeout(500)
     page.screenshot(path=out / f"{name}.jpg", type="jpeg", quality=80)
-    context.close()
+    page.context.close()
 
 
 @contextmanager
-def browser() -> Iterator[Any]:
+def browser() -> Iterator[Chromium]:
     with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        opened = Chromium(playwright)
         yield opened
         opened.close()
 

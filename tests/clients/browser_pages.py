@@ -6,23 +6,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from tests.browser import NEEDS_BROWSER
+from tests.browser import NEEDS_BROWSER, Chromium
 from tests.clients.fake_service import FakeService, served
 
 __all__ = ["NEEDS_BROWSER", "color_at", "opened", "place"]
 
 
 @contextmanager
-def opened(browser: Any, service: FakeService, path: str = "", height: int = 900) -> Iterator[Any]:
+def opened(browser: Chromium, service: FakeService, path: str = "", height: int = 900) -> Iterator[Any]:
     """The page at this path of the service; an error on it or a request to another host fails the test.
 
     All pages share a context, which takes seconds to make and to close: each service has a port of its own, so what a
     page keeps is its own too.
     """
     wrong: list[str] = []
-    context = browser.contexts[0] if browser.contexts else browser.new_context(locale="en-US")
     with served(service.app()) as url:
-        page = context.new_page()
+        page = browser.new_page(shared=True, locale="en-US")
         page.set_viewport_size({"width": 1300, "height": height})
         page.set_default_timeout(60_000)
         page.on("pageerror", lambda error: wrong.append(str(error)))

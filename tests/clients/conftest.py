@@ -1,4 +1,4 @@
-"""Both clients behind one synchronous face, so that every test of behavior runs on each of them."""
+"""Both clients behind one synchronous face, so that every test of behavior runs on each of them; a page."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ from typing import Any
 import httpx
 import pytest
 from dlo_client import AsyncClient, Client, RetryPolicy
+
+from tests.browser import Chromium
+from tests.clients.browser_pages import opened
+from tests.clients.fake_service import FakeService
 
 Handler = Callable[[httpx.Request], httpx.Response]
 Connect = Callable[..., Any]
@@ -48,3 +52,14 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Connect]:
             return OnLoop(AsyncClient(url, retry=retry, transport=transport, **more), runner)
 
         yield make
+
+
+@pytest.fixture
+def service() -> FakeService:
+    return FakeService()
+
+
+@pytest.fixture
+def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
+    with opened(browser, service) as page:
+        yield page

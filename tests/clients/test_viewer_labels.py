@@ -16,6 +16,7 @@ from dlo_client.labelling.formats import READERS
 from PIL import Image
 
 from models.geometry.rle import decode
+from tests.browser import Chromium
 from tests.clients import samples
 from tests.clients.browser_pages import NEEDS_BROWSER, opened, place
 from tests.clients.fake_service import FakeService
@@ -43,7 +44,7 @@ def png(image: np.ndarray) -> bytes:
 
 
 @pytest.fixture
-def page(browser: Any) -> Iterator[Any]:
+def page(browser: Chromium) -> Iterator[Any]:
     """The corrector with one picture."""
     service = FakeService()
     service.file = png(probability())
@@ -108,7 +109,7 @@ def test_a_label_names_the_bytes_of_its_picture(page: Any, tmp_path: Path) -> No
     assert saved(page, tmp_path).sha256 == sha256(png(probability()))
 
 
-def test_the_service_hashes_where_the_page_may_not(browser: Any, tmp_path: Path) -> None:
+def test_the_service_hashes_where_the_page_may_not(browser: Chromium, tmp_path: Path) -> None:
     """Over plain HTTP a browser has no `crypto.subtle`."""
     service = FakeService()
     service.file = service.preview = png(probability())

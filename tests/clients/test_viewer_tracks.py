@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from models.instances.drawing import palette
+from tests.browser import Chromium
 from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened
 from tests.clients.fake_service import FakeService
-from tests.clients.test_viewer import picture
+from tests.clients.viewer_pictures import picture
 
 pytestmark = NEEDS_BROWSER
 
 
-def test_pictures_become_a_film_with_ids(browser: Any, tmp_path: Path) -> None:
+def test_pictures_become_a_film_with_ids(browser: Chromium, tmp_path: Path) -> None:
     """In the order of the numbers in their names; the film that is saved can be opened again."""
     service = FakeService()
     with opened(browser, service, "viewer/tracks.html") as page:

@@ -23,7 +23,7 @@ from PIL import Image
 
 from models.geometry.rle import encode
 from services.page_frame import PAGES
-from tests.browser import NEEDS_BROWSER
+from tests.browser import NEEDS_BROWSER, Chromium
 from tests.clients.browser_pages import place
 from tests.clients.curve_samples import straight
 from tests.processes import ROOT, running_service, wait_until
@@ -62,20 +62,19 @@ def address(tmp_path_factory, labels: Path) -> Iterator[str]:
 
 
 @contextmanager
-def opened(browser: Any, address: str, wrong: list[str]) -> Iterator[Any]:
+def opened(browser: Chromium, address: str, wrong: list[str]) -> Iterator[Any]:
     """A page in a context of its own; whatever is wrong on it is added to ``wrong``."""
-    context = browser.new_context(viewport={"width": 1300, "height": 900}, locale="en-US")
-    page = context.new_page()
+    page = browser.new_page(viewport={"width": 1300, "height": 900}, locale="en-US")
     page.set_default_timeout(60_000)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
     page.on("response", lambda response: wrong.append(response.url) if response.status >= 400 else None)
     yield page
-    context.close()
+    page.context.close()
 
 
 @pytest.mark.parametrize("path", [*OURS, "docs", "redoc"])
-def test_a_page_loads_all_that_it_names_and_everybody_can_use_it(address: str, browser: Any, path: str) -> None:
+def test_a_page_loads_all_that_it_names_and_everybody_can_use_it(address: str, browser: Chromium, path: str) -> None:
     """The policy forbade the pages' `<base>`: their styles and scripts were looked for in another folder."""
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
@@ -88,7 +87,7 @@ def test_a_page_loads_all_that_it_names_and_everybody_can_use_it(address: str, b
     assert wrong == []
 
 
-def test_a_sample_picture_is_found_again_after_a_reload(address: str, browser: Any) -> None:
+def test_a_sample_picture_is_found_again_after_a_reload(address: str, browser: Chromium) -> None:
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
         page.goto(address)
@@ -111,7 +110,7 @@ def test_a_sample_picture_is_found_again_after_a_reload(address: str, browser: A
     assert wrong == []
 
 
-def test_a_failed_job_is_one_click_from_the_failures(address: str, browser: Any) -> None:
+def test_a_failed_job_is_one_click_from_the_failures(address: str, browser: Chromium) -> None:
     """The link of a job that no page draws went to the API, which refuses a link without a key."""
     wrong: list[str] = []
     curve = straight().model_dump(mode="json")
@@ -129,7 +128,7 @@ def test_a_failed_job_is_one_click_from_the_failures(address: str, browser: Any)
     assert wrong == []
 
 
-def test_a_finished_job_becomes_a_recipe_that_is_tried(address: str, browser: Any) -> None:
+def test_a_finished_job_becomes_a_recipe_that_is_tried(address: str, browser: Chromium) -> None:
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
         page.goto(address)
@@ -157,7 +156,7 @@ def test_a_finished_job_becomes_a_recipe_that_is_tried(address: str, browser: An
         assert client.delete("/v1/recipes/1").status_code == 204
 
 
-def test_a_film_is_tracked(address: str, browser: Any, tmp_path: Path) -> None:
+def test_a_film_is_tracked(address: str, browser: Chromium, tmp_path: Path) -> None:
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
         page.goto(f"{address}/viewer/tracks.html")
@@ -182,7 +181,7 @@ def film_frame(shift: int) -> dict[str, Any]:
     return {"name": f"{shift}.png", "mimeType": "image/png", "buffer": buffer.getvalue()}
 
 
-def test_yolo_leaves_the_bench_with_its_pictures(address: str, browser: Any, tmp_path: Path) -> None:
+def test_yolo_leaves_the_bench_with_its_pictures(address: str, browser: Chromium, tmp_path: Path) -> None:
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
         page.goto(f"{address}/viewer/label.html?folder={FOLDER}")
@@ -211,7 +210,7 @@ def remove_cable(page: Any) -> None:
     page.wait_for_selector(NO_CABLES, state="attached")
 
 
-def test_two_people_label_one_folder(address: str, browser: Any, labels: Path) -> None:
+def test_two_people_label_one_folder(address: str, browser: Chromium, labels: Path) -> None:
     """Who saves second is asked; what is not confirmed is no correction."""
     wrong: list[str] = []
     with opened(browser, address, wrong) as one, opened(browser, address, []) as other:
