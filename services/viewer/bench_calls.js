@@ -1,20 +1,25 @@
-// The label bench's worker, as functions that return promises. Of live traces only the newest is worth its time.
+// The label bench's workers, as functions that return promises. Of live traces only the newest is worth its time.
 
-const worker = new Worker(new URL("./bench_worker.js", import.meta.url), { type: "module" });
+const [outlines, masks] = ["./bench_worker.js", "./bench_masks.js"].map(started);
+const BESIDE = new Set(["finish", "masks"]); // no click waits for these: they have a worker of their own
 const waiting = new Map();
 let next = 1;
 
-worker.addEventListener("message", ({ data: { id, result, error } }) => {
-  const { resolve, reject } = waiting.get(id);
-  waiting.delete(id);
-  if (error) reject(new Error(error));
-  else resolve(result);
-});
+function started(path) {
+  const worker = new Worker(new URL(path, import.meta.url), { type: "module" });
+  worker.addEventListener("message", ({ data: { id, result, error } }) => {
+    const { resolve, reject } = waiting.get(id);
+    waiting.delete(id);
+    if (error) reject(new Error(error));
+    else resolve(result);
+  });
+  return worker;
+}
 
 export function ask(call, values) {
   return new Promise((resolve, reject) => {
     waiting.set(next, { resolve, reject });
-    worker.postMessage({ id: next, call, values });
+    (BESIDE.has(call) ? masks : outlines).postMessage({ id: next, call, values });
     next += 1;
   });
 }

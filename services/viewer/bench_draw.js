@@ -1,22 +1,34 @@
 // Draws a label under correction over its picture: masks, lines with a gap where they pass under, areas, points, and
 // what is being drawn.
 
+import { color } from "./colors.js";
 import { dragged } from "./label_drag.js";
-import { labelMap, tint } from "./masks.js";
-import { color, orderKnown, rgb } from "./overlay.js";
-import { visiblePieces } from "./strands.js";
+import { orderKnown, visiblePieces } from "./strands.js";
 
 const SMALLEST_GAP = 7; // screen pixels, half of it
-const maps = new WeakMap(); // instances → their masks
 
-/** `state`: `{ label, mask, hovered, chosen, drag, pointer, clicks, trace, ahead, opacity, shows }`; `view` as the stage has
- *  it. */
+/** What an edit seldom changes: the probability and the `masks` of what nobody edited, as the worker has drawn them. `state`:
+ *  `{ width, height, mask, masks, opacity, probability, hidden }`; `view` as the stage has it. */
+export function drawGround(context, { width, height, mask, masks, opacity, probability, hidden }, { scale }) {
+  if (mask && width && probability) spread(context, mask, width * scale, height * scale, 0.7);
+  if (!masks || hidden) return;
+  context.imageSmoothingEnabled = false;
+  spread(context, masks.bitmap, masks.width * scale, masks.height * scale, opacity);
+  context.imageSmoothingEnabled = true;
+}
+
+function spread(context, bitmap, width, height, opacity) {
+  context.globalAlpha = opacity;
+  context.drawImage(bitmap, 0, 0, width, height);
+  context.globalAlpha = 1;
+}
+
+/** The rest. `state`: `{ label, hovered, chosen, drag, pointer, clicks, trace, ahead, tool, opacity, shows }`. */
 export function drawBench(context, state, view) {
   const { label } = state;
-  if (state.mask && state.shows.probability) spread(context, state.mask, label, view, 0.7);
   if (!label) return;
   if (!state.shows.hidden) {
-    drawMasks(context, state, view);
+    drawEdited(context, state, view);
     for (const instance of label.instances) drawInstance(context, instance, state, view);
     for (const crossing of label.crossings) drawCrossing(context, crossing, state, view);
   }
@@ -26,24 +38,8 @@ export function drawBench(context, state, view) {
 
 const place = ([x, y], { scale }) => [(x + 0.5) * scale, (y + 0.5) * scale];
 
-function spread(context, bitmap, { width, height }, { scale }, opacity) {
-  context.globalAlpha = opacity;
-  context.drawImage(bitmap, 0, 0, width * scale, height * scale);
-  context.globalAlpha = 1;
-}
-
-/** Masks of what nobody edited; what was edited is filled between its edges. */
-function drawMasks(context, { label, opacity, drag, pointer, chosen, hovered }, view) {
-  const old = label.instances.filter((item) => !item.shape && item.mask_rle);
-  if (!maps.has(label.instances)) maps.set(label.instances, labelMap({ ...label, instances: old }));
-  const map = maps.get(label.instances);
-  if (old.length) {
-    context.globalAlpha = opacity;
-    context.imageSmoothingEnabled = false;
-    const size = map.step * view.scale;
-    context.drawImage(tint(map, rgb), 0, 0, map.width * size, map.height * size);
-    context.imageSmoothingEnabled = true;
-  }
+/** What was edited is filled between its edges. */
+function drawEdited(context, { label, opacity, drag, pointer, chosen, hovered }, view) {
   for (const item of label.instances) {
     const shape = drag?.instance?.id === item.id && pointer ? dragged(drag, pointer) : item.shape;
     if (!shape) continue;

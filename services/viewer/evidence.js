@@ -9,13 +9,13 @@ const SURE = Math.log((1 - DOUBT) / DOUBT);
 
 /** `gain`: what speaks for a sample being cable, `half` being the half widths so far and `taught` the cuts at which a
  *  person has shown the edges; `edge`: the strength of the step there, 0 to 1; `trust`: of every cut, low where what lies
- *  between the edges does not look like this cable. */
-export function weighed(strip, half, taught, o) {
-  const { kinds, shadows } = sorted(strip, o);
+ *  between the edges does not look like this cable; `centers` of its kinds of color, found from those `before`. */
+export function weighed(strip, half, taught, before, o) {
+  const { kinds, shadows, centers } = sorted(strip, o, before);
   const weights = half.map((_, i) => 1 + o.teach * Math.max(0, ...taught.map((at) => Math.exp(-(((i - at) / 8) ** 2)))));
   const inside = shares(counted(strip, kinds, half, weights, -Infinity, o.core, o), o.inWindow, o);
   const outside = shares(counted(strip, kinds, half, weights, o.beyond, o.far, o), o.outWindow, o).map(shadows);
-  return { ...judged(strip, kinds, half, inside, outside, o), edge: stepped(strip, o.along) };
+  return { ...judged(strip, kinds, half, inside, outside, o), edge: stepped(strip, o.along), centers };
 }
 
 /** `gain` and `trust` by the shares of the kinds inside and outside, and by the probability. */

@@ -1,7 +1,7 @@
 // Draws a harness over its picture: sections, graph, branch-points, crossings, and one action of two arms.
 
 import { t } from "./i18n.js";
-import { color } from "./overlay.js";
+import { color } from "./colors.js";
 import { pointAt } from "./strands.js";
 
 const CASING = "rgb(0 0 0 / 0.65)";

@@ -1,16 +1,18 @@
 // The kinds of color in a strip, by k-means over brightness and two color differences.
 
 const ROUNDS = 8;
+const MORE_ROUNDS = 2; // from middles that were found nearby
 const SAMPLES = 3000;
 const CELLS = 128; // of two levels each, along brightness and both color differences
 const SHADOWS = [0.85, 0.7, 0.55]; // of the light, that is left in a shadow
 const cells = new Uint8Array(CELLS ** 3); // a kind and one; 0 where nobody has looked. Kept: it takes two megabytes
 
-/** The kind of color of every sample, by k-means; and `shadows`: shares of kinds on the ground, to those where a part of
- *  the ground lies in shadow, which darkens a color and keeps its tone. */
-export function sorted({ colors }, { kinds: count, shade }) {
+/** The kind of color of every sample, by k-means; `shadows`: shares of kinds on the ground, to those where a part of the
+ *  ground lies in shadow, which darkens a color and keeps its tone; and the `centers` of the kinds, from which those of
+ *  nearly the same strip are found sooner. */
+export function sorted({ colors }, { kinds: count, shade }, before = null) {
   const few = fewOf(colors);
-  const centers = clustered(few, count);
+  const centers = clustered(few, count, before);
   const darker = Array.from({ length: count }, (_, k) => SHADOWS.map((part) => {
     const [light, red, yellow] = centers.subarray(3 * k, 3 * k + 3);
     return alike(centers, part * light, part * red, part * yellow);
@@ -20,7 +22,7 @@ export function sorted({ colors }, { kinds: count, shade }) {
     darker.forEach((kinds, k) => kinds.forEach((kind) => (made[kind] += (shade * ground[k]) / SHADOWS.length)));
     return made;
   };
-  return { kinds: named(colors, centers), shadows };
+  return { kinds: named(colors, centers), shadows, centers };
 }
 
 /** Few samples' colors, three numbers each. */
@@ -35,18 +37,13 @@ function fewOf([light, red, yellow]) {
   return few;
 }
 
-/** The middles of the kinds, three numbers each; they begin evenly spread over the brightness. */
-function clustered(few, count) {
+/** The middles of the kinds, three numbers each, from those `before`. */
+function clustered(few, count, before) {
   const total = few.length / 3;
-  const bright = Array.from({ length: total }, (_, i) => 3 * i).sort((a, b) => few[a] - few[b]);
-  const centers = new Float64Array(3 * count);
-  for (let k = 0; k < count; k += 1) {
-    const at = bright[Math.floor(((k + 0.5) * total) / count)];
-    centers.set(few.subarray(at, at + 3), 3 * k);
-  }
+  const centers = before?.slice() ?? spread(few, count);
   const [sums, counts] = [new Float64Array(3 * count), new Float64Array(count)];
   const kinds = new Uint8Array(total);
-  for (let round = 0; round < ROUNDS; round += 1) {
+  for (let round = before ? ROUNDS - MORE_ROUNDS : 0; round < ROUNDS; round += 1) {
     sums.fill(0);
     counts.fill(0);
     for (let i = 0, at = 0; i < total; i += 1, at += 3) {
@@ -61,6 +58,18 @@ function clustered(few, count) {
       const own = counts[Math.floor(at / 3)];
       if (own) centers[at] = sums[at] / own;
     }
+  }
+  return centers;
+}
+
+/** Samples evenly spread over the brightness. */
+function spread(few, count) {
+  const total = few.length / 3;
+  const bright = Array.from({ length: total }, (_, i) => 3 * i).sort((a, b) => few[a] - few[b]);
+  const centers = new Float64Array(3 * count);
+  for (let k = 0; k < count; k += 1) {
+    const at = bright[Math.floor(((k + 0.5) * total) / count)];
+    centers.set(few.subarray(at, at + 3), 3 * k);
   }
   return centers;
 }

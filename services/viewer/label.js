@@ -3,12 +3,13 @@
 import { api } from "./api.js";
 import { Bench, stateOf } from "./bench.js";
 import { ask } from "./bench_calls.js";
-import { drawBench } from "./bench_draw.js";
+import { drawBench, drawGround } from "./bench_draw.js";
 import { keysOf } from "./bench_keys.js";
 import { fillLists, showSaved } from "./bench_lists.js";
 import { exported, folders, labelOf, pictureOf, picturesOf, unsurePicture, unsurePictures, yolo } from "./bench_service.js";
 import { labelFor, listed, sorted } from "./bench_sources.js";
 import { Sync } from "./bench_sync.js";
+import { Tint } from "./bench_tint.js";
 import { Tools } from "./bench_tools.js";
 import { byId, download, onDrop, problemOf, showProblem } from "./dom.js";
 import { t } from "./i18n.js";
@@ -34,10 +35,12 @@ const HINTS = {
 const TWO_FINGERS_MS = 400; // between the first and the second that zoom
 
 const canvas = byId("canvas");
-const stage = new Stage(canvas, paint, () => tools.tool === "pan" || keys.held.has(" "));
+const ground = { of: () => Object.values(grounded()), paint: (context, view) => drawGround(context, grounded(), view) };
+const stage = new Stage(canvas, paint, () => tools.tool === "pan" || keys.held.has(" "), ground);
 const bench = new Bench(list, (picture) => sync.soon(picture), () => showSaved(bench, sync.state), report);
 const sync = new Sync(bench, { conflict, changed: list, failed: report });
 const tools = new Tools(bench, stage, () => stage.later(), report);
+const tint = new Tint(() => stage.later());
 const queue = new Queue(analyze, list, api.cancel);
 const keys = keysOf({ tools, bench, step, confirm, save });
 let mask = null; // of the picture shown: what the network sees
@@ -144,9 +147,17 @@ async function showMask(picture, file) {
 
 // What is seen -----------------------------------------------------------------------------------------------------
 
+const shown = () => ({ probability: byId("probability").checked, hidden: byId("hide").checked });
+const opacity = () => byId("opacity").valueAsNumber;
+
+/** What the masks and the probability are drawn from, as values that can be compared. */
+function grounded() {
+  const label = bench.label();
+  return { width: label?.width, height: label?.height, mask, masks: label && tint.of(label), opacity: opacity(), ...shown() };
+}
+
 function paint(context, view) {
-  const shows = { probability: byId("probability").checked, hidden: byId("hide").checked };
-  drawBench(context, { ...drawnOf(tools), label: bench.label(), mask, shows, opacity: byId("opacity").valueAsNumber }, view);
+  drawBench(context, { ...drawnOf(tools), label: bench.label(), opacity: opacity(), shows: shown() }, view);
 }
 
 const drawnOf = ({ hovered, chosen, drag, pointer, clicks, trace, ahead, tool }) => ({

@@ -8,6 +8,7 @@ const SAME_PLACE_PX = 15;
 const ANCHOR_PX = 60; // between the points that stand for the clicks of a line that nobody clicked
 const SAME_CLICK_PX = 20;
 const STRETCH = 16; // pieces of a line that are looked at together
+const even = new WeakMap(); // instance that nobody edited → its shape
 
 /** A new instance on top of the others. */
 export function add(label, shape) {
@@ -31,8 +32,12 @@ export function split(label, id, index) {
   });
 }
 
-/** An instance's shape; one that nobody edited is as wide everywhere. */
-export const shapeOf = (instance) => instance.shape ?? stroke(instance.centerline_xy, instance.width_px);
+/** An instance's shape; one that nobody edited is as wide everywhere. It is asked for at every move of a pointer. */
+export function shapeOf(instance) {
+  if (instance.shape) return instance.shape;
+  if (!even.has(instance)) even.set(instance, stroke(instance.centerline_xy, instance.width_px));
+  return even.get(instance);
+}
 
 /** Points `from` to `to` of a shape, its clicks forgotten. */
 export function part(shape, from, to) {

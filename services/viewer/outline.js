@@ -11,6 +11,7 @@ const USUAL_PX = 10; // a cable's width where nothing is known of it
 const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
 const COARSER = 1.7; // times these steps in all rounds but the last, which only teach the colors
 const FINE_LENGTH_PX = 700; // longer ones have no more cuts, further apart
+const ROUGH = 2; // times the steps along a cable of a large picture, in these rounds
 const KEPT_TRACES = 8;
 const ROUNDS = 3; // the colors of the cable are learned from the outline of the round before
 export const WEIGHTS = Object.freeze({
@@ -19,17 +20,31 @@ export const WEIGHTS = Object.freeze({
   core: 0.75, beyond: 1.29, far: 2.6, // parts of the half width: surely cable; surely not, from and to
   kinds: 24, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, shade: 0.6, // colors; cuts
   rim: 0.35, // pixels beyond the steepest step: what is cable in part is cable to who labels it
-  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.4, spread: 25, // what a person says
+  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.4, spread: 25, sway: 0.5, drift: 0.4, stray: 25, hand: 0.01, // what a person says
 });
 
 /** The cable through `clicks`: `{ line, low, high, normals, width, clicks, pulls }`. `line` runs in its middle; `low` and
  *  `high` are the edges' distances from it along the normal, negative and positive. A pull `{ at, side }` says that the
  *  edge on that side (-1 or 1) passes through `at`. `view` is a prepared map with the picture's `planes`. */
 export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
-  const { line, width } = traced(view, clicks);
-  const held = [...pulls, ...clicks.map((at) => ({ at, side: 0 }))];
-  return { ...outline(view, line, width ?? USUAL_PX, held, weights), clicks, pulls };
+  const path = traced(view, clicks);
+  const through = clicks.map((at) => ({ at, side: 0 }));
+  const all = [...pulls, ...through];
+  if (path.learnedBy !== weights) Object.assign(path, { learned: learned(view, path, through, weights), learnedBy: weights });
+  // A small pull changes the last round alone. One that says that the colors were learned from the wrong pixels, all.
+  const wrong = pulls.some((one) => corrects(one, path.learned, weights));
+  return { ...settled(view, wrong ? learned(view, path, all, weights) : path.learned, all, weights), clicks, pulls };
 }
+
+/** Whether a pull moves its edge by much of what was learned without it. */
+function corrects(one, { line, half, unit }, o) {
+  const pin = placed(one, line, line.map((_, i) => normalAt(line, i, 3)));
+  return missed(pin, -half[pin.i], half[pin.i]) > apparent(half[pin.i], unit, o);
+}
+
+/** By how much an edge may be off before colors are doubted, too. */
+const apparent = (half, unit, { small }) => Math.max(small * unit, 0.25 * half);
+
 
 /** The snapped centerline along all clicks, as `trace` gives it. The view keeps the newest: the line that was traced to
  *  the pointer is asked for again by the click there, and a pull does not change it. */
@@ -49,28 +64,44 @@ function path(view, clicks) {
   return bytes ? coarse.outside(trace(coarse, clicks.map(coarse.inside))) : trace(view, clicks);
 }
 
-/** The same about a line that is known roughly; a pull of side 0 lies somewhere on the cable. */
-export function outline(view, path, width, pulls = [], o = WEIGHTS) {
-  const unit = Math.max(1, width / FINE_WIDTH_PX);
+/** The line and half widths of a cable about `path`, from rounds that teach its colors; `unit` and `apart` are the steps,
+ *  across and along, in which it is looked at. */
+function learned(view, { line: path, width }, pulls, o) {
+  const wide = width ?? USUAL_PX;
+  const unit = Math.max(1, wide / FINE_WIDTH_PX);
   const apart = 2 * Math.max(unit, lengthOf(path) / FINE_LENGTH_PX);
-  let line = soft(resample(leaving(path, width, view), apart), 4);
-  let half = line.map(() => width / 2);
-  for (let round = 0; ; round += 1) {
-    const step = unit > 1 && round < ROUNDS - 1 ? COARSER * unit : unit;
-    const strip = straightened(view, line, 2.2 * Math.max(...half) + 8 * step, step / 2);
-    const pins = pulls.map((one) => placed(one, line, strip.normals)).filter((pin) => pin.away < strip.r * strip.fine);
-    const edges = found(strip, half, pins, round, step, o);
-    half = edges.low.map((low, i) => (edges.high[i] - low) / 2);
-    line = line.map((point, i) => along(point, strip.normals[i], (edges.low[i] + edges.high[i]) / 2));
-    if (round === ROUNDS - 1) {
-      const middle = half.toSorted((a, b) => a - b)[Math.floor(half.length / 2)];
-      return { line, low: half.map((h) => -h), high: half, normals: strip.normals, width: 2 * middle };
-    }
-    const [before, wide] = [line.length - 1, half];
-    line = soft(resample(line, apart), 2);
-    half = line.map((_, i) => wide[Math.round((i * before) / (line.length - 1))]);
+  const hasty = view.bytes || unit > 1;
+  const rough = view.bytes ? ROUGH * apart : apart;
+  let line = soft(resample(leaving(path, wide, view), rough), 4);
+  let half = line.map(() => wide / 2);
+  let centers = null;
+  for (let round = 0; round < ROUNDS - 1; round += 1) {
+    const { middle, edges, ...seen } = looked(view, { line, half, centers }, pulls, round, hasty ? COARSER * unit : unit, o);
+    centers = seen.centers;
+    line = soft(resample(middle, round < ROUNDS - 2 ? rough : apart), 2);
+    half = line.map((_, i) => halfAt(edges, Math.round((i * (middle.length - 1)) / (line.length - 1))));
   }
+  return { line, half, centers, unit };
 }
+
+/** The last round. */
+function settled(view, known, pulls, o) {
+  const { middle, edges, normals } = looked(view, known, pulls, ROUNDS - 1, known.unit, o);
+  const halves = middle.map((_, i) => halfAt(edges, i));
+  const width = 2 * halves.toSorted((a, b) => a - b)[Math.floor(halves.length / 2)];
+  return { line: middle, low: halves.map((h) => -h), high: halves, normals, width };
+}
+
+/** One round: both edges of every cut, and the middle between them. A pull of side 0 lies somewhere on the cable. */
+function looked(view, { line, half, centers: before }, pulls, round, step, o) {
+  const strip = straightened(view, line, 2.2 * Math.max(...half) + 8 * step, step / 2);
+  const pins = pulls.map((one) => placed(one, line, strip.normals)).filter((pin) => pin.away < strip.r * strip.fine);
+  const { edges, centers } = found(strip, half, pins, before, round, step, o);
+  const middle = line.map((point, i) => along(point, strip.normals[i], (edges.low[i] + edges.high[i]) / 2));
+  return { middle, edges, normals: strip.normals, centers };
+}
+
+const halfAt = ({ low, high }, i) => (high[i] - low[i]) / 2;
 
 const lengthOf = (line) => line.reduce((sum, [x, y], i) => (i ? sum + Math.hypot(x - line[i - 1][0], y - line[i - 1][1]) : 0), 0);
 
@@ -79,24 +110,25 @@ export function stroke(clicks, width, pulls = []) {
   const line = resample(clicks, 2);
   const normals = line.map((_, i) => normalAt(line, i, 3));
   const edges = { low: line.map(() => -width / 2), high: line.map(() => width / 2) };
-  pull(edges, pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1 });
+  pull(edges, pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1, sway: 0.5, drift: 1 });
   return { line, ...edges, normals, width: edges.high[0] - edges.low[0], clicks, pulls };
 }
 
 /** Both edges of every cut in one round; in the last, pulled to where they were asked to be. */
-function found(strip, half, pins, round, unit, o) {
+function found(strip, half, pins, before, round, unit, o) {
   const taught = pins.filter((pin) => pin.side).map((pin) => pin.i);
-  const evidence = weighed(strip, half, taught, o);
+  const evidence = weighed(strip, half, taught, before, o);
   const even = (trust) => (round ? fitted(half, trust) : null);
   const free = divided(strip, evidence, even(evidence.trust), half, [], o);
-  const far = pins.filter((pin) => missed(pin, free.low[pin.i], free.high[pin.i]) > Math.max(o.small * unit, 0.25 * half[pin.i]));
+  const far = pins.filter((pin) => missed(pin, free.low[pin.i], free.high[pin.i]) > apparent(half[pin.i], unit, o));
   const trust = evidence.trust.map((t, i) => (far.some((pin) => pin.side && Math.abs(pin.i - i) <= 2) ? o.sure : t));
   const best = far.length ? divided(strip, evidence, even(trust), half, far, o) : free;
   const edges = { low: refined(strip, evidence, best.low, o), high: refined(strip, evidence, best.high, o) };
-  if (round < ROUNDS - 1) return edges;
+  const { centers } = evidence;
+  if (round < ROUNDS - 1) return { edges, centers };
   const whole = { low: edges.low.map((t) => t - o.rim), high: edges.high.map((t) => t + o.rim) };
   pull(whole, pins, o);
-  return whole;
+  return { edges: whole, centers };
 }
 
 /** An edge between the samples, where the step is strongest, and smoothed; clear steps count more. */
@@ -140,17 +172,24 @@ function placed({ at, side }, line, normals) {
   return { i, away, t: (at[0] - line[i][0]) * normals[i][0] + (at[1] - line[i][1]) * normals[i][1], side };
 }
 
-/** Moves the edges through the pins. What is missing there is spread as a Gaussian process would expect it: in part an
- *  error of the whole edge (this person draws wider), in part one of that place. */
+/** Moves the edges through the pins. What is missing there is spread as a Gaussian process would expect it, whose parts
+ *  are the width and the middle: an error of either is in part one of the whole cable (this person draws wider), in part
+ *  one of that place. */
 export function pull(edges, pins, o = WEIGHTS) {
-  const alike = (a, b) => o.whole + (1 - o.whole) * matern((a - b) / o.spread);
-  for (const side of [-1, 1]) {
-    const edge = side < 0 ? edges.low : edges.high;
-    const own = pins.filter((pin) => pin.side === side);
-    const matrix = own.map((a) => own.map((b) => alike(a.i, b.i) + (a === b ? 0.01 : 0)));
-    const shares = solved(matrix, own.map((pin) => pin.t - edge[pin.i]));
-    edge.forEach((_, i) => own.forEach((pin, k) => (edge[i] += shares[k] * alike(i, pin.i))));
+  const own = pins.filter(({ side }) => side);
+  const matrix = own.map((a) => own.map((b) => alike(a, b, o) + (a === b ? o.hand : 0)));
+  const shares = solved(matrix, own.map(({ i, t, side }) => side * (t - (side < 0 ? edges.low : edges.high)[i])));
+  for (const [edge, side] of [[edges.low, -1], [edges.high, 1]]) {
+    edge.forEach((_, i) => own.forEach((pin, k) => (edge[i] += side * shares[k] * alike({ i, side }, pin, o))));
   }
+}
+
+/** How alike the errors of two places at the edges are, outward: in the width they are the same on both sides, in the
+ *  middle the opposite. */
+function alike(a, b, o) {
+  const wide = o.whole + (1 - o.whole) * matern((a.i - b.i) / o.spread);
+  const aside = o.drift + (1 - o.drift) * matern((a.i - b.i) / o.stray);
+  return (1 - o.sway) * wide + o.sway * a.side * b.side * aside;
 }
 
 /** How alike the errors of two places are, that many spreads apart (Matérn's function of order 3/2): a pull makes no cusp,

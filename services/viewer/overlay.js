@@ -1,37 +1,13 @@
 // Draws what was found in a picture, over it. Lines and markers keep their size on the screen at any scale.
 
+import { color, inkOn, rgb } from "./colors.js";
 import { tint } from "./masks.js";
-import { pointAt, quietShare, visiblePieces } from "./strands.js";
+import { orderKnown, pointAt, quietShare, visiblePieces } from "./strands.js";
 
 const CASING = "rgb(0 0 0 / 0.65)";
 const WARNING = "#ffb020";
 const SMALLEST_GAP = 7; // screen pixels, half of it
 const LINE = 2.5;
-const LIGHT = 0.18; // luminance from which black stands out better than white
-
-/** `[r, g, b]` of an instance, the same as in overlay.png and instances.png: hues a golden ratio apart. */
-export function rgb(id) {
-  const number = id - 1;
-  const hue = (0.02 + number * 0.61803398875) % 1;
-  const dim = Math.floor(number / 12) % 3;
-  const [saturation, value] = [0.9 - 0.2 * dim, 1 - 0.15 * dim];
-  const channel = (n) => {
-    const k = (n + 6 * hue) % 6;
-    return Math.round(255 * value * (1 - saturation * Math.max(0, Math.min(k, 4 - k, 1))));
-  };
-  return [channel(5), channel(3), channel(1)];
-}
-
-export const color = (id) => `rgb(${rgb(id).join(" ")})`;
-
-/** Black or white, whichever is read better on the color of an instance. */
-export function inkOn(id) {
-  const [r, g, b] = rgb(id).map((value) => (value / 255) ** 2.2);
-  return 0.2126 * r + 0.7152 * g + 0.0722 * b > LIGHT ? "#000" : "#fff";
-}
-
-/** A score of one half says that nothing tells which strand is on top. */
-export const orderKnown = (crossing) => crossing.score > 0.5;
 
 /** `scene`: `{ result, map }`. `view`: as the stage gives it, and `shown`, the set of layers, `focus`: `{ instance }`,
  *  `{ crossing }` or null, `opacity` of the masks, `culprits`: what is below the limit of the result's status. */

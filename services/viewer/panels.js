@@ -2,7 +2,8 @@
 
 import { byId, element } from "./dom.js";
 import { t } from "./i18n.js";
-import { culpritsOf, orderKnown } from "./overlay.js";
+import { culpritsOf } from "./overlay.js";
+import { orderKnown } from "./strands.js";
 import { swatch } from "./swatches.js";
 
 /** `onHover(focus)` and `onClick(focus)` get `{ instance }` or `{ crossing }`, or null when left. */

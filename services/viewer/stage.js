@@ -19,11 +19,14 @@ export class Stage {
   #fingers = new Map();
   #waiting = 0;
   #followers = [];
+  #still = []; // all that the picture and what is on it were drawn from
+  #sheet = null; // they as they are seen, from the second time on
 
   /** `paint(context, view)` draws over the picture: the origin is the picture's corner, units are screen pixels, and
-   *  `view.scale` of them are a picture pixel. `pans(event)` tells whether a press moves the picture or is the page's. */
-  constructor(canvas, paint, pans = () => true) {
-    Object.assign(this, { canvas, paint, pans, context: canvas.getContext("2d") });
+   *  `view.scale` of them are a picture pixel. `pans(event)` tells whether a press moves the picture or is the page's.
+   *  `ground.paint(context, view)` draws between both what changes seldom, when one of the values `ground.of()` is another. */
+  constructor(canvas, paint, pans = () => true, ground = { of: () => [], paint: () => {} }) {
+    Object.assign(this, { canvas, paint, pans, ground, context: canvas.getContext("2d") });
     this.frame = canvas.parentElement;
     this.#listen();
     new ResizeObserver(() => this.#resized()).observe(canvas);
@@ -117,13 +120,38 @@ export class Stage {
     const { scale, left, top } = this.#view;
     Object.assign(canvas.dataset, { scale, left, top });
     if (!this.#size.width) return;
-    context.setTransform(density, 0, 0, density, density * left, density * top);
-    this.#drawPicture(density);
+    const view = { ...this.#view, density, width: canvas.clientWidth, height: canvas.clientHeight };
+    this.#drawGround(view);
+    onPicture(context, view);
     context.lineCap = context.lineJoin = "round";
-    this.paint(context, { ...this.#view, density, width: canvas.clientWidth, height: canvas.clientHeight });
+    this.paint(context, view);
   }
 
-  #drawPicture(density) {
+  /** The picture and what is on it. As long as nothing of it changes it is drawn once and copied: a pointer that moves over
+   *  a large picture with its masks would have them scaled at every step. */
+  #drawGround(view) {
+    const { canvas, context } = this;
+    const still = [...Object.values(view), this.#levels, this.#levels.length, ...this.ground.of()];
+    const before = this.#still;
+    this.#still = still;
+    if (still.length !== before.length || still.some((value, k) => value !== before[k])) {
+      this.#sheet = null;
+      return this.#drawnOn(context, view);
+    }
+    if (!this.#sheet) {
+      this.#sheet = new OffscreenCanvas(canvas.width, canvas.height);
+      this.#drawnOn(this.#sheet.getContext("2d"), view);
+    }
+    return context.drawImage(this.#sheet, 0, 0);
+  }
+
+  #drawnOn(context, view) {
+    onPicture(context, view);
+    this.#drawPicture(context, view.density);
+    this.ground.paint(context, view);
+  }
+
+  #drawPicture(context, density) {
     const { scale, left, top } = this.#view;
     const { width, height } = this.#size;
     const level = levelFor(this.#levels, scale * density * width);
@@ -136,11 +164,11 @@ export class Stage {
     ];
     if (x1 <= x0 || y1 <= y0) return;
     const [u, v] = [level.width / width, level.height / height];
-    this.context.imageSmoothingEnabled = scale < CRISP;
-    this.context.drawImage(
+    context.imageSmoothingEnabled = scale < CRISP;
+    context.drawImage(
       level, x0 * u, y0 * v, (x1 - x0) * u, (y1 - y0) * v, x0 * scale, y0 * scale, (x1 - x0) * scale, (y1 - y0) * scale,
     );
-    this.context.imageSmoothingEnabled = true;
+    context.imageSmoothingEnabled = true;
   }
 
   #fitScale() {
@@ -236,6 +264,11 @@ export class Stage {
     );
     this.frame.append(bar);
   }
+}
+
+/** The origin at the picture's corner, in screen pixels. */
+function onPicture(context, { density, left, top }) {
+  context.setTransform(density, 0, 0, density, density * left, density * top);
 }
 
 /** Where a side of a picture begins in a room: as wanted, but without a margin; in the middle where it is shorter. */

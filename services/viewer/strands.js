@@ -1,5 +1,8 @@
 // Centerlines cut where another strand passes over them. Lengths in picture pixels.
 
+/** A score of one half says that nothing tells which strand is on top. */
+export const orderKnown = (crossing) => crossing.score > 0.5;
+
 /** The pieces of an instance's centerline that lie on top; `least` is the smallest half gap. */
 export function visiblePieces(instance, result, least) {
   const line = measured(instance.closed ? ring(instance.centerline_xy) : instance.centerline_xy);

@@ -1,10 +1,10 @@
 // The page of the tracks: frames of a film go to a tracking session one after the other; the answer is a film with ids.
 
 import { api } from "./api.js";
+import { color, inkOn } from "./colors.js";
 import { byId, download, element, onDrop, problemOf, showProblem } from "./dom.js";
 import { framesOf } from "./frames.js";
 import { t } from "./i18n.js";
-import { color, inkOn } from "./overlay.js";
 import { shell } from "./shell.js";
 import { Stage } from "./stage.js";
 import { pointAt } from "./strands.js";

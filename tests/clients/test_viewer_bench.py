@@ -13,6 +13,7 @@ import pytest
 from dlo_client.labelling import PictureLabel, label_of
 from PIL import Image
 
+from tests.browser import Chromium
 from tests.clients import samples
 from tests.clients.browser_pages import NEEDS_BROWSER, opened, place
 from tests.clients.fake_service import FakeService
@@ -30,7 +31,7 @@ def service() -> FakeService:
 
 
 @pytest.fixture
-def page(browser: Any, service: FakeService) -> Iterator[Any]:
+def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
     """The bench without a picture."""
     with opened(browser, service, BENCH) as page:
         page.wait_for_selector("body[data-ready]")
@@ -195,34 +196,6 @@ def test_areas_connectors_and_branch_points_are_labels_too(page: Any, tmp_path: 
     assert saved(page, tmp_path).ignore == saved(page, tmp_path).branch_points == []
 
 
-def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(page: Any, service: FakeService, tmp_path: Any) -> None:
-    """A large picture was shown 1280 px wide; its labels are in its own pixels."""
-    wide, high, width = 4000, 3000, 24
-    pixels = np.full((high, wide), 60, np.uint8)
-    pixels[1500 - width // 2 : 1500 + width // 2, 200:3800] = 220
-    service.refusal = samples.refused(503)  # what a person draws does not wait for the service
-    take(page, "large.png", png(pixels))
-    page.wait_for_function("Number(document.querySelector('#canvas').dataset.scale) < 0.5")
-    page.wait_for_selector("#confirm:not([disabled])")
-    scale = "Number(document.querySelector('#canvas').dataset.scale)"
-    fitted = page.evaluate(scale)
-    page.mouse.move(*place(page, 1000, 1500))
-    for _ in range(6):
-        page.mouse.wheel(0, -300)
-    assert page.evaluate(scale) > 4 * fitted
-    click(page, 1000, 1500)
-    page.keyboard.press("0")
-    page.focus("#canvas")
-    page.keyboard.press("0")
-    assert page.evaluate(scale) == pytest.approx(fitted, rel=0.01)
-    click(page, 3000, 1502)
-    press(page, "Enter")
-    (cable,) = saved(page, tmp_path).instances
-    assert cable.width_px == pytest.approx(width, rel=0.15)
-    assert max(abs(y - 1500) for _, y in cable.centerline_xy) < 4
-    assert cable.mask_rle.size == (high, wide)
-
-
 def test_what_only_the_service_can_decode_is_shown(page: Any, service: FakeService) -> None:
     """A TIFF of 16 bits."""
     service.preview = png(probability())
@@ -258,54 +231,9 @@ def test_pictures_are_gone_through_with_the_keys_of_cvat(page: Any, tmp_path: An
     assert page.inner_text("#count") == "1 of 3 confirmed, 0 changed"
 
 
-def test_what_the_service_was_unsure_of_is_there_to_be_labelled(browser: Any, service: FakeService) -> None:
+def test_what_the_service_was_unsure_of_is_there_to_be_labelled(browser: Chromium, service: FakeService) -> None:
     service.unsure = {sha256(data): data for data in (png(probability()), png(255 - probability()))}
     with opened(browser, service, BENCH) as page:
         page.click("#unsure")
         page.wait_for_function("document.querySelectorAll('#pictures button').length === 2")
         page.wait_for_selector("#instances button")
-
-
-SEARCHED = """async () => {
-    const { cheapest, searchable } = await import("/viewer/search.js");
-    const { prepare } = await import("/viewer/livewire.js");
-    const [width, height, row] = [400, 400, 200];
-    const p = new Float32Array(width * height).map((_, i) => Number(Math.abs(Math.floor(i / width) - row) < 2));
-    const planes = [0, 1, 2].map(() => p.map((value) => 100 * value));
-    const map = searchable({ ...prepare(p, width, height), planes }, [[50, row], [350, row]]);
-    const path = cheapest(map, [50, row], [350, row]);
-    return [path.every(([, y]) => y === row), path.length, map.prices.filter(Boolean).length];
-}"""
-
-
-def test_a_search_keeps_to_the_cable(page: Any) -> None:
-    """It went to all that was nearer than the goal, most of a large picture: half of the time of a click."""
-    straight, length, priced = page.evaluate(SEARCHED)
-    assert (straight, length) == (True, 301)
-    assert priced < 3000
-
-
-STRIPS = """async () => {
-    const { paint, straightened } = await import("/viewer/strip.js");
-    const [width, height] = [60, 40];
-    const bytes = new Uint8ClampedArray(4 * width * height).map((_, i) => (37 * i + (i >> 5)) % 256);
-    const p = new Float32Array(width * height).map((_, i) => (i % 7) / 7);
-    const planes = paint(bytes, width, height);
-    const line = Array.from({ length: 20 }, (_, i) => [3 * i - 2.3, 5 + 1.7 * i]);
-    const coarse = { width, height, sx: 1, sy: 1, p };
-    const small = straightened({ width, height, planes, p }, line, 6, 0.5);
-    const large = straightened({ width, height, bytes, coarse }, line, 6, 0.5);
-    const off = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i])));
-    const at = small.m * 4 + small.r;
-    const [x, y] = line[4].map(Math.floor);
-    return [off(small.p, large.p), ...small.colors.map((plane, c) => off(plane, large.colors[c])), small.colors[0][at],
-        Math.min(...[0, 1, width, width + 1].map((k) => planes[0][y * width + x + k])),
-        Math.max(...[0, 1, width, width + 1].map((k) => planes[0][y * width + x + k]))];
-}"""
-
-
-def test_a_large_picture_is_read_as_a_small_one(page: Any) -> None:
-    """Its bytes were read by an interpolation of their own."""
-    *off, value, least, most = page.evaluate(STRIPS)
-    assert max(off) < 1e-3
-    assert least <= value <= most
