@@ -1,7 +1,8 @@
 // The page of the pictures: takes several, sends them, shows what came back. Drawing is in overlay.js.
 
 import { api } from "./api.js";
-import { byId, copy, download, isTyping, onDrop, problemOf, showProblem } from "./dom.js";
+import { codeCard, showCode } from "./code_card.js";
+import { byId, download, isTyping, onDrop, problemOf, showProblem } from "./dom.js";
 import { Film } from "./film.js";
 import { t } from "./i18n.js";
 import { recipeLink, spaceLink } from "./joblinks.js";
@@ -12,7 +13,6 @@ import { follow, remember } from "./permalink.js";
 import { Queue } from "./queue.js";
 import { offer } from "./samples.js";
 import { shell } from "./shell.js";
-import { curlOf, pythonOf, recipeOf } from "./snippets.js";
 import { Stage } from "./stage.js";
 
 const REACH = 6; // screen pixels between the pointer and a cable that still count as on it
@@ -122,15 +122,9 @@ function requestOf(picture) {
 }
 
 function showRequest() {
-  const base = new URL(".", document.baseURI).href.replace(/\/$/, "");
   const name = page.shown?.name ?? "picture.jpg";
-  const request = requestOf(page.shown);
-  const recipe = recipeOf(request, t("Cables"));
   const parts = { image: name, ...(page.shown?.depth ? { depth: page.shown.depth.name } : {}) };
-  byId("curl").textContent = curlOf(request, parts, base, Boolean(api.key));
-  byId("python").textContent = pythonOf(request, parts, base);
-  byId("recipe").textContent = JSON.stringify(recipe, null, 2);
-  byId("save-recipe").href = `viewer/recipes.html?body=${encodeURIComponent(JSON.stringify(recipe))}`;
+  showCode(requestOf(page.shown), parts, t("Cables"));
 }
 
 /** The depth of the picture shown: a map of another one must not come with it. */
@@ -273,9 +267,6 @@ function listen() {
     const moved = Math.hypot(event.clientX - (pressed?.[0] ?? 0), event.clientY - (pressed?.[1] ?? 0));
     if (moved < 4) pin(underPointer(event));
   });
-  for (const from of document.querySelectorAll("[data-copy]")) {
-    from.addEventListener("click", () => copy(from, byId(from.dataset.copy)));
-  }
   addEventListener("keydown", (event) => {
     if (isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "f" || event.key === "d") film.step(event.key === "f" ? 1 : -1);
@@ -286,6 +277,7 @@ function listen() {
 }
 
 shell(showRequest);
+codeCard();
 stage.addButtons();
 stage.follow(beside);
 offer(byId("samples"), "cables", choose);

@@ -24,6 +24,7 @@ export const GERMAN = {
   "Threshold": "Schwelle", "network's own": "die des Netzes", "Find cables": "Kabel finden", "Show what is unsure": "Unsicheres zeigen",
   "How the picture was read": "Wie das Bild gelesen wurde", "Instances": "Kabel", "Crossings": "Kreuzungen", "Time": "Zeit",
   "This request as code": "Diese Anfrage als Code", "Recipe": "Rezept", "Save as a recipe": "Als Rezept sichern", "Cables": "Kabel",
+  "Cable in 3D": "Kabel in 3D",
   "No cable is seen": "Kein Kabel zu sehen", "Sure: every score is at least {limit}": "Sicher: jede Wertung ist mindestens {limit}",
   "Unsure: a score is below {limit}": "Unsicher: eine Wertung ist unter {limit}", "none found": "keine gefunden", "closed ring": "geschlossener Ring",
   "free": "frei", "border": "Rand", "hidden": "verdeckt", "branch": "Abzweig", "over": "über", "and": "und", "order unknown": "Reihenfolge unbekannt",

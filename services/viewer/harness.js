@@ -1,6 +1,7 @@
 // The harness page: a picture to its topology and the actions that disentangle it. Drawing is in harness_drawing.js.
 
 import { api } from "./api.js";
+import { codeCard, showCode } from "./code_card.js";
 import { byId, element as part, onDrop, problemOf, showProblem } from "./dom.js";
 import { drawHarness } from "./harness_drawing.js";
 import { t } from "./i18n.js";
@@ -24,6 +25,7 @@ async function choose(file) {
   Object.assign(page, { file, bitmap: null });
   forget();
   byId("run").disabled = false;
+  showRequest();
   canvas.setAttribute("aria-label", file.name);
   const bitmap = await api.bitmap(file);
   if (page.file !== file) return; // another one was chosen meanwhile
@@ -39,9 +41,8 @@ async function run() {
   byId("progress").hidden = false;
   page.job = null;
   try {
-    const request = await requestOf();
-    const part = byId("as").value === "mask" ? "mask" : "image";
-    const job = await api.run(request, { [part]: page.file }, onJob, controller.signal);
+    const request = { ...(await requestOf()), files: [] }; // this page draws by itself
+    const job = await api.run(request, { [partOf()]: page.file }, onJob, controller.signal);
     show(job);
     remember({ ...page }, job.id);
   } catch (error) {
@@ -65,13 +66,20 @@ async function cancel() {
 }
 
 /** Naming branches needs the drawing, which only `topology` takes. A request that names its network looks at every
-    picture as a photograph. No files: this page draws by itself. */
+    picture as a photograph. */
 async function requestOf() {
-  const request = { kind: byId("kind").value, files: [] };
+  const request = { kind: byId("kind").value };
   if (byId("as").value === "photograph") request.model = await foregroundNetwork();
   const drawing = byId("drawing").files[0];
   if (!drawing) return request;
   return { ...request, kind: "topology", drawing: JSON.parse(await drawing.text()) };
+}
+
+const partOf = () => (byId("as").value === "mask" ? "mask" : "image");
+
+async function showRequest() {
+  const request = await requestOf().catch(() => null);
+  if (request) showCode(request, { [partOf()]: page.file?.name ?? "harness.png" }, t("Harness"));
 }
 
 async function foregroundNetwork() {
@@ -204,7 +212,9 @@ function opened(job, picture) {
   show(job);
 }
 
-shell();
+shell(showRequest);
+codeCard();
+showRequest();
 stage.addButtons();
 offer(byId("samples"), "harness", ([file]) => choose(file));
 byId("file").addEventListener("change", (event) => choose(event.target.files[0]));
@@ -212,6 +222,7 @@ byId("form").addEventListener("submit", (event) => {
   event.preventDefault();
   run();
 });
+byId("form").addEventListener("input", showRequest);
 byId("cancel").addEventListener("click", cancel);
 byId("play").addEventListener("click", play);
 for (const event of ["input", "change"]) byId("layers").addEventListener(event, redraw);

@@ -1,6 +1,7 @@
 // The page of the 3D reconstruction: sends pictures and cameras, or opens a finished job, and shows what came back.
 
 import { api, ProblemError } from "./api.js";
+import { codeCard, showCode } from "./code_card.js";
 import { byId, element as made, problemOf, showProblem } from "./dom.js";
 import { t } from "./i18n.js";
 import { recipeLink } from "./joblinks.js";
@@ -22,13 +23,22 @@ async function run(views = cameras, files = pictures) {
   waiting?.abort();
   const { signal } = (waiting = new AbortController());
   try {
-    const request = { kind: "reconstruct", method: byId("method").value, views };
+    const request = requestOf(views);
+    showRequest(views, files);
     await open(await api.run(request, files, onJob, signal));
   } catch (error) {
     if (!signal.aborted) report(error);
   } finally {
     if (waiting.signal === signal) byId("progress").hidden = byId("cancel").hidden = true;
   }
+}
+
+const requestOf = (views) => ({ kind: "reconstruct", method: byId("method").value, views });
+
+/** Pictures that the service knows already are named in the views. */
+function showRequest(views = cameras, files = pictures) {
+  const image = files.map(({ name }) => name);
+  showCode(requestOf(views ?? []), image.length ? { image } : {}, t("Cable in 3D"));
 }
 
 function onJob(job) {
@@ -157,6 +167,7 @@ async function readCameras(file) {
     showProblem(wrong(`${file.name}: ${error.message}`));
   }
   allow();
+  showRequest();
 }
 
 function allow() {
@@ -179,6 +190,7 @@ function listen() {
   byId("files").addEventListener("change", (event) => {
     pictures = [...event.target.files];
     allow();
+    showRequest();
   });
   byId("cameras").addEventListener("change", (event) => event.target.files[0] && readCameras(event.target.files[0]));
   byId("form").addEventListener("submit", (event) => {
@@ -186,6 +198,7 @@ function listen() {
     run();
   });
   byId("sample").addEventListener("click", () => trySample().catch(report));
+  byId("method").addEventListener("input", () => showRequest());
   byId("cancel").addEventListener("click", cancel);
   byId("job").addEventListener("change", (event) => event.target.value && openById(event.target.value.trim()));
   byId("layers").addEventListener("change", () => {
@@ -202,7 +215,9 @@ function openAsked() {
   if (asked) openById(asked);
 }
 
-shell();
+shell(() => showRequest());
+codeCard();
+showRequest();
 listen();
 openAsked();
 addEventListener("popstate", openAsked);

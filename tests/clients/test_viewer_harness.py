@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
+from tests.browser import Chromium
 from tests.clients import harness_samples, samples
 from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened
 from tests.clients.fake_service import FakeService
-from tests.clients.test_viewer import picture
+from tests.clients.viewer_pictures import picture, request_in
 
 pytestmark = NEEDS_BROWSER
 
@@ -23,7 +24,7 @@ def service() -> FakeService:
 
 
 @pytest.fixture
-def page(browser: Any, service: FakeService) -> Iterator[Any]:
+def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
     with opened(browser, service, "viewer/harness.html", 1000) as page:
         yield page
 
@@ -99,3 +100,17 @@ def test_the_action_is_played_over_the_picture(page: Any) -> None:
     page.click("#play")
     assert page.evaluate(share) == 1
     assert color_at(page, samples.WIDTH * 0.2, samples.HEIGHT * 0.93) != before, "the section has come along"
+
+
+def test_the_request_is_shown_as_code(page: Any) -> None:
+    """Only the page of the pictures had it."""
+    page.select_option("#as", "mask")
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#actions button")
+    name, call = request_in(page)
+    assert name == "DisentangleRequest"
+    assert [(given.arg, given.value.value) for given in call.keywords] == [("mask", "it's.jpg")]
+    assert r"""-F 'mask=@"it'\''s.jpg"'""" in page.text_content("#curl")
+    page.select_option("#kind", "topology")
+    page.wait_for_function("document.querySelector('#recipe').textContent.includes('\"topology\"')")
+    assert request_in(page)[0] == "TopologyRequest"

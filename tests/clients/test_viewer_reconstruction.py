@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import json
 from collections.abc import Iterator
@@ -10,9 +11,11 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from tests.browser import Chromium
 from tests.clients import curve_samples, samples
 from tests.clients.browser_pages import NEEDS_BROWSER, opened
 from tests.clients.fake_service import FakeService
+from tests.clients.viewer_pictures import request_in
 
 pytestmark = NEEDS_BROWSER
 
@@ -32,7 +35,7 @@ def service() -> FakeService:
 
 
 @pytest.fixture
-def page(browser: Any, service: FakeService) -> Iterator[Any]:
+def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
     with opened(browser, service, "viewer/reconstruction.html", 1000) as page:
         yield page
 
@@ -71,6 +74,10 @@ def test_pictures_and_cameras_become_a_curve(page: Any, service: FakeService) ->
     page.wait_for_selector("#facts dd")
     request = json.loads(service.requests[0])
     assert request["kind"] == "reconstruct"
+    name, call = request_in(page)
+    assert name == "ReconstructRequest"
+    assert ast.literal_eval(call.args[1]) == ["0.png", "1.png", "2.png"]
+    assert page.text_content("#curl").count("-F 'image=@") == 3
     assert [view["T_world_camera"][0][3] for view in request["views"]] == [-0.05, 0.0, 0.05]
     facts = dict(zip(page.locator("dt").all_inner_texts(), page.locator("dd").all_inner_texts(), strict=True))
     assert facts["length"] == "200.0 mm"
