@@ -31,9 +31,9 @@ export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
   const through = clicks.map((at) => ({ at, side: 0 }));
   const all = [...pulls, ...through];
   if (path.learnedBy !== weights) Object.assign(path, { learned: learned(view, path, through, weights), learnedBy: weights });
-  // A small pull changes the last round alone. One that says that the colors were learned from the wrong pixels, all.
-  const wrong = pulls.some((one) => corrects(one, path.learned, weights));
-  return { ...settled(view, wrong ? learned(view, path, all, weights) : path.learned, all, weights), clicks, pulls };
+  // In a large picture, where somebody would wait, a small pull changes the last round alone.
+  const anew = pulls.some((one) => !view.bytes || corrects(one, path.learned, weights));
+  return { ...settled(view, anew ? learned(view, path, all, weights) : path.learned, all, weights), clicks, pulls };
 }
 
 /** Whether a pull moves its edge by much of what was learned without it. */
@@ -44,7 +44,6 @@ function corrects(one, { line, half, unit }, o) {
 
 /** By how much an edge may be off before colors are doubted, too. */
 const apparent = (half, unit, { small }) => Math.max(small * unit, 0.25 * half);
-
 
 /** The snapped centerline along all clicks, as `trace` gives it. The view keeps the newest: the line that was traced to
  *  the pointer is asked for again by the click there, and a pull does not change it. */
@@ -65,7 +64,8 @@ function path(view, clicks) {
 }
 
 /** The line and half widths of a cable about `path`, from rounds that teach its colors; `unit` and `apart` are the steps,
- *  across and along, in which it is looked at. */
+ *  across and along, in which it is looked at. A large picture's are larger, and its kinds of color are found from those of
+ *  the round before. */
 function learned(view, { line: path, width }, pulls, o) {
   const wide = width ?? USUAL_PX;
   const unit = Math.max(1, wide / FINE_WIDTH_PX);
@@ -77,7 +77,7 @@ function learned(view, { line: path, width }, pulls, o) {
   let centers = null;
   for (let round = 0; round < ROUNDS - 1; round += 1) {
     const { middle, edges, ...seen } = looked(view, { line, half, centers }, pulls, round, hasty ? COARSER * unit : unit, o);
-    centers = seen.centers;
+    if (view.bytes) centers = seen.centers;
     line = soft(resample(middle, round < ROUNDS - 2 ? rough : apart), 2);
     half = line.map((_, i) => halfAt(edges, Math.round((i * (middle.length - 1)) / (line.length - 1))));
   }

@@ -102,8 +102,8 @@ def pages(data: dict[str, Any]) -> str:
     rows = [[*text, data["median_ms"][name], _listed(data["ms"][name])] for name, text in texts.items()]
     return (
         "## 12 megapixels on the label bench, ms\n\n`python -m tests.benchmarks.bench_pages`: headless Chromium "
-        f"without a graphics card, medians, and every run; load of the machine meanwhile {data['load']}.\n\n"
-        + table(["", "floor", "aim", "median", "runs"], rows)
+        "without a graphics card, twelve cables of the service in the picture and one more drawn; medians, and every "
+        f"run; load of the machine meanwhile {data['load']}.\n\n" + table(["", "floor", "aim", "median", "runs"], rows)
     )
 
 
