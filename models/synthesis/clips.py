@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -54,18 +55,28 @@ class Frame:
         return tuple(float(seen.mean()) for seen in self.in_view)
 
 
-def render_clip(rng: Rng, params: ClipParams, pool: TexturePool) -> Iterator[Frame]:
-    """Frame after frame; everything random comes from ``rng``, drawn before the first one."""
+class Course(Protocol):
+    """How a cable moves."""
+
+    def at(self, t: int) -> FloatArray:
+        """(m, 3) dense centerline at frame ``t``: x, y px, height."""
+
+
+def render_clip(
+    rng: Rng, params: ClipParams, pool: TexturePool, course: Callable[[Rng, ClipParams], Course] | None = None
+) -> Iterator[Frame]:
+    """Frame after frame; everything random comes from ``rng``, drawn before the first one. The cables move on courses
+    drawn by ``course``; without, they drift, turn and bend."""
     ground = pool.sample(rng, params.size, torch.device("cpu"))
-    courses = [_Course(rng, params) for _ in range(params.cables)]
+    courses = [(course or _Course)(rng, params) for _ in range(params.cables)]
     look = random_look(rng, random_color(rng), params.width_px)
     looks = [look if params.same_look else random_look(rng, random_color(rng), params.width_px) for _ in courses]
     light, noise = random_light(rng), rng.uniform(0.005, 0.02)
     middle, angle = rng.uniform((0.3, 0.3), (0.7, 0.7)) * params.size[::-1], rng.uniform(-np.pi, np.pi)
-    arm = _arm([course.at(params.covered[0]) for course in courses], middle, angle, params)
+    arm = _arm([one.at(params.covered[0]) for one in courses], middle, angle, params)
     for t in range(params.frames):
         canvas = Canvas(ground.clone())
-        curves = [course.at(t) for course in courses]
+        curves = [one.at(t) for one in courses]
         painted = [
             Cable(c, np.full(len(c), params.width_px / 2, np.float32), k) for c, k in zip(curves, looks, strict=True)
         ]

@@ -22,6 +22,7 @@ from models.tracking.placing import Piece, piece_at, placed
 from models.tracking.regrouping import Kept, cuts, extended
 from models.tracking.sliding import slid
 from models.tracking.state import NODES, Observation, TrackedCable
+from models.tracking.tails import claimed
 
 _ROUNDS, _FORBIDDEN = 3, 1e3
 """So often owners are found anew, without those that contradict one another."""
@@ -69,13 +70,15 @@ def assign(
     own = {i: {k: piece for k, piece in pieces.items() if k not in refused} for i, pieces in own.items()}
     changed, joined = cuts(found, own, cables)
     taken, on = extended(found, own, cables)
+    nobodys = [k for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
+    taken |= claimed(found, nobodys, own, cables, expected)
     matches = {}
     for i, pieces in own.items():
         of_it = recognised(slid(list(pieces.values()), cables[i], expected[i]), cables[i], expected[i])
         longest = sorted(of_it, key=lambda piece: -piece.length_px)
         sure, goes_on = _probability(i, [found[k] for k in pieces]), ((i, 0) in on, (i, 1) in on)
         matches[i] = Match(tuple(longest), sure, goes_on, i in joined)
-    left = [run for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
+    left = [found[k] for k in nobodys if k not in taken]
     return matches, _found_again(cables, expected, matches, left), changed
 
 

@@ -32,6 +32,8 @@ _LEARNED = 0.03
 _LEAST_SAMPLES = 6
 _OF_HIDDEN = 0.03
 """Weight of the direction that a place out of view is supposed to have, against one in view."""
+_FORGOTTEN_WIDTHS = 4.0
+"""Once a place may be so far from where it is supposed to be, half the weight of its direction is gone."""
 _PULL = 0.15
 """Share of the way from where its velocity brings a tail out of view to where its course has it, in a frame."""
 
@@ -59,10 +61,10 @@ def recognised(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArra
     """The pieces, those that no end pins down moved along the cable to where their course is known from."""
     if cable.closed or all(piece.pinned for piece in pieces):
         return list(pieces)
-    steps, usual = _steps(pieces), course_of(expected)
+    steps, known = _steps(pieces), _known(cable, expected)
     slide = 0.0
     for _ in range(_ROUNDS):
-        step = _slide(steps, slide, cable, usual)
+        step = _slide(steps, slide, cable, known)
         slide += step
         if abs(step) < 0.05 * cable.width_px:
             break
@@ -80,15 +82,24 @@ def _steps(pieces: Sequence[Piece]) -> _Steps:
     return _Steps(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _slide(steps: _Steps, slide: float, cable: TrackedCable, usual: FloatArray) -> float:
-    """Px by which the pieces that are not pinned are to be moved on from ``slide``."""
+def _known(cable: TrackedCable, expected: FloatArray) -> FloatArray:
+    """(NODES - 1, 3) between the nodes: the direction where the cable is expected, and of its course; what this one
+    turns a px."""
+    turns = np.empty(NODES - 1)
+    turns[1:-1] = 0.5 * (cable.course[2:] - cable.course[:-2])
+    turns[[0, -1]] = cable.course[1] - cable.course[0], cable.course[-1] - cable.course[-2]
+    return np.column_stack([course_of(expected), cable.course, turns * ((NODES - 1) / cable.length_px)])
+
+
+def _slide(steps: _Steps, slide: float, cable: TrackedCable, along: FloatArray) -> float:
+    """Px by which the pieces that are not pinned are to be moved on from ``slide``, of what is known ``along`` the
+    cable."""
     position = steps.position + slide * ~steps.pinned
     place = position * ((NODES - 1) / cable.length_px) - 0.5
     inside = (place > 0) & (place < NODES - 2)
     if np.count_nonzero(inside) < _LEAST_SAMPLES:
         return 0.0
-    rising = np.gradient(cable.course, cable.length_px / (NODES - 1))
-    here, known, slope = between(np.column_stack([usual, cable.course, rising]), place).T
+    here, known, slope = between(along, place).T
     turns = steps.direction - here
     wanted = turns - 2 * np.pi * np.rint(turns / (2 * np.pi)) + here - known
     matrix = np.column_stack([waves(np.clip(position / cable.length_px, 0.0, 1.0)), slope * ~steps.pinned])
@@ -106,7 +117,7 @@ def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[Float
         return xy, np.where(np.isnan(cable.course), course_of(xy), cable.course)
     now, course = course_of(xy), cable.course
     fitted = known & np.isfinite(course)
-    bent = _bent(now - course, np.where(fitted, 1.0, _OF_HIDDEN * np.isfinite(course)))
+    bent = _bent(now - course, np.where(fitted, 1.0, _of_hidden(cable) * np.isfinite(course)))
     rest = now - course - bent
     change = np.where(known, _LEARNED * (bent + np.nan_to_num(rest)), _LEARNED * bent)
     course = np.where(np.isnan(course), now - bent, course + change)
@@ -121,9 +132,16 @@ def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[Float
     return xy, course
 
 
+def _of_hidden(cable: TrackedCable) -> FloatArray:
+    """(NODES - 1,) weight of the directions that places out of view are supposed to have: what went out of view a
+    moment ago is still as it was."""
+    spread = np.maximum(cable.spread[1:], cable.spread[:-1]) / cable.width_px
+    return np.asarray(_OF_HIDDEN + (1 - _OF_HIDDEN) / (1.0 + (spread / _FORGOTTEN_WIDTHS) ** 4))
+
+
 def _bent(change: FloatArray, weight: FloatArray) -> FloatArray:
     """(NODES - 1,) the smooth part of a change of direction whose places weigh (NODES - 1,)."""
-    if np.count_nonzero(weight >= 1) < _LEAST_SAMPLES:
+    if np.count_nonzero(weight > 0.9) < _LEAST_SAMPLES:
         return np.zeros(NODES - 1)
     weighted = (_BASIS * weight[:, None]).T / (_NOISE_RAD**2 * _INDEPENDENT)
     system = weighted @ _BASIS + np.diag(1 / _BENDS_RAD**2)

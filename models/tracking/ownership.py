@@ -226,14 +226,14 @@ def costs_of(
     costs[:, -1] = _NOBODY
     places = np.zeros((len(samples.xy), len(cables)))
     for i, (cable, xy) in enumerate(zip(cables, expected, strict=True)):
-        unlike = np.array([_unlike(observed, cable) for observed in observations])[samples.of]
+        different = np.array([unlike(observed, cable) for observed in observations])[samples.of]
         sigma = np.hypot(_KNOWN_WIDTHS * cable.width_px, cable.spread)
         reach = _OUT_OF_REACH_SPREADS * float(sigma.max())
         low, high = xy.min(0) - reach, xy.max(0) + reach
         near = np.flatnonzero(((samples.xy > low) & (samples.xy < high)).all(1))
         if len(near):
             cost, place = _against(samples.xy[near], samples.direction[near], cable, xy, sigma)
-            costs[near, i] = np.minimum(cost + unlike[near], _FARTHEST)
+            costs[near, i] = np.minimum(cost + different[near], _FARTHEST)
             places[near, i] = place
     return costs, places
 
@@ -261,7 +261,7 @@ def _against(
     return cost[rows, node], node * spacing + along[rows, node]
 
 
-def _unlike(observed: Observation, cable: TrackedCable) -> float:
+def unlike(observed: Observation, cable: TrackedCable) -> float:
     """Cost of what the observation as a whole has unlike the cable."""
     cost = 2.0 * float(np.log(observed.width_px / cable.width_px)) ** 2
     if observed.color is not None and cable.color is not None:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from models.geometry.arrays import FloatArray
 from models.tracking.ownership import TANGLED_WIDTHS, Run
 from models.tracking.placing import Piece, pinned_down
 from models.tracking.state import NODES, TrackedCable
@@ -27,6 +28,10 @@ _NEAR_WIDTHS = 3.0
 """A cable is firmly known to go on if it is firm so far on."""
 _LEAST_WIDTHS = 4.0
 """What is left of a cable and is shorter is no cable."""
+_DIRECTED, _COS_CORNER = 4, 0.3
+"""Samples that give a direction; cosine of the angle of a corner."""
+_LONG_KNOWN = 100
+"""A cable that was met in so many frames is one of its own."""
 _SHARED_FRAMES, _CONTRADICTED_FRAMES = 6, 12
 """So often more than not pictures join two cables that then become one, and others whose parts are then exchanged."""
 
@@ -83,8 +88,8 @@ def _decided(
     stays = [2 * length - _seen_px(own[side.cable]) for length, side in zip(here, sides, strict=True)]
     if any(side.firm for side in sides):
         times = min(cables[side.cable].joined for side in sides)
-        if times >= _SHARED_FRAMES and _share(sides, numbers, own):
-            older, newer = sorted(sides, key=lambda side: -cables[side.cable].met)
+        older, newer = sorted(sides, key=lambda side: -cables[side.cable].met)
+        if times >= _SHARED_FRAMES and _fits(older, newer, own, cables) and _share(sides, numbers, own):
             return {older.cable: (older.start, older.stop), newer.cable: None}
         if times < _CONTRADICTED_FRAMES:
             return None
@@ -111,6 +116,15 @@ def _confirmed(side: _Side, cable: TrackedCable) -> int:
 def _share(sides: tuple[_Side, _Side], numbers: tuple[int, int], own: Mapping[int, Mapping[int, Piece]]) -> bool:
     """Whether of none of both a part is seen beyond the junction."""
     return all(_alone_beyond(side, k, own[side.cable]) for side, k in zip(sides, numbers, strict=True))
+
+
+def _fits(older: _Side, newer: _Side, own: Mapping[int, Mapping[int, Piece]], cables: Sequence[TrackedCable]) -> bool:
+    """Whether the newer cable may be what is out of view of the older one: neither is long known, nor both together
+    longer than the older one is known to be."""
+    whole, part = cables[older.cable], cables[newer.cable]
+    end = whole.ends[1 if older.last else 0]
+    room = whole.length_px - _seen_px(own[older.cable]) + _NEAR_WIDTHS * whole.width_px
+    return part.met < min(_LONG_KNOWN, whole.met) and (end != "free" or _seen_px(own[newer.cable]) < room)
 
 
 def cut(cable: TrackedCable, kept: tuple[float, float]) -> TrackedCable:
@@ -170,10 +184,20 @@ def _alone_beyond(side: _Side, number: int, pieces: Mapping[int, Piece]) -> bool
 
 def _joined(a: Run, b: Run) -> bool:
     """Whether the picture shows clearly that ``b`` follows on ``a``: both are alone soon before and after."""
-    before, after = np.flatnonzero(a.trust >= 1), np.flatnonzero(b.trust >= 1)
-    if b.came_in or a.observed is not b.observed or a.cable == b.cable or not len(before) or not len(after):
+    if b.came_in or a.observed is not b.observed or a.cable == b.cable:
         return False
-    return bool(b.along[after[0]] - a.along[before[-1]] < TANGLED_WIDTHS * a.observed.width_px)
+    before, after = np.flatnonzero(a.trust >= 1), np.flatnonzero(b.trust >= 1)
+    if not len(before) or not len(after):
+        return False
+    near = b.along[after[0]] - a.along[before[-1]] < TANGLED_WIDTHS * a.observed.width_px
+    return bool(near) and _straight_on(a.xy[: before[-1] + 1], b.xy[after[0] :])
+
+
+def _straight_on(a: FloatArray, b: FloatArray) -> bool:
+    """Whether ``b`` (n, 2) follows on ``a`` (m, 2) without a corner: cables bend, strands that meet at the edge of an
+    arm do not."""
+    before, after = a[-1] - a[max(len(a) - _DIRECTED, 0)], b[min(_DIRECTED, len(b)) - 1] - b[0]
+    return float(before @ after) >= _COS_CORNER * float(np.hypot(*before) * np.hypot(*after))
 
 
 def _side(piece: Piece, i: int, cables: Sequence[TrackedCable], at_stop: bool) -> _Side:

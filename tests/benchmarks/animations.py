@@ -14,27 +14,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import argparse
 from pathlib import Path
 
-import numpy as np
 from dlo_client.demo.shape_drawing import animate
 from dlo_client.demo.simulated_table import TARGETS
 
 from tests.benchmarks.bench_planner import Planned, dynamics, run_task, shape
-from tests.benchmarks.ropes import HARD_TARGETS, ROPES, MujocoTable, RopeKind
+from tests.benchmarks.ropes import HARD_TARGETS, ROPES, FilmedTable
 
 _MOST_PICTURES = 70
 _SHOWN = ("U", "S", "loop")
-
-
-class FilmedTable(MujocoTable):
-    """Keeps the rope after every small step of the gripper."""
-
-    def __init__(self, kind: RopeKind, surface: str) -> None:
-        self.frames: list[np.ndarray] = []
-        super().__init__(kind, surface)
-
-    def _run(self, seconds: float) -> None:
-        super()._run(seconds)
-        self.frames.append(self.state())
 
 
 def film(name: str, folder: Path) -> None:

@@ -1,8 +1,9 @@
 """Which cable is which, over rendered clips: IDF1, switches, drift along the cable, time beside the instances.
 
-    python -m tests.benchmarks.bench_tracking [--clips N] [--frames N] [--tuning]
+    python -m tests.benchmarks.bench_tracking [--clips N] [--frames N] [--set NAME] [--tuning]
 
-Four cables of one look move slowly or fast, an arm covers 40 % of them for 30 frames, or nothing is seen for 10 frames.
+Four cables of one look move slowly or fast, an arm covers 40 % of them for 30 frames, nothing is seen for 10 frames, or
+they move as ropes in MuJoCo do (needs ``requirements/dynamics.in``).
 The masks are true, the instances those of the default method. Baselines: the nearest curve, and the largest overlap,
 frame by frame. Labels: one labelled frame is propagated to the next 100. ``--tuning`` takes clips on which constants
 may be chosen.
@@ -25,10 +26,11 @@ from models.instances.scene import Scene
 from models.tracking.state import NODES, Track, TrackedCable
 from models.tracking.track import follow
 from tests.benchmarks.clip_labels import propagated
-from tests.benchmarks.tracking_clips import ClipKind, Seen, clip, kinds
+from tests.benchmarks.tracking_clips import REPORTED, TUNING, ClipKind, Seen, clip, kinds
 from tests.benchmarks.tracking_scoring import LEAST_VISIBLE, Identities, dense
 
 Curves = dict[int, np.ndarray]
+_HIGHER_IS_BETTER = "idf1", "right_after_cover"
 
 
 class Tracker:
@@ -179,7 +181,8 @@ def _along(line: np.ndarray, xy: np.ndarray) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--clips", type=int, default=3)
+    parser.add_argument("--clips", type=int, default=6)
+    parser.add_argument("--labels", type=int, default=3, help="clips whose labels are propagated")
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--set", dest="sets", action="append", choices=tuple(kinds(1)))
     parser.add_argument("--tuning", action="store_true")
@@ -191,17 +194,22 @@ def main() -> None:
         clips = [measure_clip(all_kinds[name], seed, args.tuning) for seed in range(args.clips)]
         report[name] = {method: _summary([c[method] for c in clips]) for method in clips[0]}
         print(name, json.dumps(report[name]), flush=True)
-    labels = [propagated(all_kinds["moving"], seed, args.tuning) for seed in range(args.clips)]
+    labels = [propagated(all_kinds["moving"], seed, args.tuning) for seed in range(args.labels)]
     print("labels", json.dumps(labels), flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
-    summary = {"clips": args.clips, "frames": args.frames, "tuning": args.tuning, "sets": report, "labels": labels}
+    seeds = [TUNING if args.tuning else REPORTED, {name: all_kinds[name].number for name in report}, args.clips]
+    summary = {"seeds": seeds, "frames": args.frames, "tuning": args.tuning, "sets": report, "labels": labels}
     (args.out / "tracking.json").write_text(json.dumps(summary, indent=1))
 
 
 def _summary(clips: list[dict[str, float]]) -> dict[str, float]:
-    """Means, and the worst IDF1 of a clip."""
-    means = {key: round(float(np.mean([c[key] for c in clips])), 3) for key in clips[0]}
-    return means | {"worst_idf1": round(min(c["idf1"] for c in clips), 3)}
+    """By measure, the mean of all clips; with ``_sd`` the standard deviation between them, and the worst clip's."""
+    out: dict[str, float] = {}
+    for key in clips[0]:
+        values = np.array([c[key] for c in clips])
+        worst = values.min() if key in _HIGHER_IS_BETTER else values.max()
+        out |= {key: values.mean(), f"{key}_sd": values.std(), f"{key}_worst": worst}
+    return {key: round(float(value), 3) for key, value in out.items()}
 
 
 if __name__ == "__main__":

@@ -9,33 +9,41 @@ from tests.benchmarks.markdown import table
 
 def tracking(data: dict[str, Any]) -> str:
     rows = [
-        [kind, method, scores["idf1"], scores["switches"]]
+        [kind, method, *_spread(scores, "idf1"), *_spread(scores, "switches")]
         for kind, methods in data["sets"].items()
         for method, scores in methods.items()
     ]
     ours = {kind: methods["ours"] for kind, methods in data["sets"].items()}
     own = [
-        [
-            kind,
-            m["drift_widths"],
-            100 * m["right_after_cover"] if kind == "covered" else "–",
-            m["ms"],
-            m["instances_ms"],
-        ]
+        [kind, *_spread(m, "drift_widths"), _right(m) if kind == "covered" else "–", m["ms"], m["instances_ms"]]
         for kind, m in ours.items()
     ]
+    first, numbers, clips = data["seeds"]
+    seeds = ", ".join(f"`{kind}` ({first}, {number}, 0 to {clips - 1})" for kind, number in numbers.items())
     return (
         "## Tracking\n\n`python -m tests.benchmarks.bench_tracking`: rendered clips, four cables of one look that "
-        f"drift, turn and bend; {data['clips']} clips of {data['frames']} frames a set. `fast`: three times the speed; "
-        "`covered`: an arm lies over a good part of the picture for a while. True masks, the default method's "
-        "instances. A cable is found where F1 of its points in view is above one half. Floors: IDF1 90 and one switch "
-        "a clip; 85 % right after cover; drift 2 widths; 8 ms a frame beside the instances.\n\n"
-        + table(["set", "method", "IDF1", "switches a clip"], rows)
+        f"drift, turn and bend; {clips} clips of {data['frames']} frames a set, of the seeds {seeds}. `fast`: three "
+        "times the speed; `covered`: an arm lies over a good part of the picture for a while; `hidden`: no cable is "
+        "seen for ten frames. True masks, the default method's instances. A cable is found where F1 of its points in "
+        "view is above one half. ±: standard deviation between clips. Floors: IDF1 90 and one switch a clip; 85 % "
+        "right after cover; drift 2 widths; 8 ms a frame beside the instances.\n\n"
+        + table(["set", "method", "IDF1", "worst clip", "switches a clip", "worst clip"], rows)
         + "\n"
-        + table(["set", "drift, widths", "right after cover %", "ms a frame", "instances, ms"], own)
+        + table(
+            ["set", "drift, widths", "worst clip", "right after cover %", "ms a frame", "instances, ms"], own
+        )
         + "\n"
         + _labels(data.get("labels", []))
-    )
+    )  # fmt: skip
+
+
+def _spread(scores: dict[str, float], name: str) -> tuple[str, float]:
+    """Mean and standard deviation, and the worst."""
+    return f"{scores[name]:.2f} ± {scores[f'{name}_sd']:.2f}", scores[f"{name}_worst"]
+
+
+def _right(scores: dict[str, float]) -> str:
+    return "{:.1f} ± {:.1f}".format(*(100 * scores[f"right_after_cover{end}"] for end in ("", "_sd")))
 
 
 def _labels(clips: list[dict[str, float]]) -> str:

@@ -149,6 +149,18 @@ class MujocoTable:
             self._mj.mj_step(self._model, self._data)
 
 
+class FilmedTable(MujocoTable):
+    """Keeps the rope after every small step of the gripper."""
+
+    def __init__(self, kind: RopeKind, surface: str, nodes: int = NODES) -> None:
+        self.frames: list[np.ndarray] = []
+        super().__init__(kind, surface, nodes=nodes)
+
+    def _run(self, seconds: float) -> None:
+        super()._run(seconds)
+        self.frames.append(self.state())
+
+
 def _xml(kind: RopeKind, friction: float, stiffer: float, nodes: int, fixtures: str) -> str:
     edge, radius = kind.length / (nodes - 1), kind.diameter / 2
     spring, mass = stiffer * kind.stiffness / edge, kind.mass / (nodes - 1)
