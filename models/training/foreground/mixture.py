@@ -31,8 +31,10 @@ from torch import Tensor
 from models.synthesis.datasets import DatasetError, Mixture, load, samples_in, write_whole
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
+from models.training.foreground.augmentation import UNKNOWN
 from models.training.foreground.learning import Learning, normalize
 from models.training.foreground.networks import NETWORKS
+from models.training.foreground.real_pictures import load_labelled
 from models.training.state import Config
 
 SYNTHETIC = (4000, 8000, 16000)
@@ -40,19 +42,19 @@ REAL = (0, 1000, 2000)
 THRESHOLD = 0.5
 _TRAINING_SEED, _HELD_OUT_SEED = 40_000_003, 50_000_017
 
-Labelled = tuple[str, NDArray[np.uint8], NDArray[np.bool_]]
-"""Name, (H, W, 3) RGB and (H, W) foreground."""
+Labelled = tuple[str, NDArray[np.uint8], NDArray[np.uint8]]
+"""Name, (H, W, 3) RGB and (H, W) labels: 255 cable, 0 none, 128 cannot tell."""
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """N training pictures of one size: ``images`` (N, 3, H, W) and ``masks`` (N, H, W), both uint8."""
+    """N training pictures of one size: ``images`` (N, 3, H, W) and ``labels`` (N, H, W), both uint8."""
 
     images: Tensor
-    masks: Tensor
+    labels: Tensor
 
     def taken(self, numbers: NDArray[np.int64]) -> Pictures:
-        return Pictures(self.images[numbers], self.masks[numbers])
+        return Pictures(self.images[numbers], self.labels[numbers])
 
 
 @dataclass(frozen=True)
@@ -68,23 +70,33 @@ class Arm:
 
 def stack(pictures: Iterable[Labelled], size: tuple[int, int]) -> Pictures:
     """Stretched to ``size`` (height, width), so that every picture fits the network whole."""
-    images, masks = [], []
-    for _, rgb, mask in pictures:
+    images, reduced = [], []
+    for _, rgb, labels in pictures:
         images.append(cv2.resize(rgb, size[::-1], interpolation=cv2.INTER_AREA).transpose(2, 0, 1))
-        share = cv2.resize(mask.astype(np.float32), size[::-1], interpolation=cv2.INTER_AREA)
-        masks.append((share > 0.5).astype(np.uint8))
-    return Pictures(torch.from_numpy(np.stack(images)), torch.from_numpy(np.stack(masks)))
+        shares = [
+            cv2.resize((labels == value).astype(np.float32), size[::-1], interpolation=cv2.INTER_AREA) > 0.5
+            for value in (255, UNKNOWN)
+        ]
+        reduced.append(np.select(shares, [255, UNKNOWN], 0).astype(np.uint8))
+    return Pictures(torch.from_numpy(np.stack(images)), torch.from_numpy(np.stack(reduced)))
 
 
 def from_folder(folder: Path, fit: bool = False) -> Iterator[Labelled]:
     for sample in samples_in(folder):
-        yield sample.name, *load(sample, fit)
+        rgb, foreground = load(sample, fit)
+        yield sample.name, rgb, np.where(foreground, 255, 0).astype(np.uint8)
+
+
+def marked(folder: Path) -> Iterator[Labelled]:
+    """Hand-marked photographs that train, and where in them nobody can tell (``real_pictures.py``)."""
+    for photograph in load_labelled(folder).photographs:
+        yield photograph.name, photograph.rgb, photograph.labels
 
 
 def rendered(count: int, params: SceneParams, pool: TexturePool, seed: int) -> Iterator[Labelled]:
     for k in range(count):
         scene = render_scene(np.random.default_rng([seed, k]), params, pool)
-        yield f"{k:06d}", to_uint8(scene.rgb), scene.ids.numpy() > 0
+        yield f"{k:06d}", to_uint8(scene.rgb), np.where(scene.ids.numpy() > 0, 255, 0).astype(np.uint8)
 
 
 def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | None) -> Learning:
@@ -103,8 +115,7 @@ def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | No
     while learning.course.share() < 1:
         drawn = mixture.draw(100 * batch)  # large enough for the ratios to come out exactly
         for k in range(0, len(drawn), batch):
-            images, masks = _batch(arm.sources, drawn[k : k + batch], rng)
-            learning.step(images, 255 * masks)
+            learning.step(*_batch(arm.sources, drawn[k : k + batch], rng))
             learning.course.seconds = clock() - started
             if learning.course.share() == 1:
                 break
@@ -115,24 +126,25 @@ def _batch(
     sources: Sequence[Pictures], picks: Sequence[tuple[int, int]], rng: np.random.Generator
 ) -> tuple[Tensor, ...]:
     """Flipped, and channels shuffled, at random."""
-    images, masks = [], []
+    images, labels = [], []
     for source, number in picks:
         axes = [axis for axis in (-2, -1) if rng.random() < 0.5]
         image = sources[source].images[number]
         shuffled = image[torch.as_tensor(rng.permutation(3))] if rng.random() < 0.4 else image
         images.append(shuffled.flip(axes))
-        masks.append(sources[source].masks[number].flip(axes))
-    return torch.stack(images), torch.stack(masks)
+        labels.append(sources[source].labels[number].flip(axes))
+    return torch.stack(images), torch.stack(labels)
 
 
 @torch.no_grad()
 def dice(learning: Learning, test: Iterable[Labelled], size: tuple[int, int]) -> dict[str, float]:
     """Mean Dice in percent at the pictures' own size, ``all`` and by category (NAME before ``_``)."""
     groups: dict[str, list[float]] = {"all": []}
-    for name, rgb, mask in test:
+    for name, rgb, labels in test:
+        mask = labels == 255
         if not mask.any():
             continue
-        image = stack([(name, rgb, mask)], size).images.to(learning.device)
+        image = stack([(name, rgb, labels)], size).images.to(learning.device)
         logits = F.interpolate(learning.average(normalize(image)), mask.shape, mode="bilinear")
         found = (torch.sigmoid(logits)[0, 0] > THRESHOLD).cpu().numpy()
         score = 200.0 * np.count_nonzero(found & mask) / (np.count_nonzero(found) + np.count_nonzero(mask))
@@ -198,7 +210,7 @@ def factorial_table(runs: Mapping[str, dict[str, Any]]) -> str:
 
 
 def factorial(args: argparse.Namespace) -> None:
-    real = stack(from_folder(args.real), _size(args))
+    real = stack((marked if args.marked else from_folder)(args.real), _size(args))
     needed = round(args.scale * max(REAL))
     if len(real.images) < needed:
         raise DatasetError(f"{args.real} has {len(real.images)} pictures, --scale {args.scale} needs {needed}")
@@ -206,7 +218,7 @@ def factorial(args: argparse.Namespace) -> None:
     print(f"{9 * args.runs} runs: {9 * args.runs * args.minutes_per_run:g} minutes of one core, and {count} renders")
     scenes = rendered(count, SceneParams(_size(args)), load_pool(args.textures), _TRAINING_SEED)
     arms = factorial_arms(stack(scenes, _size(args)), real, args.scale, args.runs)
-    ledger = Ledger(args.out, _settings(args, "real", "scale"))
+    ledger = Ledger(args.out, _settings(args, "real", "scale", "marked"))
     run_all(arms, ledger, _trainer(args))
     print(factorial_table(ledger.runs))
 
@@ -299,6 +311,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True)
     table = commands.add_parser("factorial", parents=[shared], help="Table 2.2: synthetic and real by ratio")
     table.add_argument("--real", type=Path, required=True, help="labelled folder of real pictures")
+    table.add_argument("--marked", action="store_true", help="masks of --real are 128 where nobody can tell")
     table.add_argument("--scale", type=float, default=0.05, help="all counts of the table times this")
     table.add_argument("--out", type=Path, default=Path("build/bench/mixture.json"))
     table.set_defaults(run=factorial)
