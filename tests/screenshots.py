@@ -50,7 +50,7 @@ def label(page: Any) -> None:
 
 def tracks(page: Any) -> None:
     """A picture that moves: the same one, cut out further and further to the right."""
-    picture = Image.open(SAMPLES / "busy.jpg")
+    picture = Image.open(SAMPLES / "plain.jpg")
     files = []
     for shift in range(3):
         buffer = io.BytesIO()

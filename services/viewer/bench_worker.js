@@ -5,7 +5,6 @@ import { viewOf, withProbability } from "./bench_view.js";
 import { answer } from "./worker_answers.js";
 
 const WARM_SIZES = [[1800, 1200], [600, 200]];
-const WARM_TURNS = 4;
 
 let view = null;
 let known = { asked: null, shape: null }; // the last outline: most are asked for ahead, and again when they are wanted
@@ -29,22 +28,19 @@ function outline(clicks, pulls) {
   return known.shape;
 }
 
-/** Outlines drawn cables before anybody asks for one: the first outlines wait for the compiler, half a second. It has to
+/** Outlines a drawn cable before anybody asks for one: the first outlines wait for the compiler, half a second. It has to
  *  see what is to come, a large picture with and without a probability and a small one, or it begins anew. Who asks
- *  meanwhile comes first, and from the first line on that is the better practice. */
+ *  meanwhile comes first, and from the first line on that is the better practice. More of it would be in the way of the
+ *  picture that is opened. */
 async function warm() {
   const [large, small] = WARM_SIZES.map(([width, height]) => drawn(width, height));
   const [wide, narrow] = [large, small].map((picture) => viewOf(picture, picture));
-  const views = [wide, withProbability(wide, large), withProbability(narrow, small)];
-  for (let turn = 0; turn < WARM_TURNS; turn += 1) {
-    for (const view of views) {
-      const { width, height } = view;
-      const clicks = [0.15, 0.85].map((share) => [share * width, height / 2 + turn]);
-      for (const pulls of [[], [{ at: [width / 2, height / 2 + 12], side: 1 }]]) {
-        await new Promise((resume) => setTimeout(resume));
-        if (known.asked) return;
-        outlined({ ...view, traces: null }, clicks, pulls);
-      }
+  for (const view of [wide, withProbability(wide, large), withProbability(narrow, small)]) {
+    const { width, height } = view;
+    for (const pulls of [[], [{ at: [width / 2, height / 2 + 12], side: 1 }]]) {
+      await new Promise((resume) => setTimeout(resume));
+      if (known.asked) return;
+      outlined(view, [[0.15 * width, height / 2], [0.85 * width, height / 2]], pulls);
     }
   }
 }

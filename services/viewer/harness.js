@@ -96,7 +96,7 @@ function show(job) {
   byId("status").value = t(result.status.replaceAll("_", " "));
   byId("playing").hidden = !page.actions.length;
   byId("share").value = 0;
-  byId("message").textContent = [result.message, matchText(page.topology?.match)].filter(Boolean).join(" ");
+  byId("message").textContent = [outcome(result), matchText(page.topology?.match)].filter(Boolean).join(" ");
   byId("warnings").replaceChildren(...(result.warnings ?? []).map((text) => part("li", "", text)));
   byId("after").replaceChildren(recipeLink(job) ?? "");
   fill();
@@ -105,6 +105,14 @@ function show(job) {
   const found = t("{a} sections, {b} branch-points, {c} crossings", counts);
   canvas.setAttribute("aria-label", `${page.file.name}: ${found}`);
   place();
+}
+
+/** What was planned, in the language of the page; of what seldom happens the service's own English. */
+function outcome({ status, message }) {
+  const [[best], all] = [page.actions, page.topology?.crossings.length];
+  if (status === "no_crossing") return t("There is no crossing to remove.");
+  if (status !== "planned" || best.crossings_after >= best.crossings_before) return message;
+  return t("{n} actions, the best leaves {a} of {b} crossings.", { n: page.actions.length, a: best.crossings_after, b: all });
 }
 
 function matchText(match) {

@@ -20,7 +20,7 @@ export const WEIGHTS = Object.freeze({
   core: 0.75, beyond: 1.29, far: 2.6, // parts of the half width: surely cable; surely not, from and to
   kinds: 24, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, shade: 0.6, // colors; cuts
   rim: 0.35, // pixels beyond the steepest step: what is cable in part is cable to who labels it
-  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.4, spread: 25, sway: 0.5, drift: 0.4, stray: 25, hand: 0.01, // what a person says
+  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.4, spread: 25, // what a person says
 });
 
 /** The cable through `clicks`: `{ line, low, high, normals, width, clicks, pulls }`. `line` runs in its middle; `low` and
@@ -110,7 +110,7 @@ export function stroke(clicks, width, pulls = []) {
   const line = resample(clicks, 2);
   const normals = line.map((_, i) => normalAt(line, i, 3));
   const edges = { low: line.map(() => -width / 2), high: line.map(() => width / 2) };
-  pull(edges, pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1, sway: 0.5, drift: 1 });
+  pull(edges, pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1 });
   return { line, ...edges, normals, width: edges.high[0] - edges.low[0], clicks, pulls };
 }
 
@@ -172,24 +172,17 @@ function placed({ at, side }, line, normals) {
   return { i, away, t: (at[0] - line[i][0]) * normals[i][0] + (at[1] - line[i][1]) * normals[i][1], side };
 }
 
-/** Moves the edges through the pins. What is missing there is spread as a Gaussian process would expect it, whose parts
- *  are the width and the middle: an error of either is in part one of the whole cable (this person draws wider), in part
- *  one of that place. */
+/** Moves the edges through the pins. What is missing there is spread as a Gaussian process would expect it: in part an
+ *  error of the whole edge (this person draws wider), in part one of that place. */
 export function pull(edges, pins, o = WEIGHTS) {
-  const own = pins.filter(({ side }) => side);
-  const matrix = own.map((a) => own.map((b) => alike(a, b, o) + (a === b ? o.hand : 0)));
-  const shares = solved(matrix, own.map(({ i, t, side }) => side * (t - (side < 0 ? edges.low : edges.high)[i])));
-  for (const [edge, side] of [[edges.low, -1], [edges.high, 1]]) {
-    edge.forEach((_, i) => own.forEach((pin, k) => (edge[i] += side * shares[k] * alike({ i, side }, pin, o))));
+  const alike = (a, b) => o.whole + (1 - o.whole) * matern((a - b) / o.spread);
+  for (const side of [-1, 1]) {
+    const edge = side < 0 ? edges.low : edges.high;
+    const own = pins.filter((pin) => pin.side === side);
+    const matrix = own.map((a) => own.map((b) => alike(a.i, b.i) + (a === b ? 0.01 : 0)));
+    const shares = solved(matrix, own.map((pin) => pin.t - edge[pin.i]));
+    edge.forEach((_, i) => own.forEach((pin, k) => (edge[i] += shares[k] * alike(i, pin.i))));
   }
-}
-
-/** How alike the errors of two places at the edges are, outward: in the width they are the same on both sides, in the
- *  middle the opposite. */
-function alike(a, b, o) {
-  const wide = o.whole + (1 - o.whole) * matern((a.i - b.i) / o.spread);
-  const aside = o.drift + (1 - o.drift) * matern((a.i - b.i) / o.stray);
-  return (1 - o.sway) * wide + o.sway * a.side * b.side * aside;
 }
 
 /** How alike the errors of two places are, that many spreads apart (Matérn's function of order 3/2): a pull makes no cusp,

@@ -97,7 +97,7 @@ export class Space {
     const covered = this.#named.some(([a, b]) => Math.abs(a - x) < 60 && Math.abs(b - y) < 14);
     if (!camera.name || (covered && camera !== this.highlighted)) return;
     this.#named.push([x, y]);
-    Object.assign(this.context, { fillStyle: color, font: "12px system-ui, sans-serif" });
+    Object.assign(this.context, { fillStyle: getComputedStyle(this.canvas).color, font: "12px system-ui, sans-serif" });
     this.context.fillText(camera.name, x + 6, y - 6);
   }
 
