@@ -108,7 +108,8 @@ def pages(data: dict[str, Any]) -> str:
     return (
         "## 12 megapixels on the label bench, ms\n\n`python -m tests.benchmarks.bench_pages`: headless Chromium "
         "without a graphics card, twelve cables of the service in the picture and one more drawn; medians, and every "
-        f"run; load of the machine meanwhile {data['load']}.\n\n" + table(["", "floor", "aim", "median", "runs"], rows)
+        f"run; load of the machine meanwhile {data['load']} on two cores: the last row, 17 ms where nothing else runs, "
+        "shows how much of all rows is waiting for others.\n\n" + table(["", "floor", "aim", "median", "runs"], rows)
     )
 
 
