@@ -16,29 +16,13 @@ function database() {
     request.onupgradeneeded = ({ oldVersion }) => {
       if (!oldVersion) request.result.createObjectStore("pictures", { keyPath: "key" });
       if (!oldVersion) request.result.createObjectStore("steps");
-      request.result.createObjectStore("files");
-      if (oldVersion) takeApart(request.transaction);
+      request.result.createObjectStore("files"); // version 1 had them in the records, where they stay until the next step
     };
     request.onsuccess = () => resolve(request.result);
     request.onerror = () => reject(request.error);
     request.onblocked = () => reject(new Error(t("The bench is open in another tab too: work in one of them only")));
   });
   return opening;
-}
-
-/** Version 1 had everything in the record. */
-function takeApart(transaction) {
-  const [pictures, , files] = STORES.map((name) => transaction.objectStore(name));
-  pictures.openCursor().onsuccess = ({ target: { result: cursor } }) => {
-    if (!cursor) return;
-    const record = { ...cursor.value };
-    for (const field of APART) {
-      if (record[field]) files.put(record[field], [record.key, field]);
-      delete record[field];
-    }
-    cursor.update(record);
-    cursor.continue();
-  };
 }
 
 /** Runs `work(pictures, steps, files)` in one transaction; resolves to the results of the requests that it returns when
