@@ -61,15 +61,25 @@ def add_rows(found: Pushes, normal: FloatArray, right: FloatArray, system: Float
 def _edges_on_corners(shapes: FloatArray, fixtures: Fixtures) -> Pushes:
     """Pegs, and ends of edges, in the DLO's edges."""
     corners, radius = fixtures.corners
-    start, line = shapes[:, :-1, None], np.diff(shapes, axis=1)[:, :, None]
-    to_corner = corners - start
+    sim, edge, corner = _near(shapes, corners, radius)
+    start, line = shapes[sim, edge], shapes[sim, edge + 1] - shapes[sim, edge]
+    to_corner = corners[corner] - start
     share = np.clip((to_corner * line).sum(-1) / np.maximum((line**2).sum(-1), 1e-18), 0, 1)
-    away = share[..., None] * line - to_corner
-    distance = np.hypot(away[..., 0], away[..., 1])
-    sim, edge, corner = np.nonzero(distance < radius)
-    found = distance[sim, edge, corner]
-    direction = away[sim, edge, corner] / np.maximum(found, 1e-9)[:, None]
-    return Pushes(sim, edge, share[sim, edge, corner], direction, radius[corner] - found, np.full(len(sim), _HARD))
+    away = share[:, None] * line - to_corner
+    distance = np.hypot(away[:, 0], away[:, 1])
+    met = distance < radius[corner]
+    sim, edge, corner, share, away, distance = (v[met] for v in (sim, edge, corner, share, away, distance))
+    direction = away / np.maximum(distance, 1e-9)[:, None]
+    return Pushes(sim, edge, share, direction, radius[corner] - distance, np.full(len(sim), _HARD))
+
+
+def _near(shapes: FloatArray, corners: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The DLO, the edge and the corner of all edges (n - 1 a DLO) that may touch a corner: few of many."""
+    middle, line = (shapes[:, 1:] + shapes[:, :-1]) / 2, shapes[:, 1:] - shapes[:, :-1]
+    half = np.hypot(line[..., 0], line[..., 1]).max(1)[:, None, None] / 2
+    x, y = (middle[..., None, k] - corners[:, k] for k in (0, 1))
+    sim, edge, corner = np.nonzero(x * x + y * y < (radius + half) ** 2)
+    return sim, edge, corner
 
 
 def _nodes_on_segments(shapes: FloatArray, fixtures: Fixtures) -> Pushes:
@@ -77,6 +87,9 @@ def _nodes_on_segments(shapes: FloatArray, fixtures: Fixtures) -> Pushes:
     line = fixtures.end - fixtures.start
     square = (line**2).sum(-1)
     long = np.flatnonzero(square > 0)
+    if not len(long):
+        nothing, numbers = np.zeros(0), np.zeros(0, np.int64)
+        return Pushes(numbers, numbers, nothing, np.zeros((0, 2)), nothing, nothing)
     line, radius, square = line[long], fixtures.radius[long], square[long]
     to_node = shapes[:, :, None] - fixtures.start[long]
     share = (to_node * line).sum(-1) / square

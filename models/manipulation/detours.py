@@ -10,6 +10,8 @@ along the chain, so one table of shortcuts serves all points.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from models.manipulation.fixtures import Fixtures
@@ -28,16 +30,19 @@ def detours(states: FloatArray, target: FloatArray, fixtures: Fixtures, every: i
     return ways[:, count - 1 - np.arange(count), count + np.arange(count)]
 
 
-def string_way(state: FloatArray, target: FloatArray, fixtures: Fixtures, point: int) -> FloatArray:
-    """(k, 2) the vertices of the way of one point of a DLO (n, 2) to its place in the target."""
+def string_ways(state: FloatArray, target: FloatArray, fixtures: Fixtures, points: Sequence[int]) -> list[FloatArray]:
+    """For each of some points of a DLO (n, 2) the vertices (k, 2) of the way to its place in the target."""
     chains, at = _chains(state[None], target, np.arange(len(target)))
     _, before = _shortest(_legs(chains, at, fixtures))
-    first, k = len(target) - 1 - point, len(target) + point
-    vertices = [k]
-    while k != first:
-        k = int(before[0, first, k])
-        vertices.append(k)
-    return np.asarray(chains[0, vertices[::-1]])
+    return [chains[0, _vertices(before[0], len(target) - 1 - p, len(target) + p)] for p in points]
+
+
+def _vertices(before: IntArray, first: int, last: int) -> list[int]:
+    """Of the shortest way between two vertices; ``before`` (v, v) the last one but one of every way."""
+    found = [last]
+    while found[-1] != first:
+        found.append(int(before[first, found[-1]]))
+    return found[::-1]
 
 
 def _chains(states: FloatArray, target: FloatArray, picked: IntArray) -> tuple[FloatArray, IntArray]:
@@ -54,10 +59,9 @@ def _legs(chains: FloatArray, at: IntArray, fixtures: Fixtures) -> FloatArray:
     vertices, many = chains[:, at], len(at)
     i, j = np.triu_indices(many, 1)
     a, b = vertices[:, i], vertices[:, j]
-    shape = a.shape[:2]
     length = np.hypot(*np.moveaxis(b - a, -1, 0))
-    free = (fixtures.gap(a.reshape(-1, 2), b.reshape(-1, 2)) >= 0).all(1).reshape(shape)
-    allowed = free & _same_side(chains, at, i, j, fixtures.corners[0])
+    allowed = _same_side(chains, at, i, j, fixtures.corners[0]) & (j > i + 1)
+    allowed[allowed] = (fixtures.gap(a[allowed], b[allowed]) >= 0).all(1)
     along = np.cumsum(np.hypot(*np.moveaxis(np.diff(chains, axis=1), -1, 0)), 1)
     along = np.concatenate([np.zeros((len(chains), 1)), along], 1)[:, at]
     # What the DLO itself does is possible, however near to a peg it is.

@@ -57,38 +57,42 @@ class Fixtures:
 
     def filled(self, shapes: FloatArray) -> NDArray[np.bool_]:
         """(B, clips) which clips each of B DLOs (n, 2) is in, or gets into when it is let go there."""
-        return np.array([[in_clip(clip, s, _PRESSED_M) is not None for clip in self.clips] for s in shapes], bool)
+        found = [np.isfinite(in_clips(clip, shapes, _PRESSED_M)) for clip in self.clips]
+        return np.stack(found, 1) if found else np.zeros((len(shapes), 0), bool)
 
     def gap(self, starts: FloatArray, ends: FloatArray) -> FloatArray:
         """(S, C) m between segments and capsules; negative where they overlap."""
         return segment_distance(starts, ends, self.start, self.end) - self.radius
 
 
-def in_clip(clip: Clip, shape: FloatArray, soft_m: float = _SOFT_M) -> float | None:
-    """Where along a DLO (n, 2), in edges from its first point, it is in the clip: it passes both of the clip's ends
-    within the play and ``soft_m``. None: it is not."""
-    passes = [_pass(clip, shape, side) for side in (-0.5, 0.5)]
-    if any(off > clip.play + soft_m for _, off in passes):
-        return None
-    (first, _), (second, _) = passes
+def in_clip(clip: Clip, shape: FloatArray) -> float | None:
+    """Where along a DLO (n, 2), in edges from its first point, it is in the clip. None: it is not."""
+    place = float(in_clips(clip, shape[None])[0])
+    return None if np.isnan(place) else place
+
+
+def in_clips(clip: Clip, shapes: FloatArray, soft_m: float = _SOFT_M) -> FloatArray:
+    """(B,) where along each of B DLOs (n, 2), in edges from its first point, it is in the clip: it passes both of the
+    clip's ends within the play and ``soft_m``. NaN: it is not."""
+    (first, one), (second, other) = (_pass(clip, shapes, side) for side in (-0.5, 0.5))
     # Both ends by the same stretch of the DLO, not by two that lie side by side.
-    apart = abs(second - first) * float(np.hypot(*np.diff(shape, axis=0).T).mean())
-    return (first + second) / 2 if apart < 2 * clip.length else None
+    edges = np.diff(shapes, axis=1)
+    apart = np.abs(second - first) * np.hypot(edges[..., 0], edges[..., 1]).mean(1)
+    inside = (np.maximum(one, other) <= clip.play + soft_m) & (apart < 2 * clip.length)
+    return np.where(inside, (first + second) / 2, np.nan)
 
 
-def _pass(clip: Clip, shape: FloatArray, side: float) -> tuple[float, float]:
-    """Where along a DLO, in edges, it passes one end of a clip, and how far m beside it; infinitely if it does not."""
+def _pass(clip: Clip, shapes: FloatArray, side: float) -> tuple[FloatArray, FloatArray]:
+    """Where along each DLO, in edges, it passes one end of a clip, and how far m beside it; infinitely if it does
+    not."""
     middle = clip.xy + side * clip.length * clip.along
-    ahead = (shape - middle) @ clip.along
-    passing = np.flatnonzero(ahead[:-1] * ahead[1:] <= 0)
-    if not len(passing):
-        return 0.0, float("inf")
-    step = ahead[passing + 1] - ahead[passing]
-    share = np.clip(-ahead[passing] / np.where(step == 0, 1.0, step), 0, 1)
-    place = shape[passing] + share[:, None] * (shape[passing + 1] - shape[passing])
-    beside = np.abs((place - middle) @ clip.across)
-    k = int(np.argmin(beside))
-    return float(passing[k] + share[k]), float(beside[k])
+    ahead = (shapes - middle) @ clip.along
+    step = np.diff(ahead, axis=1)
+    share = np.clip(-ahead[:, :-1] / np.where(step == 0, 1.0, step), 0, 1)
+    place = shapes[:, :-1] + share[..., None] * np.diff(shapes, axis=1)
+    beside = np.where(ahead[:, :-1] * ahead[:, 1:] <= 0, np.abs((place - middle) @ clip.across), np.inf)
+    every, k = np.arange(len(shapes)), np.argmin(beside, 1)
+    return k + share[every, k], beside[every, k]
 
 
 def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:

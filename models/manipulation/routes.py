@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from models.geometry.polylines import arc_lengths, point_at
-from models.manipulation.fixtures import Clip, in_clip
+from models.manipulation.fixtures import Clip, in_clips
 from models.manipulation.frames import FloatArray
 
 _KEPT = 1 / 3
@@ -67,14 +67,16 @@ class Route:
 
     def missed(self, shape: FloatArray) -> list[int]:
         """Stops at which a DLO (n, 2) is not as the route has it, those in the wrong order too."""
-        places = [_place(stop, shape, self.slack) for stop in self.stops]
-        missed, last = [], -1.0
-        for k, place in enumerate(places):
-            if place is None or place < last:
-                missed.append(k)
-            else:
-                last = place
-        return missed
+        return _missed(self._places(shape[None])[0].tolist())
+
+    def misses(self, shapes: FloatArray) -> FloatArray:
+        """(B,) how many stops each of B DLOs (n, 2) misses."""
+        return np.array([len(_missed(places)) for places in self._places(shapes).tolist()], np.float64)
+
+    def _places(self, shapes: FloatArray) -> FloatArray:
+        """(B, stops) where along each DLO, in edges, it is at a stop as it should be; NaN: nowhere."""
+        found = [_places(stop, shapes, self.slack) for stop in self.stops]
+        return np.stack(found, 1) if found else np.zeros((len(shapes), 0))
 
     def _line(self) -> FloatArray:
         """The way (k, 2) to the last stop, or to the end that is wished."""
@@ -141,17 +143,28 @@ def _around(turn: _Turn, arriving: float, leaving: float) -> list[FloatArray]:
     return list(turn.xy - turn.offset * left)
 
 
-def _place(stop: Stop, shape: FloatArray, slack: float) -> float | None:
-    """Where along a DLO (n, 2), in edges, it is at a stop as it should be; None: nowhere."""
+def _missed(places: list[float]) -> list[int]:
+    """Of places along a DLO those that are NaN, or before one that came earlier in the order."""
+    missed, last = [], -1.0
+    for k, place in enumerate(places):
+        if place >= last:
+            last = place
+        else:
+            missed.append(k)
+    return missed
+
+
+def _places(stop: Stop, shapes: FloatArray, slack: float) -> FloatArray:
+    """(B,) where along each DLO (n, 2), in edges, it is at a stop as it should be; NaN: nowhere."""
     if stop.clip is not None:
-        return in_clip(stop.clip, shape)
-    edges, to_peg = np.diff(shape, axis=0), stop.xy - shape[:-1]
-    share = np.clip((to_peg * edges).sum(1) / np.maximum((edges**2).sum(1), 1e-18), 0, 1)
-    away = to_peg - share[:, None] * edges
-    distance = np.hypot(*away.T)
-    k = int(np.argmin(distance))
-    side = edges[k, 0] * away[k, 1] - edges[k, 1] * away[k, 0]
-    at_end = (k == 0 and share[k] == 0) or (k == len(edges) - 1 and share[k] == 1)
-    if at_end or side * stop.side <= 0 or distance[k] > stop.radius + slack:
-        return None
-    return float(k + share[k])
+        return in_clips(stop.clip, shapes)
+    edges, to_peg = np.diff(shapes, axis=1), stop.xy - shapes[:, :-1]
+    share = np.clip((to_peg * edges).sum(-1) / np.maximum((edges**2).sum(-1), 1e-18), 0, 1)
+    away = to_peg - share[..., None] * edges
+    distance = np.hypot(away[..., 0], away[..., 1])
+    every, k = np.arange(len(shapes)), np.argmin(distance, 1)
+    (along, off), share, distance = (v[every, k] for v in (edges, away)), share[every, k], distance[every, k]
+    side = along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0]
+    at_end = ((k == 0) & (share == 0)) | ((k == edges.shape[1] - 1) & (share == 1))
+    there = ~at_end & (side * stop.side > 0) & (distance <= stop.radius + slack)
+    return np.where(there, k + share, np.nan)

@@ -4,8 +4,8 @@ Strategy: the network knows no contact, so dry friction with contact (:mod:`slid
 action does. The distance to the target is the mean way of the DLO's points around the fixtures (:mod:`detours`), which
 has no rest where the DLO is on the wrong side of a peg: there the way leads back around it, so an end is pulled out
 and threaded. For several edges the move along the first straight leg of this way, as far as one action reaches, and
-for every clip the move that presses the edge in that belongs there, each with a few turns; all are simulated in one
-batch.
+for every clip the move that presses the edge in that belongs there, each with a few turns; all are simulated roughly in
+one batch, and what seems best then exactly.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from models.geometry.polylines import crossing_segments, resample
 from models.manipulation.actions import Candidates
 from models.manipulation.contact import pushes
-from models.manipulation.detours import detours, string_way
+from models.manipulation.detours import detours, string_ways
 from models.manipulation.dynamics import shape_distance
 from models.manipulation.fixtures import Fixtures, in_clip
 from models.manipulation.frames import FloatArray, IntArray
@@ -31,6 +31,12 @@ FINE = 31
 """Nodes of a DLO among fixtures: a peg needs shorter edges than the networks have."""
 _COARSE = 16
 _SLIDING = SlidingParams(steps=24, slip_m=3e-4, released=6)
+_ROUGH = SlidingParams(steps=8, slip_m=9e-4, released=2)
+"""The same in a third of the time, to choose what is worth it."""
+_PROMISING = 12
+"""Actions that are foreseen exactly at a time …"""
+_ENOUGH = 2
+"""… until so many of them can be done."""
 _GRASPS = np.array([0, 5, 10, 15, 20, 25, 29])
 """Edges that are gripped."""
 _LEGS = ((1.0, 0.0, True), (0.5, 0.0, True), (1.0, 0.6, False), (1.0, -0.6, False))
@@ -42,8 +48,8 @@ _USUAL_M, _SPREAD = 0.2, 1.0
 """Stiffnesses in m that are tried; the usual one, and the spread of the logarithm about it."""
 _NOISE_M, _NOISE_SHARE = 2e-3, 0.1
 """What the right stiffness leaves of a motion: of cameras, and of the motion itself."""
-_EVERY = 3
-"""Points of which the way counts."""
+_EVERY, _ROUGHLY = 3, 5
+"""Every which point's way counts, and in the rough look."""
 _JAMMED_M = 2.5e-3
 """Depth in a fixture from which an action is not one that a real DLO follows."""
 _UNFILLED_M = 0.02
@@ -67,13 +73,13 @@ class Goal:
         """(B,) m, the mean way of the points of DLOs (B, 31, 2) to their places."""
         return detours(states, self.shape, fixtures).mean(1)
 
-    def cost(self, states: FloatArray, fixtures: Fixtures) -> FloatArray:
-        """(B,) m of DLOs (B, 31, 2) by which actions are ranked."""
-        ways = detours(states, self.shape, fixtures, _EVERY)
+    def cost(self, states: FloatArray, fixtures: Fixtures, every: int = _EVERY) -> FloatArray:
+        """(B,) m of DLOs (B, 31, 2) by which actions are ranked, of every so many points."""
+        ways = detours(states, self.shape, fixtures, every)
         way = (ways.mean(1) + ways.max(1)) / 2
         if self.route is None:
             return way
-        return way + _UNFILLED_M * np.array([len(self.route.missed(s)) for s in states])
+        return way + _UNFILLED_M * self.route.misses(states)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +91,18 @@ class World:
     stiffness: float = 0.25
 
     def ways(
-        self, states: FloatArray, edges: IntArray, moves: FloatArray, stiffness: FloatArray | None = None
+        self,
+        states: FloatArray,
+        edges: IntArray,
+        moves: FloatArray,
+        stiffness: FloatArray | None = None,
+        params: SlidingParams = _SLIDING,
     ) -> FloatArray:
         """(B, T, 31, 2) shapes during B actions on DLOs (B, 31, 2), the last one after it; by default of the one
         stiffness."""
         finer = (FINE - 1) / (_COARSE - 1)
         stiff = np.full(len(edges), self.stiffness) if stiffness is None else stiffness
-        return ways_slid(states, edges, moves, Sliders.straight(stiff * finer**2, FINE), _SLIDING, self._contact_of)
+        return ways_slid(states, edges, moves, Sliders.straight(stiff * finer**2, FINE), params, self._contact_of)
 
     def _contact_of(self, shapes: FloatArray) -> Contact:
         held = self.fixtures.filled(shapes)
@@ -104,10 +115,36 @@ def routed(world: World, state: FloatArray, goal: Goal, most: int = 4) -> Candid
     edges, moves = _proposed(world, state, goal)
     possible = _reachable(world, state, edges, moves)
     edges, moves = edges[possible], moves[possible]
+    order = _promising(world, state, goal, edges, moves)
+    found = Candidates(edges[:0], moves[:0], np.zeros((0, *state.shape)), np.zeros(0), np.zeros(0, bool))
+    for first in range(0, len(order), _PROMISING):
+        rows = order[first : first + _PROMISING]
+        found = found.joined(_foreseen(world, state, goal, edges[rows], moves[rows], most))
+        if len(found.edge) >= min(most, _ENOUGH):
+            break
+    return found.taken(np.argsort(found.error, kind="stable")[:most])
+
+
+def _promising(world: World, state: FloatArray, goal: Goal, edges: IntArray, moves: FloatArray) -> IntArray:
+    """Rows of the actions, best first, by what a rough look foresees: how far it leaves the DLO from the goal, and how
+    deep it has it in a fixture on the way."""
+    if not len(edges):
+        return edges
+    states = np.broadcast_to(state, (len(edges), *state.shape))
+    ways = world.ways(states, edges, moves, params=_ROUGH)
+    finite = np.flatnonzero(np.isfinite(ways).all((1, 2, 3)))
+    ways = ways[finite]
+    cost = goal.cost(ways[:, -1], world.fixtures, _ROUGHLY) + _depth(world, ways)
+    return np.asarray(finite[np.argsort(cost, kind="stable")])
+
+
+def _foreseen(world: World, state: FloatArray, goal: Goal, edges: IntArray, moves: FloatArray, most: int) -> Candidates:
+    """At most so many of some actions that a real DLO can follow within the limits, with what they lead to."""
     states = np.broadcast_to(state, (len(edges), *state.shape))
     ways = np.concatenate([states[:, None], world.ways(states, edges, moves)], 1)
     found = Candidates(edges, moves, ways[:, -1], np.zeros(len(edges)), np.ones(len(edges), bool))
     kept = np.array([k for k in range(len(edges)) if _sound(world, found, k, ways[k])], np.int64)
+    kept = kept[_depth(world, ways[kept]) <= _JAMMED_M]
     if not len(kept):
         return found.taken(kept)
     found, ways = replace(found.taken(kept), error=goal.cost(ways[kept, -1], world.fixtures)), ways[kept]
@@ -117,14 +154,19 @@ def routed(world: World, state: FloatArray, goal: Goal, most: int = 4) -> Candid
 
 
 def _sound(world: World, found: Candidates, k: int, way: FloatArray) -> bool:
-    """Whether a real DLO follows action ``k`` as foreseen (T, 31, 2), without a jam and without meeting itself, and the
-    action keeps the limits."""
-    nothing = np.zeros((len(way), len(world.fixtures.clips)), bool)
-    if not np.isfinite(way).all() or pushes(way, world.fixtures, nothing).depth.max(initial=0.0) > _JAMMED_M:
-        return False
-    if len(crossing_segments(way[-1, :-1], way[-1, 1:]).xy):
+    """Whether action ``k`` comes to an end (T, 31, 2) without the DLO meeting itself there, and keeps the limits."""
+    if not np.isfinite(way).all() or len(crossing_segments(way[-1, :-1], way[-1, 1:]).xy):
         return False
     return all(c.passed for c in checks(way[0], found, k, world.limits))
+
+
+def _depth(world: World, ways: FloatArray) -> FloatArray:
+    """(C,) m, the deepest that shapes on a way (C, T, 31, 2) are in a fixture."""
+    shapes = ways.reshape(-1, *ways.shape[2:])
+    met = pushes(shapes, world.fixtures, np.zeros((len(shapes), len(world.fixtures.clips)), bool))
+    deepest = np.zeros(len(shapes))
+    np.maximum.at(deepest, met.sim, met.depth)
+    return deepest.reshape(ways.shape[:2]).max(1, initial=0.0)
 
 
 def _cores(world: World) -> list[FloatArray]:
@@ -136,8 +178,10 @@ def _cores(world: World) -> list[FloatArray]:
 
 def _proposed(world: World, state: FloatArray, goal: Goal) -> tuple[IntArray, FloatArray]:
     edges, moves = [], []
-    for edge in np.setdiff1d(_GRASPS, world.limits.no_grasp).tolist():
-        leg = _first_leg(world, state, goal.shape, edge)
+    grasps = np.setdiff1d(_GRASPS, world.limits.no_grasp).tolist()
+    ways = string_ways(state, goal.shape, world.fixtures, grasps)
+    for edge, way in zip(grasps, ways, strict=True):
+        leg = _first_leg(way, state, goal.shape, edge)
         turn = _turn(state, goal.shape, edge)
         for share, off, every in _LEGS:
             for wish in [turn, *(_TURNS * world.limits.largest[2])] if every else [turn, 0.0]:
@@ -164,12 +208,11 @@ def _within(shift: FloatArray, largest: FloatArray) -> FloatArray:
     return shift * min(1.0, float((largest / np.maximum(np.abs(shift), 1e-12)).min()))
 
 
-def _first_leg(world: World, state: FloatArray, target: FloatArray, edge: int) -> FloatArray:
-    """(2,) m from an edge's middle to the first bend of the way to its place."""
-    way = string_way(state, target, world.fixtures, edge)
+def _first_leg(way: FloatArray, state: FloatArray, target: FloatArray, edge: int) -> FloatArray:
+    """(2,) m from an edge's middle to the first bend of the way (k, 2) to its place."""
     if len(way) > 2:
-        return way[1] - way[0]
-    return target[edge : edge + 2].mean(0) - state[edge : edge + 2].mean(0)
+        return np.asarray(way[1] - way[0])
+    return np.asarray(target[edge : edge + 2].mean(0) - state[edge : edge + 2].mean(0))
 
 
 def _turn(state: FloatArray, target: FloatArray, edge: int) -> float:
@@ -212,7 +255,7 @@ def likely_stiffness(world: World, before: FloatArray, edges: IntArray, moves: F
     if items:
         stiffness = np.repeat(_STIFFNESSES, items)
         every = np.tile(before, (tried, 1, 1)), np.tile(edges, tried), np.tile(moves, (tried, 1))
-        reached = world.ways(*every, stiffness)[:, -1].reshape(tried, items, FINE, 2)
+        reached = world.ways(*every, stiffness, _ROUGH)[:, -1].reshape(tried, items, FINE, 2)
         noise = _NOISE_M + _NOISE_SHARE * shape_distance(before, after)
         cost = cost + 2 * np.log1p((shape_distance(reached, after) / noise) ** 2).sum(1)
     return float(_STIFFNESSES[np.argmin(cost)])

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +68,11 @@ class _Chains:
         return _Chains(states[:, 0].copy(), heading, np.hypot(edges[..., 0], edges[..., 1]))
 
     def nodes(self) -> FloatArray:
-        edges = self.length[..., None] * np.stack([np.cos(self.heading), np.sin(self.heading)], -1)
-        return np.concatenate([self.first[:, None], self.first[:, None] + np.cumsum(edges, 1)], 1)
+        found = np.empty((len(self.heading), self.heading.shape[1] + 1, 2))
+        found[:, 0] = self.first
+        found[:, 1:, 0] = self.length * np.cos(self.heading)
+        found[:, 1:, 1] = self.length * np.sin(self.heading)
+        return np.cumsum(found, 1, out=found)
 
 
 def slide(
@@ -155,14 +159,18 @@ def _relaxed(
 ) -> FloatArray:
     """The nodes after one step of reweighted least squares from ``nodes`` towards the shape of least energy; the
     chains change in place."""
-    force = weight[..., None] * (nodes - before) + grip[..., None] * (nodes - wanted)
-    beyond, weights = (np.cumsum(a[:, ::-1], 1)[:, ::-1] for a in (force, weight + grip))
-    normal = np.stack([-np.sin(chains.heading), np.cos(chains.heading)], -1) * chains.length[..., None]
-    bend = ropes.stiffness[:, None] * (np.diff(chains.heading, axis=1) - ropes.rest)
-    gradient = (normal * beyond[:, 1:]).sum(-1)
-    gradient[:, 1:] += bend
-    gradient[:, :-1] -= bend
-    right = -np.concatenate([beyond[:, 0], gradient], 1)
+    both = weight + grip
+    force = both[..., None] * nodes - weight[..., None] * before - grip[..., None] * wanted
+    beyond, weights = (np.cumsum(a[:, ::-1], 1)[:, ::-1] for a in (force, both))
+    normal = np.empty((*chains.heading.shape, 2))
+    normal[..., 0] = -chains.length * np.sin(chains.heading)
+    normal[..., 1] = chains.length * np.cos(chains.heading)
+    bend = ropes.stiffness[:, None] * (chains.heading[:, 1:] - chains.heading[:, :-1] - ropes.rest)
+    right = np.empty((len(nodes), nodes.shape[1] + 1))
+    right[:, :2] = -beyond[:, 0]
+    right[:, 2:] = -(normal * beyond[:, 1:]).sum(-1)
+    right[:, 3:] -= bend
+    right[:, 2:-1] += bend
     system = _system(normal, weights, ropes.stiffness)
     if contact is not None:
         add_rows(contact(nodes), normal, right, system)
@@ -178,16 +186,24 @@ def _system(normal: FloatArray, weights: FloatArray, stiffness: FloatArray) -> F
     ``weights`` (B, n): of all nodes from each on, since a heading moves all nodes behind its edge.
     """
     batch, count, _ = normal.shape
-    k = np.arange(count)
-    later = np.maximum(k[:, None], k)
+    later, bending = _constant(count)
     leverage = normal * weights[:, 1:, None]
     x, y = normal[..., 0], normal[..., 1]
-    both = x[:, :, None] * x[:, None] + y[:, :, None] * y[:, None]
     system = np.empty((batch, count + 2, count + 2))
     system[:, :2, :2] = weights[:, :1, None] * np.eye(2)
     system[:, :2, 2:] = leverage.transpose(0, 2, 1)
     system[:, 2:, :2] = leverage
-    joints = np.diff(np.eye(count), axis=0)
-    bending = stiffness[:, None, None] * (joints.T @ joints)
-    system[:, 2:, 2:] = both * weights[:, 1:].take(later, axis=1) + bending
+    angles = system[:, 2:, 2:]
+    np.multiply(x[:, :, None], x[:, None], out=angles)
+    angles += y[:, :, None] * y[:, None]
+    angles *= weights[:, 1:].take(later, axis=1)
+    angles += stiffness[:, None, None] * bending
     return system
+
+
+@cache
+def _constant(count: int) -> tuple[IntArray, FloatArray]:
+    """(count, count): the later of two edges, and second derivatives of half the sum of squared bends."""
+    k = np.arange(count)
+    joints = np.diff(np.eye(count), axis=0)
+    return np.maximum(k[:, None], k), joints.T @ joints

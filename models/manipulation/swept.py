@@ -42,7 +42,8 @@ def enters(shapes: FloatArray, zone: FloatArray) -> bool:
 def _any_in_triangle(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> bool:
     """Whether one of the points (m, 2) lies in one of the triangles with corners ``a``, ``b``, ``c`` (t, 2)."""
     sides = np.stack([_side(points, *pair) for pair in ((a, b), (b, c), (c, a))])
-    whole = np.abs(_side(c, a, b)[np.arange(len(a)), np.arange(len(a))]) > 0
+    ab, ac = b - a, c - a
+    whole = ab[:, 0] * ac[:, 1] != ab[:, 1] * ac[:, 0]
     within = ((sides >= 0).all(0) | (sides <= 0).all(0)) & whole
     return bool(within.any())
 

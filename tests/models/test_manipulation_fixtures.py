@@ -5,12 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from models.manipulation import routing
 from models.manipulation.contact import add_rows, pushes
-from models.manipulation.detours import detours, string_way
+from models.manipulation.detours import detours, string_ways
 from models.manipulation.fixtures import Clip, Fixtures, in_clip, segment_distance
 from models.manipulation.limits import Limits, carried_into
 from models.manipulation.routes import Impossible, Route, Stop
-from models.manipulation.routing import FINE, Goal, World, likely_stiffness, routed
+from models.manipulation.routing import (
+    FINE,
+    Goal,
+    World,
+    _foreseen,
+    _proposed,
+    _reachable,
+    likely_stiffness,
+    routed,
+)
 
 PEG = np.array([0.2, 0.0])
 
@@ -96,7 +106,7 @@ def test_the_way_around_a_peg_is_that_of_a_pulled_string():
     # The last point: back to the peg, across on its left, and out again; a string at the peg itself is shorter.
     assert np.isclose(ways[-1], 0.3, atol=0.011)
     assert ways[-1] > 2 * np.hypot(0.1, 0.05)
-    way = string_way(above, below, fixtures, FINE - 1)
+    way = string_ways(above, below, fixtures, [FINE - 1])[0]
     assert len(way) > 2
     assert way[1:-1, 0].min() < 0.2
 
@@ -192,3 +202,25 @@ def test_the_gripper_keeps_out_of_areas_on_its_whole_way():
     beside = np.array([[0.0, 0.02], [0.1, 0.02], [0.1, 0.05]])
     assert not carried_into(np.zeros(2), np.array([0.1, 0.0]), 0.015, beside)
     assert carried_into(np.zeros(2), np.array([0.1, 0.0]), 0.025, beside)
+
+
+def test_the_rough_look_keeps_what_is_best():
+    """Of all actions that are possible, looked at exactly, none is better than those that were picked roughly."""
+    fixtures, state = pegs((0.25, 0.035), radius=0.014), straight(0.0)
+    goal, world = Goal(straight(0.07, x=0.02)), World(fixtures, Limits())
+    found = routed(world, state, goal, most=3)
+    edges, moves = _proposed(world, state, goal)
+    rows = _reachable(world, state, edges, moves)
+    every = _foreseen(world, state, goal, edges[rows], moves[rows], most=1)
+    assert found.error[0] <= every.error[0] + 1e-9
+    assert (np.diff(found.error) >= 0).all()
+    assert len(rows) > 3 * routing._PROMISING
+
+
+def test_stops_are_missed_one_by_one_as_many_at_once():
+    clip = Clip(np.array([0.3, 0.0]), 0.0, 0.003)
+    route = Route([Stop(PEG, 0.02, 1), Stop(clip.xy, clip=clip)], 0.03, np.zeros(2))
+    shapes = np.stack([straight(y) for y in (-0.03, 0.0, 0.001, 0.05)])
+    assert route.misses(shapes).tolist() == [len(route.missed(s)) for s in shapes]
+    held = Fixtures(clips=[clip, Clip(np.array([0.3, -0.03]), 0.0, 0.003)]).filled(shapes)
+    assert held.tolist() == [[False, True], [True, False], [True, False], [False, False]]
