@@ -79,6 +79,11 @@ def estimate(dynamics: Dynamics, history: History, mass: float, length: float | 
 
     ``mass`` kg; ``length`` m of the DLO at rest, by default that of the first state, as a DLO that was never pulled.
     """
+    return polished(fitted(dynamics, history, mass), history, mass, length)
+
+
+def fitted(dynamics: Dynamics, history: History, mass: float) -> Estimate:
+    """The parameters under which the network explains ``history`` best: the ratio is right, each of them is not."""
     if not len(history.edge):
         return Estimate(*MID_RANGE, _PRIOR**2 * np.eye(2), np.zeros(0), np.zeros(0))
     middle = np.log(MID_RANGE)
@@ -98,23 +103,46 @@ def estimate(dynamics: Dynamics, history: History, mass: float, length: float | 
         return np.concatenate([r, away], 1), np.concatenate([d, slope], 1)
 
     found = minimize(residuals, np.array(_STARTS), *_BOX, np.ones(2), _SOLVER)
-    logs = found.x[int(np.argmin(found.cost))]
+    k = int(np.argmin(found.cost))
+    r = found.residuals[k, :-1].reshape(samples, nodes, 2)
+    error = np.hypot(r[..., 0], r[..., 1]).mean(1)
+    information = _information(found.jacobian[k, :-1].reshape(samples, nodes, 2, 2), _weight(error, _TRUST_M))
+    ropes = np.broadcast_to([mass, *MID_RANGE], (samples, 3))
+    guessed = dynamics.predict(history.before, history.edge, history.move, ropes)
+    bending, damping = np.exp(found.x[k]).tolist()
+    return Estimate(bending, damping, np.linalg.inv(information), error, shape_distance(guessed, history.after))
+
+
+def polished(found: Estimate, history: History, mass: float, length: float | None = None) -> Estimate:
+    """The estimate after two steps with the analytical model."""
+    if not len(history.edge):
+        return found
+    logs = np.log([found.bending, found.damping])
     if length is None:
         length = float(np.hypot(*np.diff(history.before[0], axis=0).T).sum())
     for _ in range(_POLISH):
         logs, error, covariance = _polished(history, mass, length, logs)
-    bending, damping = np.exp(logs)
-    ropes = np.broadcast_to([mass, *MID_RANGE], (samples, 3))
-    guessed = dynamics.predict(history.before, history.edge, history.move, ropes)
-    return Estimate(float(bending), float(damping), covariance, error, shape_distance(guessed, history.after))
+    bending, damping = np.exp(logs).tolist()
+    return Estimate(bending, damping, covariance, error, found.error_before_m)
+
+
+def _weight(error: FloatArray, least: float) -> FloatArray:
+    """(M,) of samples by their error (M,) m. Samples that stay far off count less; neighboring nodes err together: half
+    of them, eight, are one observation."""
+    unexplained = max(float(np.median(error)), least)
+    return np.asarray(np.minimum(1.0, 3 * unexplained / np.maximum(error, 1e-9)) / unexplained**2 / 8)
+
+
+def _information(slopes: FloatArray, weight: FloatArray) -> FloatArray:
+    """(2, 2) on the logarithms, of derivatives (M, n, 2, 2) by them and what is expected beforehand."""
+    return np.einsum("snik,snil->kl", slopes * weight[:, None, None, None], slopes) + np.eye(2) / _PRIOR**2
 
 
 def _polished(
     history: History, mass: float, length: float, logs: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A step of weighted least squares with the analytical model: new logarithms, the samples' errors before it, and
-    the covariance. Samples that stay far off count less; neighboring nodes err together: half of them, eight, are
-    one observation."""
+    the covariance."""
     samples = len(history.edge)
     tried = logs + _DIFFERENCE * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     k_b, k_d = np.exp(tried).repeat(samples, 0).T
@@ -124,10 +152,8 @@ def _polished(
     r = reached[0] - history.after
     slopes = np.stack([reached[1] - reached[0], reached[2] - reached[0]], -1) / _DIFFERENCE
     error = shape_distance(reached[0], history.after)
-    unexplained = max(float(np.median(error)), _EXACT_M)
-    weight = np.minimum(1.0, 3 * unexplained / np.maximum(error, 1e-9)) / unexplained**2 / 8
-    weighted = slopes * weight[:, None, None, None]
-    information = np.einsum("snik,snil->kl", weighted, slopes) + np.eye(2) / _PRIOR**2
-    pull = np.einsum("snik,sni->k", weighted, r) + (logs - np.log(MID_RANGE)) / _PRIOR**2
+    weight = _weight(error, _EXACT_M)
+    information = _information(slopes, weight)
+    pull = np.einsum("snik,sni->k", slopes * weight[:, None, None, None], r) + (logs - np.log(MID_RANGE)) / _PRIOR**2
     step = np.clip(-np.linalg.solve(information, pull), -1.0, 1.0)
     return np.clip(logs + step, *_BOX), error, np.linalg.inv(information)

@@ -37,6 +37,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "reference": ["tests.benchmarks.bench_reference"],
         "planner": ["tests.benchmarks.bench_planner"],
         "fixtures": ["tests.benchmarks.bench_fixtures"],
+        "obstacles": ["tests.benchmarks.bench_obstacles"],
+        "hard": ["tests.benchmarks.hard_tasks"],
         "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
         "chroma_key": ["tests.benchmarks.bench_chroma_key", str(shared)],
         "synthesis": ["tests.benchmarks.bench_synthesis"],

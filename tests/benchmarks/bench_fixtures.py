@@ -25,6 +25,7 @@ from time import thread_time
 
 import numpy as np
 
+from models.manipulation.fixtures import Fixtures
 from models.manipulation.limits import Limits
 from models.manipulation.routing import FINE, Goal, World, likely_stiffness, routed
 from models.manipulation.scaling import MOVE_SCALE
@@ -36,17 +37,17 @@ _SEEDS = {"pegs": 11, "clips": 12, "mixed": 13}
 
 
 @dataclass
-class Planned:
-    """The planner on one scene; ``ms`` of each action."""
+class Planner:
+    """The planner among fixtures, for the goal that ``goal`` makes; ``ms`` of each action."""
 
-    scene: Scene
+    fixtures: Fixtures
+    goal: Callable[[], Goal]
     ms: list[float] = field(default_factory=list)
     items: list[tuple] = field(default_factory=list)
 
     def __call__(self, state: np.ndarray) -> tuple[int, np.ndarray] | None:
         started = thread_time()
-        goal = Goal(self.scene.route().shape(self.scene.kind.length, FINE), self.scene.route())
-        world = World(self.scene.fixtures(), Limits())
+        goal, world = self.goal(), World(self.fixtures, Limits())
         if self.items:
             seen = (np.array(part) for part in zip(*self.items[-_LATEST:], strict=True))
             world = World(world.fixtures, Limits(), likely_stiffness(world, *seen))
@@ -56,6 +57,12 @@ class Planned:
 
     def done(self, before: np.ndarray, edge: int, move: np.ndarray, after: np.ndarray) -> None:
         self.items.append((before, edge, move, after))
+
+
+def planned(scene: Scene) -> Planner:
+    """For the scene's route."""
+    route = scene.route()
+    return Planner(scene.fixtures(), lambda: Goal(route.shape(scene.kind.length, FINE), route))
 
 
 @dataclass
@@ -97,7 +104,7 @@ class Pulled:
         """It does not look at what it did."""
 
 
-def run_scene(scene: Scene, choose: Planned | Pulled) -> tuple[bool, int]:
+def run_scene(scene: Scene, choose: Planner | Pulled) -> tuple[bool, int]:
     """Whether it was solved, and after how many actions."""
     table = FixtureTable(scene)
     for used in range(ACTIONS + 1):
@@ -112,7 +119,7 @@ def run_scene(scene: Scene, choose: Planned | Pulled) -> tuple[bool, int]:
     raise AssertionError("the last turn returns")
 
 
-def compared(what: str, count: int, makers: dict[str, Callable[[Scene], Planned | Pulled]]) -> dict[str, dict]:
+def compared(what: str, count: int, makers: dict[str, Callable[[Scene], Planner | Pulled]]) -> dict[str, dict]:
     found: dict[str, dict] = {}
     for name, make in makers.items():
         rows, ms = [], []
@@ -140,7 +147,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    makers: dict[str, Callable[[Scene], Planned | Pulled]] = {"default": Planned}
+    makers: dict[str, Callable[[Scene], Planner | Pulled]] = {"default": planned}
     if not args.only_default:
         makers["pulled from stop to stop"] = Pulled
     stored = args.out / "fixtures.json"

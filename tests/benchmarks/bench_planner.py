@@ -1,6 +1,6 @@
 """The planner: its network, its parameters, its time, and tasks in two simulators.
 
-    python -m tests.benchmarks.bench_planner [--held-out FILE] [--ropes 40] [--simulators own mujoco]
+    python -m tests.benchmarks.bench_planner [--held-out FILE] [--ropes 40] [--parts own mujoco]
 
 ``--held-out``: samples of ``models.training.dynamics.data`` with another seed (made when it is missing). Tasks: U, A,
 S and I from a straight line x three ropes x two surfaces with hidden parameters, at most ten actions, reached below
@@ -27,7 +27,8 @@ import numpy as np
 from dlo_client.demo.simulated_table import TARGETS, target_shape
 
 from models.manipulation.actions import best_actions, onto_target
-from models.manipulation.belief import Belief, believed
+from models.manipulation.belief import Belief, believed, learned
+from models.manipulation.chances import chance_of_half
 from models.manipulation.dynamics import NODES, Dynamics, shape_distance
 from models.manipulation.limits import Limits
 from models.manipulation.parameters import MID_RANGE, History, estimate
@@ -36,6 +37,7 @@ from models.manipulation.scaling import MOVE_SCALE
 from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate
 from models.training.dynamics.data import Samples, generate, nearly_straight
 from models.weights.inference import Runtime, default_name, load
+from tests.benchmarks.held_shapes import nearest_held
 from tests.benchmarks.ropes import HARD_TARGETS, ROPES, SURFACES, MujocoTable, OwnTable, Table, hard_shape
 
 ACTIONS, REACHED_M = 10, 0.01
@@ -50,21 +52,25 @@ def dynamics() -> Dynamics:
 
 @dataclass
 class Planned:
-    """The planner as a choice; ``stated`` (probability, distance at which half of the gain is there) per action."""
+    """The planner as a choice; ``stated`` (probability, distance at which half of the gain is there) and processor
+    ``ms`` of every action, all that it learns from the history included."""
 
     model: Dynamics
     horizon: int = USUAL_HORIZON
     learn: bool = True
     stated: list[tuple[float, float]] = field(default_factory=list)
+    ms: list[float] = field(default_factory=list)
 
     def __call__(self, state: np.ndarray, target: np.ndarray, history: History, mass: float) -> tuple[int, np.ndarray]:
+        started = thread_time()
         belief = Belief.certain(self.model, np.array([mass, *MID_RANGE]))
         if self.learn:
-            belief = believed(self.model, estimate(self.model, history, mass).rope(mass), history)
+            belief, _ = learned(self.model, history, mass)
         found, _ = plan(belief, state, target, Limits(), self.horizon)
         edge, move = int(found.edge[0]), found.move[0]
         half = (float(shape_distance(state, target)) + float(found.error[0])) / 2
-        self.stated.append((belief.chance_of_half(state, target, edge, move), half))
+        self.stated.append((chance_of_half(belief, state, target, edge, move), half))
+        self.ms.append(1e3 * (thread_time() - started))
         return edge, move
 
 
@@ -138,8 +144,15 @@ def held_by_friction(make: Callable[..., MujocoTable], targets: Iterable[str]) -
             for name in targets:
                 table, target = make(kind, surface), shape(name, kind.length)
                 table.put(target)
-                kept += float(shape_distance(table.state(), target)) <= REACHED_M
+                kept += bool(shape_distance(table.state(), target) <= REACHED_M)
     return kept
+
+
+def stated_and_came(stated: list[tuple[float, float]], rows: list[dict]) -> tuple[float, float]:
+    """Means of the stated probability, and of how often half of the expected gain came."""
+    errors = np.concatenate([r["errors_mm"][1:] for r in rows]) / 1e3
+    probability, half = np.array(stated).T
+    return round(float(probability.mean()), 3), round(float((errors <= half).mean()), 3)
 
 
 def calibration_error(stated: list[tuple[float, float]], rows: list[dict], bins: int = 5) -> float:
@@ -259,17 +272,22 @@ TABLES: dict[str, tuple[Callable[..., Table], Iterable[str]]] = {
 }
 
 
-def compared(model: Dynamics, simulator: str) -> dict[str, dict]:
-    """What each choice reaches of the simulator's tasks."""
+def compared(model: Dynamics, simulator: str, only: list[str] | None) -> dict[str, dict]:
+    """What each choice (of the names in ``only``, if there are any) reaches of the simulator's tasks."""
     make, targets = TABLES[simulator]
     parts = {}
     for name, choose in choices(model, simulator).items():
+        if only and name not in only:
+            continue
         rows = tasks(make, choose, targets)
         part = summary(rows)
         if name == "default" and targets is TARGETS:
             part["prediction_mm"] = parameters_in_tasks(model, rows)
+        if isinstance(choose, Planned):
+            part["ms"] = [round(float(np.quantile(choose.ms, q)), 1) for q in (0.5, 0.9)]
         if isinstance(choose, Planned) and choose.learn:
             part["calibration_error"] = calibration_error(choose.stated, rows)
+            part["stated_came"] = stated_and_came(choose.stated, rows)
         part["rows"] = [{k: v for k, v in r.items() if k not in ("history", "mass")} for r in rows]
         parts[name] = part
         print(simulator, name, {k: v for k, v in part.items() if k != "rows"}, flush=True)
@@ -288,21 +306,44 @@ def of_the_model(model: Dynamics, samples: Path, ropes: int) -> dict:
     return found
 
 
+def held(simulator: str) -> dict[str, dict[str, int]]:
+    """Of a simulator's tasks: how many targets friction holds, and near how many it holds some shape."""
+    make, targets = TABLES[simulator]
+    stiffer = 8.0 if simulator == "mujoco_stiff" else 1.0
+    near = [
+        nearest_held(kind, friction, stiffer, shape(name, kind.length))
+        for kind in ROPES
+        for _, friction in SURFACES.values()
+        for name in targets
+    ]
+    count = sum(away is not None and bool(away <= REACHED_M) for away in near)
+    return {
+        "held_by_friction": {simulator: held_by_friction(make, targets)},
+        "nearest_held": {simulator: count},
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--held-out", type=Path, default=Path("build/held_out.npz"))
     parser.add_argument("--ropes", type=int, default=100, help="for the parameters' accuracy")
-    parser.add_argument("--simulators", nargs="+", choices=list(TABLES), default=list(TABLES), help="default: all")
+    parts = ["model", *TABLES]
+    parser.add_argument("--parts", nargs="+", choices=parts, default=parts, help="others keep what was measured")
+    parser.add_argument("--choices", nargs="+", help="of the planner and its rivals; default: all")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    model = dynamics()
-    report = of_the_model(model, args.held_out, args.ropes)
-    for simulator in args.simulators:
-        report[simulator] = compared(model, simulator)
-        if simulator.startswith("mujoco"):
-            report.setdefault("held_by_friction", {})[simulator] = held_by_friction(*TABLES[simulator])
-        (args.out / "planner.json").write_text(json.dumps(report, indent=1))
+    model, stored = dynamics(), args.out / "planner.json"
+    report = json.loads(stored.read_text()) if stored.exists() else {}
+    for part in args.parts:
+        if part == "model":
+            report |= of_the_model(model, args.held_out, args.ropes)
+        else:
+            report[part] = report.get(part, {}) | compared(model, part, args.choices)
+        if part.startswith("mujoco"):
+            for name, counted in held(part).items():
+                report[name] = report.get(name, {}) | counted
+        stored.write_text(json.dumps(report, indent=1))
 
 
 if __name__ == "__main__":

@@ -181,11 +181,14 @@ def _possible(scene: Scene) -> bool:
     return bool(apart > 0.001 and turned.max() < 0.9 and solved(scene, shape)) and not solved(scene, straight)
 
 
+def peg_geom(x: float, y: float, radius: float) -> str:
+    """For MuJoCo; lengths in m."""
+    half = _TALL_M / 2
+    return f'<geom type="cylinder" pos="{x} {y} {half}" size="{radius} {half}" friction="0.2 0 0"/>'
+
+
 def _geoms(scene: Scene) -> str:
-    parts = [
-        f'<geom type="cylinder" pos="{x} {y} {_TALL_M / 2}" size="{scene.radius} {_TALL_M / 2}" friction="0.2 0 0"/>'
-        for x, y in scene.pegs
-    ]
+    parts = [peg_geom(x, y, scene.radius) for x, y in scene.pegs]
     parts += [_wall("", *wall) for wall in scene.walls]
     for k, (x, y, angle) in enumerate(scene.clips):
         along = np.array([np.cos(angle), np.sin(angle)])

@@ -36,7 +36,7 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
         loss_m=round(float(errors.mean()), 6),
         loss_mid_range_m=round(float(found.error_before_m.mean()) / rope.scale, 6),
         sample_errors_m=np.round(errors, 6).tolist(),
-        warnings=rope.warnings + about_history(belief, history, found.error_m, rope.scale),
+        warnings=rope.warnings + about_history(belief, history, found.error_m, rope.scale, len(history.edge)),
         models=models,
     )
     return Outcome(result, timings_ms=watch.timings_ms)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from models.manipulation.actions import Candidates
 from models.manipulation.belief import Belief
+from models.manipulation.chances import chance_of_half
 from models.manipulation.dynamics import shape_distance
 from models.manipulation.limits import Limits
 from models.manipulation.planning import plan
@@ -153,7 +154,7 @@ def _answer(request: PlanShapeRequest, belief: Belief, problem: Problem) -> dict
 
 
 def _chance(belief: Belief, problem: Problem, found: Candidates, k: int) -> float:
-    return belief.chance_of_half(problem.state, problem.target, int(found.edge[k]), found.move[k])
+    return chance_of_half(belief, problem.state, problem.target, int(found.edge[k]), found.move[k])
 
 
 def _stuck(request: PlanShapeRequest, problem: Problem, at_end_m: float, before_m: float) -> str | None:

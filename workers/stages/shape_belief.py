@@ -7,9 +7,9 @@ from dlo_client.contracts import PlanShapeRequest
 from dlo_client.contracts.manipulation import PlanWarning, UsedParameters
 from numpy.typing import NDArray
 
-from models.manipulation.belief import Belief, believed
+from models.manipulation.belief import LEARNED_FROM, Belief, learned
 from models.manipulation.dynamics import Dynamics, shape_distance
-from models.manipulation.parameters import MID_RANGE, History, estimate
+from models.manipulation.parameters import MID_RANGE, History
 from models.manipulation.simulator import BENDING, DAMPING
 from models.manipulation.stuck import unlike_any_model
 from workers.stages.shapes import Rope, contradictions, history_of
@@ -27,11 +27,10 @@ def belief_of(
         return Belief.certain(dynamics, np.array([rope.mass, used.k_b, used.k_d])), used
     history = history_of(request.history, rope.scale)
     length = request.object.length_m
-    found = estimate(dynamics, history, rope.mass, None if length is None else length * rope.scale)
-    belief = believed(dynamics, found.rope(rope.mass), history)
+    belief, found = learned(dynamics, history, rope.mass, None if length is None else length * rope.scale)
     parts: dict[str, object] = {"k_b": MID_RANGE[0], "k_d": MID_RANGE[1], "source": "mid_range"}
     if request.history:
-        warnings += about_history(belief, history, found.error_m, rope.scale)
+        warnings += about_history(belief, history.latest(LEARNED_FROM), found.error_m, rope.scale, len(history.edge))
         k_b, k_d = round(found.bending, _DECIMALS), round(found.damping, _DECIMALS)
         sigma = tuple(round(float(s), 4) for s in found.sigma)
         parts = {"k_b": k_b, "k_d": k_d, "sigma": sigma, "source": "history"}
@@ -57,12 +56,14 @@ def friction_of(belief: Belief, scale: float) -> dict[str, object]:
     return {"friction": "dry", "friction_probability": round(1 - viscous, 4), "stiffness_m": stiffness}
 
 
-def about_history(belief: Belief, history: History, errors_m: FloatArray, scale: float) -> list[PlanWarning]:
-    """Items that neither kind of friction explains, and a DLO like none that is known."""
+def about_history(
+    belief: Belief, history: History, errors_m: FloatArray, scale: float, items: int
+) -> list[PlanWarning]:
+    """Items that neither kind of friction explains, of the last of so many items; and a DLO like none that is known."""
     left = errors_m.copy()
     latest = slice(len(left) - len(belief.residual_m), None)
     left[latest] = np.minimum(left[latest], belief.residual_m)
-    found = contradictions(left / scale, shape_distance(history.before, history.after) / scale)
+    found = contradictions(left / scale, shape_distance(history.before, history.after) / scale, items)
     if unlike_any_model(belief):
         text = f"the DLO moves like none that is known: {100 * belief.unexplained:.0f} % of its motion is unexplained"
         found.append(PlanWarning(code="unlike_any_model", field="history", message=text))

@@ -91,11 +91,13 @@ def history_of(items: Sequence[Experience], scale: float) -> History:
     )
 
 
-def contradictions(errors_m: FloatArray, moved_m: FloatArray) -> list[PlanWarning]:
-    """Items of the history that no parameters explain: more than half of the motion is left, and over 15 mm."""
+def contradictions(errors_m: FloatArray, moved_m: FloatArray, items: int) -> list[PlanWarning]:
+    """Of the last of so many items of the history those that no parameters explain: more than half of the motion is
+    left, and over 15 mm."""
+    first = items - len(errors_m)
     odd = np.flatnonzero((errors_m > 0.5 * moved_m) & (errors_m > 0.015))
     text = "no k_b and k_d explain this item: {:.0f} mm a point are left"
     return [
-        PlanWarning(code="history_contradicts", field=f"history.{k}", message=text.format(1e3 * errors_m[k]))
+        PlanWarning(code="history_contradicts", field=f"history.{first + k}", message=text.format(1e3 * errors_m[k]))
         for k in odd.tolist()
     ]
