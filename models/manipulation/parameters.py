@@ -110,7 +110,7 @@ def fitted(dynamics: Dynamics, history: History, mass: float) -> Estimate:
     ropes = np.broadcast_to([mass, *MID_RANGE], (samples, 3))
     guessed = dynamics.predict(history.before, history.edge, history.move, ropes)
     bending, damping = np.exp(found.x[k]).tolist()
-    return Estimate(bending, damping, np.linalg.inv(information), error, shape_distance(guessed, history.after))
+    return Estimate(bending, damping, _covariance(information), error, shape_distance(guessed, history.after))
 
 
 def polished(found: Estimate, history: History, mass: float, length: float | None = None) -> Estimate:
@@ -135,7 +135,12 @@ def _weight(error: FloatArray, least: float) -> FloatArray:
 
 def _information(slopes: FloatArray, weight: FloatArray) -> FloatArray:
     """(2, 2) on the logarithms, of derivatives (M, n, 2, 2) by them and what is expected beforehand."""
-    return np.einsum("snik,snil->kl", slopes * weight[:, None, None, None], slopes) + np.eye(2) / _PRIOR**2
+    seen = np.einsum("snik,snil->kl", slopes * weight[:, None, None, None], slopes)
+    return np.asarray(seen + np.eye(2) / _PRIOR**2)
+
+
+def _covariance(information: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(information), np.float64)
 
 
 def _polished(
@@ -156,4 +161,4 @@ def _polished(
     information = _information(slopes, weight)
     pull = np.einsum("snik,sni->k", slopes * weight[:, None, None, None], r) + (logs - np.log(MID_RANGE)) / _PRIOR**2
     step = np.clip(-np.linalg.solve(information, pull), -1.0, 1.0)
-    return np.clip(logs + step, *_BOX), error, np.linalg.inv(information)
+    return np.clip(logs + step, *_BOX), error, _covariance(information)

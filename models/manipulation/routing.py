@@ -48,8 +48,8 @@ _USUAL_M, _SPREAD = 0.2, 1.0
 """Stiffnesses in m that are tried; the usual one, and the spread of the logarithm about it."""
 _NOISE_M, _NOISE_SHARE = 2e-3, 0.1
 """What the right stiffness leaves of a motion: of cameras, and of the motion itself."""
-_EVERY, _ROUGHLY = 3, 5
-"""Every which point's way counts, and in the rough look."""
+_EVERY = 3
+"""Points of which the way counts."""
 _JAMMED_M = 2.5e-3
 """Depth in a fixture from which an action is not one that a real DLO follows."""
 _UNFILLED_M = 0.02
@@ -73,9 +73,9 @@ class Goal:
         """(B,) m, the mean way of the points of DLOs (B, 31, 2) to their places."""
         return detours(states, self.shape, fixtures).mean(1)
 
-    def cost(self, states: FloatArray, fixtures: Fixtures, every: int = _EVERY) -> FloatArray:
-        """(B,) m of DLOs (B, 31, 2) by which actions are ranked, of every so many points."""
-        ways = detours(states, self.shape, fixtures, every)
+    def cost(self, states: FloatArray, fixtures: Fixtures) -> FloatArray:
+        """(B,) m of DLOs (B, 31, 2) by which actions are ranked."""
+        ways = detours(states, self.shape, fixtures, _EVERY)
         way = (ways.mean(1) + ways.max(1)) / 2
         if self.route is None:
             return way
@@ -134,7 +134,7 @@ def _promising(world: World, state: FloatArray, goal: Goal, edges: IntArray, mov
     ways = world.ways(states, edges, moves, params=_ROUGH)
     finite = np.flatnonzero(np.isfinite(ways).all((1, 2, 3)))
     ways = ways[finite]
-    cost = goal.cost(ways[:, -1], world.fixtures, _ROUGHLY) + _depth(world, ways)
+    cost = goal.cost(ways[:, -1], world.fixtures) + _depth(world, ways)
     return np.asarray(finite[np.argsort(cost, kind="stable")])
 
 
