@@ -16,6 +16,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import cv2
 import numpy as np
@@ -196,10 +197,20 @@ def main() -> None:
         print(name, json.dumps(report[name]), flush=True)
     labels = [propagated(all_kinds["moving"], seed, args.tuning) for seed in range(args.labels)]
     print("labels", json.dumps(labels), flush=True)
-    args.out.mkdir(parents=True, exist_ok=True)
-    seeds = [TUNING if args.tuning else REPORTED, {name: all_kinds[name].number for name in report}, args.clips]
-    summary = {"seeds": seeds, "frames": args.frames, "tuning": args.tuning, "sets": report, "labels": labels}
-    (args.out / "tracking.json").write_text(json.dumps(summary, indent=1))
+    first = TUNING if args.tuning else REPORTED
+    seeds = {name: [first, all_kinds[name].number, args.clips] for name in report}
+    _write(args.out, {"frames": args.frames, "tuning": args.tuning, "seeds": seeds, "sets": report, "labels": labels})
+
+
+def _write(folder: Path, found: dict[str, Any]) -> None:
+    """Sets that were not asked for stay as they were measured."""
+    path = folder / "tracking.json"
+    folder.mkdir(parents=True, exist_ok=True)
+    before = json.loads(path.read_text()) if path.is_file() else {}
+    if all(before.get(key) == found[key] for key in ("frames", "tuning")):
+        found |= {key: before[key] | found[key] for key in ("seeds", "sets")}
+        found["labels"] = found["labels"] or before["labels"]
+    path.write_text(json.dumps(found, indent=1))
 
 
 def _summary(clips: list[dict[str, float]]) -> dict[str, float]:

@@ -18,11 +18,13 @@ def tracking(data: dict[str, Any]) -> str:
         [kind, *_spread(m, "drift_widths"), _right(m) if kind == "covered" else "–", m["ms"], m["instances_ms"]]
         for kind, m in ours.items()
     ]
-    first, numbers, clips = data["seeds"]
-    seeds = ", ".join(f"`{kind}` ({first}, {number}, 0 to {clips - 1})" for kind, number in numbers.items())
+    seeds = ", ".join(
+        f"{clips} of `{kind}` ({first}, {number}, 0 to {clips - 1})"
+        for kind, (first, number, clips) in data["seeds"].items()
+    )
     return (
         "## Tracking\n\n`python -m tests.benchmarks.bench_tracking`: rendered clips, four cables of one look that "
-        f"drift, turn and bend; {clips} clips of {data['frames']} frames a set, of the seeds {seeds}. `fast`: three "
+        f"drift, turn and bend; clips of {data['frames']} frames, with their seeds: {seeds}. `fast`: three "
         "times the speed; `covered`: an arm lies over a good part of the picture for a while; `hidden`: no cable is "
         "seen for ten frames. True masks, the default method's instances. A cable is found where F1 of its points in "
         "view is above one half. ±: standard deviation between clips. Floors: IDF1 90 and one switch a clip; 85 % "
