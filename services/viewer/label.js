@@ -44,6 +44,8 @@ const tint = new Tint(() => stage.later());
 const queue = new Queue(analyze, list, api.cancel);
 const keys = keysOf({ tools, bench, step, confirm, save });
 let mask = null; // of the picture shown: what the network sees
+let decoded = { picture: null, bitmap: null }; // the newest, a promise
+let known = { view: null, mask: null }; // picture and size, and probability, that the worker has
 
 // Opening ----------------------------------------------------------------------------------------------------------
 
@@ -86,6 +88,9 @@ async function analyze(picture, signal, onJob) {
   if (picture === bench.shown) await show(picture);
 }
 
+/** Of a preview the size is known only when the service has answered. */
+const viewOf = (picture) => `${picture.key} ${bench.label(picture)?.width} ${bench.label(picture)?.height}`;
+
 async function openFolder(folder) {
   if (!folder) return;
   for (const { name, sha256, state, certainty } of await picturesOf(folder)) {
@@ -101,16 +106,17 @@ async function openUnsure() {
   }
 }
 
-/** Shows a picture: its pixels at once, its label as soon as it is here. */
+/** Shows a picture: its pixels at once, its label as soon as it is here. What is open already is not opened again. */
 async function show(picture) {
   if (!picture) return;
+  if (bench.shown !== picture) mask = null;
   bench.shown = picture;
-  mask = null;
   tools.resume();
   list();
   try {
     const file = picture.file ?? (await pictureOf(picture.folder, picture.name));
-    const bitmap = await api.bitmap(file);
+    if (decoded.picture !== picture) decoded = { picture, bitmap: api.bitmap(file) };
+    const bitmap = await decoded.bitmap;
     if (!bitmap) throw new Error(t("{name} cannot be shown here", picture));
     await bench.load(picture);
     if (picture.folder && picture.at === 0 && picture.synced !== false) await fetchLabel(picture);
@@ -119,9 +125,13 @@ async function show(picture) {
     const size = bench.label(picture);
     stage.show(size, bitmap);
     canvas.setAttribute("aria-label", picture.name);
-    await ask("open", { bitmap, size });
+    if (known.view !== viewOf(picture)) {
+      known = { view: viewOf(picture), mask: null };
+      await ask("open", { bitmap, size });
+    }
     await showMask(picture, file);
   } catch (error) {
+    decoded = known = {};
     report(error);
   }
   list();
@@ -139,7 +149,8 @@ async function showMask(picture, file) {
     const job = await api.run({ kind: "segment" }, file, () => {}).catch(() => null);
     if (job) bench.note(picture, { mask: await api.file(job.id, "mask.png") });
   }
-  if (!picture.mask || bench.shown !== picture) return;
+  if (!picture.mask || bench.shown !== picture || known.mask === picture.mask) return;
+  known.mask = picture.mask;
   mask = await createImageBitmap(picture.mask);
   await ask("probability", { bitmap: mask });
   stage.later();

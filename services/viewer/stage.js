@@ -44,7 +44,7 @@ export class Stage {
   show(size, bitmap) {
     const same = size && size.width === this.#size.width && size.height === this.#size.height;
     this.#size = size ? { width: size.width, height: size.height } : { width: 0, height: 0 };
-    this.#levels = bitmap ? levelsOf(bitmap, () => this.later()) : [];
+    if (!same || bitmap !== this.#levels[0]) this.#levels = bitmap ? levelsOf(bitmap, () => this.later()) : [];
     this.frame.classList.toggle("empty", !size);
     if (same) this.redraw();
     else this.fit();

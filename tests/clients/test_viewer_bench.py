@@ -123,6 +123,7 @@ def test_a_change_stays_when_the_database_answers_late(page: Any) -> None:
     page.evaluate(HOLD)
     take(page, "shelf.png", png(probability()))
     page.wait_for_selector("#instances button")
+    page.wait_for_selector(".invitation", state="hidden")
     tool(page, "delete")
     click(page, 80, 11)
     assert "changed" in page.inner_text("#pictures button")

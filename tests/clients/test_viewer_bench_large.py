@@ -98,6 +98,18 @@ def test_masks_are_drawn_anew_only_where_one_is_another(page: Any) -> None:
     assert page.evaluate(LIT, one), "the other cable's mask stays"
 
 
+def test_a_picture_is_opened_once(page: Any) -> None:
+    """When the service had answered its pixels were read again, and the first click waited for that."""
+    page.evaluate(ASKED)
+    take(page, "shelf.png", png(probability()))
+    page.wait_for_function("asked.includes('probability')")
+    page.wait_for_selector("#instances button")
+    click(page, 20, 20)
+    page.wait_for_timeout(300)  # in which it was opened again
+    calls = page.evaluate("asked")
+    assert (calls.count("open"), calls.count("probability")) == (1, 1)
+
+
 BYTES_KEPT = """() => {
     window.kept = 0;
     const put = IDBObjectStore.prototype.put;
