@@ -162,7 +162,7 @@ def _measure_without(
         image = np.ascontiguousarray(cv2.imread(str(path))[:, :, ::-1])
         shares.append(float(np.mean(probability(image) >= threshold)))
         if instances(image).instances:
-            seen.append(path.name)
+            seen.append(f"{path.name} ({100 * shares[-1]:.1f} %)")
     return {
         "pictures": len(files),
         "false_pixels_percent": round(100 * float(np.mean(shares)), 4),

@@ -86,7 +86,7 @@ def _foreground(data: dict) -> str:
         + _table(["set", "group", "n", "Dice", "IoU", "Dice, network alone", "outside", "inside"], rows)
         + _strokes(data["strokes"])
         + "\nPictures without cables (floor: 0.1 % of pixels of the mixed ones). Textures were training backgrounds; "
-        "the mixed ones hold railings, poles and cords.\n\n"
+        "the mixed ones hold railings, poles and cords, and `0003_height1` is a drawing of a winding strand.\n\n"
         + _table(
             ["textures", "pictures", "false pixels %", "pictures with an instance"],
             [[k, e["pictures"], e["false_pixels_percent"], ", ".join(e["pictures_with_instances"]) or "none"]
