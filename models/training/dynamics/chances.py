@@ -4,7 +4,7 @@
 
 Strategy: the planner solves tasks on tables that none of its models describes: dry friction with
 twice the nodes, ropes that are bent at rest, friction that lets go sooner or later, shapes seen
-with an error, and viscous friction. Every action is a row of measurements and whether half of the
+with an error, viscous friction, and grippers that slip. Every action is a row of measurements and whether half of the
 expected gain came. The calibration error is that of a fit to two thirds of the tasks on the others.
 MuJoCo is not used: it is what the bench measures with. About two seconds a task on one core. Writes
 ``chances.toml``.
@@ -38,6 +38,8 @@ _SEED = 41
 _FINE = 2 * NODES - 1
 _ACTIONS, _REACHED_M = 8, 0.01
 _VISCOUS_SHARE = 0.3
+_SLIPPING_SHARE, _SLIPS, _HELD = 0.25, 0.7, 0.6
+"""Of the tables; of the actions there; and up to which share of the way the rope is held then."""
 _STIFFNESS_M, _SLIP_M, _REST_RAD = (0.03, 6.0), (5e-5, 1.5e-3), 0.08
 """Of the ropes with dry friction: stiffness over friction, of 16 nodes; slip a step; bend at rest of
 a joint."""
@@ -77,7 +79,24 @@ class Dry:
         return self.shape[::2]
 
 
+@dataclass(eq=False)
+class Slipping:
+    """A table whose gripper often loses the rope on the way, or never had it."""
+
+    table: Table
+    rng: np.random.Generator
+
+    def act(self, state: FloatArray, edge: int, move: FloatArray) -> FloatArray:
+        share = self.rng.uniform(0.0, _HELD) if self.rng.random() < _SLIPS else 1.0
+        return self.table.act(state, edge, share * move)
+
+
 def random_table(rng: np.random.Generator, length: float, mass: float) -> Table:
+    table = _firm_table(rng, length, mass)
+    return Slipping(table, rng) if rng.random() < _SLIPPING_SHARE else table
+
+
+def _firm_table(rng: np.random.Generator, length: float, mass: float) -> Table:
     if rng.random() < _VISCOUS_SHARE:
         bending, damping = float(rng.uniform(0.05, 1.0)), float(rng.uniform(3, 30))
         return Viscous(Ropes.same(1, mass, bending, damping, length))
