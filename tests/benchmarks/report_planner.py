@@ -83,7 +83,7 @@ def _held(held: dict[str, int], near: dict[str, int]) -> str:
            "(`tests.benchmarks.held_shapes`, friction in all directions as MuJoCo has it along diagonals): no gripper "
            "that lets go reaches more. " if near else "")
         + "The calibration error is that of the stated probability of at least half of the expected gain (floor 0.10); "
-        "its coefficients were fitted in other simulators (`python -m models.training.dynamics.chances`).\n"
+        "how much earlier forecasts count in it was chosen on these tasks.\n"
     )  # fmt: skip
 
 
