@@ -46,8 +46,8 @@ class ContinuationParams:
     ``certainty`` of the foreground along it; ``least_length`` of the instance, ``least_width_px`` of it. ``known``:
     what its color is read from, behind the end. ``turn_deg``: most of a step. ``near``: most distance from the color,
     over that from the ground, which is at least ``contrast`` (CIELAB). ``gap`` that may look different, ``good`` share
-    of the steps that may not; a continuation is ``shortest`` to ``longest``, without at most ``covered`` of it that
-    are under other strands. ``turned``: most of all together, radians."""
+    of the steps that may not; a continuation is at most ``longest``; of that at most ``covered`` is under others, and
+    the rest is at least ``shortest``. ``turned``: most of all together, radians."""
 
     least_chance: float = 0.5
     in_company: float = IN_COMPANY
@@ -194,16 +194,15 @@ def _followed(tip: _Tip, lab: ByteArray, foreground: BoolArray, params: Continua
     step = max(1.5, tip.width / 3)
     none, start = np.zeros((1, 1), bool), np.full(1, tip.angle)
     paths = _Paths(tip.xy[None, None], ~none, none, start, np.zeros(1), tip.color[None], np.zeros(1))
-    own = 1.5 * tip.width
+    own, nothing = 1.5 * tip.width, np.zeros_like(foreground)
     for taken in range(1, int((params.longest + 1) * tip.width / step) + 1):
-        other = foreground if taken * step > own else np.zeros_like(foreground)
+        other = foreground if taken * step > own else nothing
         paths = _led_on(paths, tip, step, lab, other, params)
         if not len(paths.cost):
             return None
         first = _Path(paths.xy[0], paths.good[0], paths.under[0])
-        if not within(first.xy[-1], foreground.shape, tip.width / 2):
-            return first.xy if _is_cable(first, tip.width, params) else None
-        if first.under[-1] and first.seen() * step >= (1 + params.shortest) * tip.width:
+        gone = not within(first.xy[-1], foreground.shape, tip.width / 2)
+        if gone or (first.under[-1] and first.seen() * step >= (1 + params.shortest) * tip.width):
             return first.xy if _is_cable(first, tip.width, params) else None
     return None
 

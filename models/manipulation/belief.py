@@ -14,7 +14,7 @@ import numpy as np
 
 from models.manipulation.dynamics import NODES, Dynamics, shape_distance
 from models.manipulation.frames import FloatArray, IntArray
-from models.manipulation.parameters import Estimate, History, fitted, polished
+from models.manipulation.parameters import Estimate, History, fitted, length_at_rest, polished
 from models.manipulation.sliding import STIFFNESS_M, Sliders, left_alone, slide
 
 _GRID = np.geomspace(*STIFFNESS_M, 12)
@@ -108,7 +108,7 @@ def learned(dynamics: Dynamics, history: History, mass: float, length: float | N
     :func:`estimate`. The analytical model, which takes longest, is asked only where it is the most probable."""
     recent = history.latest(LEARNED_FROM)
     if length is None and len(history.edge):
-        length = float(np.hypot(*np.diff(history.before[0], axis=0).T).sum())
+        length = length_at_rest(history)
     found = fitted(dynamics, recent, mass)
     belief = believed(dynamics, found.rope(mass), recent)
     if belief.best:

@@ -14,8 +14,8 @@ from models.manipulation.belief import NOISE_M, Belief
 from models.manipulation.dynamics import shape_distance
 from models.manipulation.frames import FloatArray
 
-_TRUSTED = 2.0
-"""Items of the history after which their mean optimism counts two thirds."""
+_SUPPOSED = 1.0
+"""Items without optimism that are supposed before any is seen."""
 _SPREADS = 2.0
 """By which a whole motion of optimism moves what is to be expected."""
 
@@ -41,4 +41,4 @@ def optimism(belief: Belief, target: FloatArray) -> float:
     moved = np.maximum(shape_distance(history.before, history.after), NOISE_M)
     foretold, came = (shape_distance(s, target) for s in (belief.foretold_m, history.after))
     share = np.clip((came - foretold) / moved, -1.0, 1.0)
-    return max(float(share.sum()) / (len(share) + _TRUSTED / 2), 0.0)
+    return max(float(share.sum()) / (len(share) + _SUPPOSED), 0.0)

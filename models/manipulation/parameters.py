@@ -118,12 +118,16 @@ def polished(found: Estimate, history: History, mass: float, length: float | Non
     if not len(history.edge):
         return found
     logs = np.log([found.bending, found.damping])
-    if length is None:
-        length = float(np.hypot(*np.diff(history.before[0], axis=0).T).sum())
+    length = length_at_rest(history) if length is None else length
     for _ in range(_POLISH):
         logs, error, covariance = _polished(history, mass, length, logs)
     bending, damping = np.exp(logs).tolist()
     return Estimate(bending, damping, covariance, error, found.error_before_m)
+
+
+def length_at_rest(history: History) -> float:
+    """m, of a DLO that was not pulled before its first action."""
+    return float(np.hypot(*np.diff(history.before[0], axis=0).T).sum())
 
 
 def _weight(error: FloatArray, least: float) -> FloatArray:

@@ -121,11 +121,11 @@ def _by_prefix(rows: list[dict]) -> dict[str, list[dict]]:
 
 
 def _percent(rows: list[dict], key: str) -> float:
-    return round(100 * float(np.mean([row[key] for row in rows])), 2)
+    return _mean(rows, key, 100)
 
 
-def _mean(rows: list[dict], key: str) -> float:
-    return round(float(np.mean([row[key] for row in rows])), 2)
+def _mean(rows: list[dict], key: str, times: float = 1) -> float:
+    return round(times * float(np.mean([row[key] for row in rows])), 2)
 
 
 def _compare(image: np.ndarray, found: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -25,13 +25,22 @@ BENCH = "viewer/label.html"
 
 @pytest.fixture
 def service() -> FakeService:
+    return seeing()
+
+
+@pytest.fixture
+def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
+    yield from empty_bench(browser, service)
+
+
+def seeing() -> FakeService:
+    """A service that sees what the pictures show."""
     service = FakeService()
     service.file = png(probability())
     return service
 
 
-@pytest.fixture
-def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
+def empty_bench(browser: Chromium, service: FakeService) -> Iterator[Any]:
     """The bench without a picture."""
     with opened(browser, service, BENCH) as page:
         page.wait_for_selector("body[data-ready]")

@@ -13,7 +13,7 @@ from tests.browser import Chromium
 from tests.clients import samples
 from tests.clients.browser_pages import NEEDS_BROWSER, opened, place
 from tests.clients.fake_service import FakeService
-from tests.clients.test_viewer_bench import BENCH, cables, label, reload, take
+from tests.clients.test_viewer_bench import cables, empty_bench, label, reload, seeing, take
 from tests.clients.test_viewer_labels import click, png, press, probability, saved, tool
 
 pytestmark = NEEDS_BROWSER
@@ -21,17 +21,12 @@ pytestmark = NEEDS_BROWSER
 
 @pytest.fixture
 def service() -> FakeService:
-    service = FakeService()
-    service.file = png(probability())
-    return service
+    return seeing()
 
 
 @pytest.fixture
 def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
-    """The bench without a picture."""
-    with opened(browser, service, BENCH) as page:
-        page.wait_for_selector("body[data-ready]")
-        yield page
+    yield from empty_bench(browser, service)
 
 
 def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(page: Any, service: FakeService, tmp_path: Any) -> None:

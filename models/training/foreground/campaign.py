@@ -22,7 +22,7 @@ import torch
 from torch import Tensor
 
 from models.synthesis.scenes import WORKSHOP, SceneParams
-from models.synthesis.textures import load_pool
+from models.synthesis.textures import TexturePool, load_pool
 from models.training.foreground.augmentation import Cut, cut_out, recolored
 from models.training.foreground.learning import Learning, normalize
 from models.training.foreground.networks import NETWORKS, ForegroundNetwork
@@ -207,13 +207,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 @contextmanager
-def mixed(
-    params: CampaignParams, textures: Path | None, labelled: Path | None, empty: Path | None
-) -> Iterator[Mixture]:
-    """Batches, once the first scenes are rendered: over ``textures``, with photographs of the folders ``labelled`` and
-    ``empty``."""
-    size = params.height, params.width
-    seed, pool = int(time.time()), load_pool(textures)
+def mixed(params: CampaignParams, pool: TexturePool, labelled: Path | None, empty: Path | None) -> Iterator[Mixture]:
+    """Batches, once the first scenes are rendered: over the textures of ``pool``, with photographs of the folders
+    ``labelled`` and ``empty``."""
+    size, seed = (params.height, params.width), int(time.time())
     photographs = load_labelled(labelled) if labelled else None
     without = load_empty(empty) if empty else None
 
@@ -234,10 +231,10 @@ def mixed(
 def _train(args: argparse.Namespace, params: CampaignParams) -> None:
     args.folder.mkdir(parents=True, exist_ok=True)
     scenes, sheet = replace(WORKSHOP, size=(params.height, params.width)), args.folder / "validation.png"
-    with mixed(params, args.textures, args.photographs, args.empty_pictures) as mixture:
+    pool = load_pool(args.textures)
+    with mixed(params, pool, args.photographs, args.empty_pictures) as mixture:
         batches = (normalize(mixture.batch()[0]) for _ in range(_CALIBRATION_BATCHES))
         learning = begin(params, args.folder, args.pretrained, args.initial, batches)
-        pool = load_pool(args.textures)
         run(learning, params, mixture, args.folder, lambda net: validate(net, sheet, pool, scenes, args.validate))
 
 

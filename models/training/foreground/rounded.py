@@ -18,6 +18,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
+from models.synthesis.textures import load_pool
 from models.training.foreground.campaign import CampaignParams, mixed
 from models.training.foreground.initial import refold, unfold
 from models.training.foreground.learning import normalize
@@ -58,7 +59,7 @@ class RoundedActivations(nn.Module):
         return cut + ((cut / scale).round() * scale - cut).detach()
 
     def _widen(self, x: Tensor) -> None:
-        low, high = (edge.clamp(*bounds) for edge, bounds in zip(x.aminmax(), ((None, 0.0), (0.0, None)), strict=True))
+        low, high = x.amin().clamp(max=0.0), x.amax().clamp(min=0.0)
         if torch.isnan(self.low):
             self.low, self.high = low, high
         self.low, self.high = self.low.lerp(low, 1 - _KEPT_RANGE), self.high.lerp(high, 1 - _KEPT_RANGE)
@@ -110,7 +111,7 @@ def main() -> None:
     params = CampaignParams(minutes=args.minutes, slots=args.slots, reuse=20, plain=0.5, labelled=2.5, empty=1.0)
     losses: list[float] = []
     args.folder.mkdir(parents=True, exist_ok=True)
-    with mixed(params, args.textures, args.photographs, args.empty_pictures) as mixture:
+    with mixed(params, load_pool(args.textures), args.photographs, args.empty_pictures) as mixture:
         last = noted = time.monotonic()
         while course.share() < 1:
             losses.append(course.step(loss_of(course.network, teacher, mixture.batch()[0])))
