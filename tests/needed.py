@@ -1,4 +1,4 @@
-"""Tests that may not be skipped: ``DLO_TESTS_NEED=browser`` turns a skipped browser test into a failed one.
+"""Tests that may not be skipped: with ``DLO_TESTS_NEED="browser firefox"`` a skipped test of these marks fails.
 
 Continuous integration sets it: a run that passes because its tests did not run proves nothing.
 """

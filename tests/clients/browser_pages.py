@@ -9,7 +9,14 @@ from typing import Any
 from tests.browser import NEEDS_BROWSER, Chromium
 from tests.clients.fake_service import FakeService, served
 
-__all__ = ["NEEDS_BROWSER", "color_at", "opened", "place"]
+__all__ = ["NEEDS_BROWSER", "PLACE", "color_at", "opened", "place"]
+
+PLACE = """([x, y]) => {
+    const canvas = document.querySelector("#canvas"), box = canvas.getBoundingClientRect();
+    const { scale, left, top } = canvas.dataset;
+    return [box.left + Number(left) + (x + 0.5) * scale, box.top + Number(top) + (y + 0.5) * scale];
+}"""
+"""A function in the page: where a point of the picture is in the window, in CSS pixels."""
 
 
 @contextmanager
@@ -34,12 +41,7 @@ def opened(browser: Chromium, service: FakeService, path: str = "", height: int 
 
 def place(page: Any, x: float, y: float) -> tuple[float, float]:
     """Where a point of the picture is in the window, in CSS pixels."""
-    script = """([x, y]) => {
-        const canvas = document.querySelector("#canvas"), box = canvas.getBoundingClientRect();
-        const { scale, left, top } = canvas.dataset;
-        return [box.left + Number(left) + (x + 0.5) * scale, box.top + Number(top) + (y + 0.5) * scale];
-    }"""
-    left, top = page.evaluate(script, [x, y])
+    left, top = page.evaluate(PLACE, [x, y])
     return left, top
 
 

@@ -1,19 +1,28 @@
-"""The pages of the real service in Firefox, where there is one: they load without an error, and the main flow works."""
+"""The pages of the real service in Firefox: the main flows, with real clicks and keys."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
+from dlo_client.labelling.formats import READERS
 
 from services.page_frame import PAGES
-from tests.firefox import FIREFOX, Firefox, firefox
-from tests.processes import running_service
+from tests.firefox import NEEDS_FIREFOX, Firefox, firefox
+from tests.processes import ROOT, running_service
 
-pytestmark = [
-    pytest.mark.system,
-    pytest.mark.skipif(FIREFOX is None, reason="needs firefox-esr; the same flows run in Chromium"),
-]
+pytestmark = NEEDS_FIREFOX
+PICTURE = ROOT / "tests" / "samples" / "plain.jpg"
+CABLES = "document.querySelectorAll('#instances button').length"
+KEPT = "document.querySelector('#saved').textContent.includes('Every step is kept')"
+READY = "document.body?.dataset.ready === 'yes'"
+IDLE = "document.querySelector('#drop').getAttribute('aria-busy') !== 'true'"
+BRIGHT = """(() => {
+    const canvas = document.querySelector("#canvas");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    return data.some((value, i) => i % 4 < 3 && value > 60);
+})()"""
 
 
 @pytest.fixture(scope="module")
@@ -23,29 +32,67 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Firefox]:
-    with firefox(tmp_path_factory.mktemp("firefox") / "profile") as page:
-        yield page
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Firefox]:
+    with firefox(tmp_path_factory.mktemp("firefox")) as tab:
+        yield tab
+
+
+@pytest.fixture
+def page(tab: Firefox) -> Iterator[Firefox]:
+    """The tab; what goes wrong in it meanwhile fails the test."""
+    tab.errors.clear()
+    yield tab
+    assert tab.errors == []
 
 
 def test_every_page_loads_without_an_error(page: Firefox, address: str) -> None:
     for name in PAGES:
         page.open(f"{address}/viewer/{name}.html")
         page.wait_for("document.querySelector('#service.good') !== null")
-    assert page.errors == []
 
 
-def test_a_sample_picture_becomes_a_label_and_a_recipe(page: Firefox, address: str) -> None:
+def test_an_uploaded_picture_is_there_with_its_cables_after_a_reload(page: Firefox, address: str) -> None:
     page.open(address)
-    page.evaluate("document.querySelector('#samples button').click()")
-    page.wait_for("document.querySelectorAll('#instances button').length >= 4")
-    page.evaluate("document.querySelector('#files a.button').click()")
+    page.wait_for("document.querySelector('#service.good') !== null")
+    page.upload("#file", PICTURE)
+    page.wait_for(f"{CABLES} >= 4 && new URLSearchParams(location.search).has('picture')")
+    count = page.evaluate(CABLES)
+    page.reload()
+    page.wait_for(f"{CABLES} === {count}")
+    page.wait_for(BRIGHT)
+    page.click("#files a.button")
     page.wait_for("location.pathname.endsWith('recipes.html') && !document.querySelector('#source')?.hidden")
+
+
+def test_a_line_of_clicks_survives_a_reload_and_is_undone_and_saved(page: Firefox, address: str) -> None:
     page.open(f"{address}/viewer/label.html")
-    page.wait_for("document.body?.dataset.ready === 'yes'")
-    page.evaluate("document.querySelector('#samples button').click()")
-    page.wait_for("document.querySelectorAll('#instances button').length >= 4")
-    page.evaluate("document.querySelector('#confirm').click()")
-    page.open(f"{address}/viewer/label.html")
+    page.wait_for(READY)
+    page.upload("#file", PICTURE)
+    page.wait_for(f"{CABLES} >= 4")
+    count = page.evaluate(CABLES)
+    page.click_picture(376, 12)
+    page.wait_for(KEPT)
+    page.reload()
+    page.wait_for(f"{READY} && {CABLES} === {count}")
+    page.click_picture(399, 345)
+    page.press("Enter")
+    page.wait_for(f"{CABLES} === {count + 1} && {IDLE}")
+    for keys, left in (("Control+z", count), ("Control+Shift+z", count + 1)):
+        page.press(keys)
+        page.wait_for(f"{CABLES} === {left}")
+    page.wait_for(KEPT)
+    page.click("#save")
+    label = read(page.downloaded("labels.jsonl"))
+    assert len(label.instances) == count + 1
+    assert label.instances[-1].centerline_xy[0] == pytest.approx((376, 12), abs=3), "the click before the reload"
+    page.click("#confirm")
     page.wait_for("document.querySelector('#pictures .confirmed') !== null")
-    assert page.errors == []
+    page.wait_for(KEPT)
+
+
+def read(file: Path):
+    """The one label of the file."""
+    imported = READERS["json"](file)
+    assert imported.problems == {}
+    (label,) = imported.labels
+    return label
