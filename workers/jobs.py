@@ -18,6 +18,8 @@ from workers.robot_poses import robot_poses
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 
 _PROGRESS_STEP = 0.01
+_TOLD_EVERY_S = 0.2
+"""Progress of a job that ends sooner is nothing that anybody could see, but a trip to the queue server each time."""
 
 log = structlog.get_logger(__name__)
 
@@ -76,13 +78,14 @@ def _store(outcome: Outcome, blobs: Blobs) -> list[FileRef]:
 
 
 def _reporter(claim: Claim, ledger: Ledger) -> Callable[[float], None]:
-    """Tells of progress, but not of every hair's breadth."""
-    told = 0.0
+    """Tells of progress, but not of every hair's breadth, nor of every moment."""
+    told, told_at = 0.0, time.monotonic()
 
     def report(fraction: float) -> None:
-        nonlocal told
-        if fraction >= told + _PROGRESS_STEP:
-            told = min(fraction, 1.0)
+        nonlocal told, told_at
+        now = time.monotonic()
+        if fraction >= told + _PROGRESS_STEP and now - told_at >= _TOLD_EVERY_S:
+            told, told_at = min(fraction, 1.0), now
             ledger.progress(claim, told)
 
     return report

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.instances.continuation import continued
-from models.instances.lookalikes import chances, hardly, rated
+from models.instances.lookalikes import EVEN, chances, hardly, rated
 from models.instances.scene import Scene
 from models.instances.section_matching import extract
 
@@ -49,8 +50,16 @@ def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, thresh
 
 
 def _without_hardly_any(cable: BoolArray, scene: Scene, likely: FloatArray) -> BoolArray:
-    """``cable`` (H, W) without the instances that are hardly cables."""
+    """``cable`` (H, W) without the instances that are hardly cables and, where none is likely one, without the
+    pieces that are too short for an instance: they are the rest of nothing."""
     none = hardly(likely)
-    if not none.any():
-        return cable
-    return np.asarray(cable & ~np.concatenate(([False], none))[scene.labels])
+    kept = np.asarray(cable & ~np.concatenate(([False], none))[scene.labels]) if none.any() else cable
+    return kept if (likely >= EVEN).any() else _with_an_instance(kept, scene.labels)
+
+
+def _with_an_instance(cable: BoolArray, labels: ByteArray) -> BoolArray:
+    """The connected pieces of ``cable`` (H, W) on which there is a label (H, W)."""
+    count, pieces = cv2.connectedComponents(cable.view(np.uint8), connectivity=8)
+    wanted = np.zeros(count, bool)
+    wanted[pieces[cable & (labels > 0)]] = True
+    return wanted[pieces]

@@ -139,3 +139,24 @@ def test_what_is_hardly_a_cable_leaves_a_picture_without_any() -> None:
     assert not got.cable.any()
     assert not got.scene.instances
     assert (got.probability < 0.5).all()
+
+
+def speck() -> np.ndarray:
+    mask = np.zeros(SIZE, np.uint8)
+    cv2.line(mask, (330, 215), (338, 217), 1, WIDTH)
+    return mask > 0
+
+
+def test_pieces_too_short_for_an_instance_leave_a_picture_in_which_nothing_is_likely_a_cable() -> None:
+    """The end of a railing at the picture's border stayed in the foreground: no instance, so nobody had rated it."""
+    seen = speck()
+    settled = settle(drawn([]), np.where(seen, 0.8, 0.01).astype(np.float32), seen, 0.5)
+    assert not settled.cable.any()
+    assert (settled.probability < 0.5).all()
+
+
+def test_pieces_beside_a_cable_stay() -> None:
+    """They may be the rest of a cable that the network hardly sees."""
+    seen = speck() | mask_of(COURSE)
+    settled = settle(drawn([COURSE]), np.where(seen, 0.99, 0.01).astype(np.float32), seen, 0.5)
+    assert settled.cable[speck()].all()

@@ -1,3 +1,5 @@
+import itertools
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -90,16 +92,26 @@ def test_our_fault_gets_an_incident_that_is_in_the_log(run, monkeypatch):
     assert "secret" not in problem.model_dump_json()
 
 
-def test_progress_is_told_but_not_every_hairs_breadth(run, job_queue):
+def test_progress_is_told_but_not_every_hairs_breadth_nor_every_moment(run, job_queue, monkeypatch):
+    def runs_at(seconds_a_call):
+        calls = itertools.count()
+        clock = SimpleNamespace(monotonic=lambda: seconds_a_call * next(calls), perf_counter=time.perf_counter)
+        monkeypatch.setattr(jobs, "time", clock)
+
+    runs_at(0.07)
+
     def stage(request, tools):
-        for step in range(10_001):
-            tools.progress(step / 10_000)
+        for step in range(1001):
+            tools.progress(step / 1000)
         return Outcome(NoopResult(held_s=0.0))
 
     told = [event.progress for event in job_queue.events(run(stage).id)][2:-1]
     assert told == sorted(told)
     assert told[-1] == pytest.approx(1.0, abs=0.02)
-    assert 90 <= len(told) <= 101
+    assert 80 <= len(told) <= 100  # every hundredth, that is every tenth step, .7 s
+
+    runs_at(0.0001)
+    assert [event.progress for event in job_queue.events(run(stage).id)][2:-1] == []
 
 
 def test_pictures_that_cannot_be_reached_are_not_the_requests_fault_nor_internal(run):
