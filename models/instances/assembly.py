@@ -38,7 +38,7 @@ _TIP_POINTS = 3
 _POINTS_A_SPAN = 8
 _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
-_SHORTEST_WIDTHS = 3.0
+SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
 _LEAST_SCORE = 0.5
 _LONG_WIDTHS = 15.0
@@ -118,7 +118,7 @@ def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: flo
     )
     lengths = arc_lengths(points)
     rough_length = float(lengths[-1])
-    if rough_length < _SHORTEST_WIDTHS * width:
+    if rough_length < SHORTEST_WIDTHS * width:
         return None
     spline = fit_spline(_thinned(points, lengths), tolerance_px=_TOLERANCE_PX, spans=len(points) // _POINTS_A_SPAN)
     count = max(2, round(rough_length / _POINT_SPACING_PX) + 1)
@@ -155,7 +155,7 @@ def _without_fragments(
     kept: list[Instance] = []
     doubts: list[float] = []
     for instance, doubt in ordered:
-        if instance.length_px < _SHORTEST_WIDTHS * max(typical, instance.width_px):
+        if instance.length_px < SHORTEST_WIDTHS * max(typical, instance.width_px):
             continue
         if read_nearest(taken, instance.centerline_xy).mean() < _COVERED and len(kept) < MAX_INSTANCES:
             stroke(taken, instance.centerline_xy, 1, instance.width_px)

@@ -24,8 +24,7 @@ from models.instances.likeness import Likeness, likeness
 from models.instances.scene import Instance, Scene
 
 COEFFICIENTS = Path(__file__).with_name("lookalikes.toml")
-EVEN = 0.5
-"""From here on it is likelier a cable than not."""
+_EVEN = 0.5
 _ALONE = 0.5
 """Share of the probability below which an instance leaves the foreground, where no other is likely a cable: a straight
 cable that lies alone on a table is much like a joint."""
@@ -85,7 +84,7 @@ def chances(
 def hardly(cable: FloatArray, rule: Calibration | None = None) -> BoolArray:
     """``(I,)`` which instances are hardly cables, by the probabilities ``cable`` (I,) of all of a scene."""
     limit = (rule or calibration()).least
-    return np.asarray(cable < (limit if (cable >= EVEN).any() else _ALONE * limit))
+    return np.asarray(cable < (limit if (cable >= _EVEN).any() else _ALONE * limit))
 
 
 def rated(scene: Scene, cable: FloatArray, rule: Calibration | None = None) -> Scene:

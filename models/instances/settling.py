@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy import ndimage
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.instances.assembly import SHORTEST_WIDTHS
 from models.instances.continuation import continued
-from models.instances.lookalikes import EVEN, chances, hardly, rated
+from models.instances.lookalikes import chances, hardly, rated
 from models.instances.scene import Scene
 from models.instances.section_matching import extract
 
@@ -50,16 +52,19 @@ def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, thresh
 
 
 def _without_hardly_any(cable: BoolArray, scene: Scene, likely: FloatArray) -> BoolArray:
-    """``cable`` (H, W) without the instances that are hardly cables and, where none is likely one, without the
-    pieces that are too short for an instance: they are the rest of nothing."""
+    """``cable`` (H, W) without the instances that are hardly cables and, where no other is left, without the pieces
+    that are too short for one: they are the rest of nothing."""
     none = hardly(likely)
     kept = np.asarray(cable & ~np.concatenate(([False], none))[scene.labels]) if none.any() else cable
-    return kept if (likely >= EVEN).any() else _with_an_instance(kept, scene.labels)
+    return _without_short_pieces(kept) if none.all() else kept
 
 
-def _with_an_instance(cable: BoolArray, labels: ByteArray) -> BoolArray:
-    """The connected pieces of ``cable`` (H, W) on which there is a label (H, W)."""
-    count, pieces = cv2.connectedComponents(cable.view(np.uint8), connectivity=8)
-    wanted = np.zeros(count, bool)
-    wanted[pieces[cable & (labels > 0)]] = True
-    return wanted[pieces]
+def _without_short_pieces(cable: BoolArray) -> BoolArray:
+    """``cable`` (H, W) without connected pieces that are no longer than a few of their widths."""
+    count, pieces, boxes, _ = cv2.connectedComponentsWithStats(cable.view(np.uint8), connectivity=8)
+    lengths = np.hypot(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
+    inside = cv2.distanceTransform(np.pad(cable.view(np.uint8), 1, "edge"), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+    widths = 2 * np.asarray(ndimage.maximum(inside, pieces, np.arange(count)))
+    long_enough = lengths >= SHORTEST_WIDTHS * widths
+    long_enough[0] = False
+    return np.asarray(long_enough[pieces])

@@ -49,12 +49,13 @@ class CampaignParams:
     times that; ``decay`` of the averaged weights; ``network`` by its name, its channels divided by ``slim``.
     ``renderers`` processes hold ``slots`` scenes; every render is drawn ``reuse`` times, each time cut anew. ``plain``
     is the share of the renders that lie on a table as in a laboratory, none of them in the air; ``teacher``: a shipped
-    network that is learned from beside the labels. Raises ValueError for
-    settings under which a training would never begin."""
+    network that is learned from beside the labels; ``hints``: a shipped compact one that a DeepLabV3+ learns from and
+    that shows what its encoder sees, too. Raises ValueError for settings under which a training would never begin."""
 
     network: str = "compact"
     slim: int = 1
     teacher: str = ""
+    hints: str = ""
     height: int = 256
     width: int = 448
     minutes: float = 130.0
@@ -142,7 +143,7 @@ def begin(params: CampaignParams, folder: Path, pretrained: Path | None, initial
           batches: Iterator[Tensor]) -> Learning:  # fmt: skip
     """From the folder's checkpoint if there is one. Raises ValueError as :meth:`Learning.resume` does."""
     teacher = Teacher.shipped(params.teacher, np.random.default_rng(params.seed)) if params.teacher else None
-    learning = Learning(params.network, params.slim, params.config(), params.encoder_rate, teacher)
+    learning = Learning(params.network, params.slim, params.config(), params.encoder_rate, teacher, params.hints)
     if not learning.resume(folder / "last.pt"):
         learning.begin(pretrained, initial, batches)
     return learning

@@ -11,7 +11,9 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from models.training.foreground.augmentation import UNKNOWN
+from models.training.foreground.hints import Hints
 from models.training.foreground.initial import unfold
+from models.training.foreground.network_deeplab import DeepLab
 from models.training.foreground.networks import ForegroundNetwork, build, stored
 from models.training.foreground.teacher import Teacher, taught_loss
 from models.training.state import Config, Course
@@ -44,6 +46,21 @@ def foreground_loss(logits: Tensor, labels: Tensor) -> Tensor:
     return bce + dice.sum() / filled.sum().clamp(min=1)
 
 
+def hinted_loss(network: DeepLab, images: Tensor, labels: Tensor, hints: Hints, weight: float) -> Tensor:
+    """That of a batch as :func:`loss_of` takes it, taught by what a teacher answers and, with so much ``weight``, by
+    what its encoder sees."""
+    device = next(network.parameters()).device
+    x = normalize(images.to(device)).contiguous(memory_format=torch.channels_last)
+    with torch.autocast(device.type, torch.bfloat16):
+        shown = hints.shown(x)
+        low, high = network.features(x)
+        logits = network.decoded(low, high)
+        unexplained = hints(shown, low, high)
+    truth = labels.to(device)
+    taught = taught_loss(logits.float(), truth, shown.probability)
+    return (foreground_loss(logits.float(), truth) + taught) / 2 + weight * unexplained
+
+
 def loss_of(network: nn.Module, images: Tensor, labels: Tensor, teacher: Teacher | None = None) -> Tensor:
     """That of a batch: (B, 3, H, W) uint8 pictures and (B, H, W) uint8 labels; with a teacher, the mean of its loss
     and that of the labels."""
@@ -61,10 +78,11 @@ class Learning:
     """A foreground network on its course, on the GPU where there is one."""
 
     def __init__(
-        self, network: str, slim: int, config: Config, encoder_rate: float = 1.0, teacher: Teacher | None = None
-    ) -> None:
+        self, network: str, slim: int, config: Config, encoder_rate: float = 1.0, teacher: Teacher | None = None,
+        hints: str = "",
+    ) -> None:  # fmt: skip
         """``network`` by its name, its channels divided by ``slim``; the encoder learns at ``encoder_rate`` times the
-        rate."""
+        rate. ``hints``: a compact network of the manifest as a teacher that shows what its encoder sees, too."""
         self.teacher = teacher
         torch.manual_seed(config.seed)
         self.name, self.slim = network, slim
@@ -73,6 +91,8 @@ class Learning:
         encoder = list(built.features.parameters())
         known = {id(p) for p in encoder}
         decoder = [p for p in built.parameters() if id(p) not in known]
+        self.hints = Hints(hints, built).to(self.device) if hints else None
+        decoder += self.hints.parameters() if self.hints else []
         self.course = Course(built, config, [{"params": encoder, "scale": encoder_rate}, {"params": decoder}])
 
     @property
@@ -86,17 +106,23 @@ class Learning:
 
     def step(self, images: Tensor, labels: Tensor) -> float:
         """One step on a batch, as :func:`loss_of` takes it; returns the loss."""
-        return self.course.step(loss_of(self.network, images, labels, self.teacher))
+        if self.hints is None:
+            return self.course.step(loss_of(self.network, images, labels, self.teacher))
+        weight = 1 - self.course.share()  # in the end only what is answered counts
+        return self.course.step(hinted_loss(self.network, images, labels, self.hints, weight))  # type: ignore[arg-type]
 
     def resume(self, file: Path) -> bool:
         """Go on from a checkpoint; False where there is none. Raises ValueError when it is of another network or was
         begun with other settings."""
         if not file.exists():
             return False
-        name, slim = stored(torch.load(file, map_location="cpu", weights_only=True)["params"])
+        state = torch.load(file, map_location="cpu", weights_only=True)
+        name, slim = stored(state["params"])
         if (name, slim) != (self.name, self.slim):
             raise ValueError(f"{file.parent} holds --network {name} --slim {slim}; ask for these or another folder")
         self.course.restore(file)
+        if self.hints is not None:
+            self.hints.load_state_dict(state["hints"])
         return True
 
     def begin(self, pretrained: Path | None, exported: Path | None, pictures: Iterable[Tensor]) -> None:
@@ -110,4 +136,5 @@ class Learning:
 
     def save(self, file: Path, params: Mapping[str, Any], **more: Any) -> None:
         """A checkpoint that can be resumed and exported; ``params``: all settings of the training."""
-        self.course.save(file, params={**params, "network": self.name, "slim": self.slim}, **more)
+        hints = {} if self.hints is None else {"hints": self.hints.state_dict()}
+        self.course.save(file, params={**params, "network": self.name, "slim": self.slim}, **hints, **more)

@@ -83,12 +83,20 @@ class CompactNetwork(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """``image`` (B, 3, H, W) normalized, H and W multiples of 32, to logits (B, 1, H, W)."""
+        return self.decoded(self.encoded(image))
+
+    def encoded(self, image: Tensor) -> list[Tensor]:
+        """What the encoder sees at strides 4, 8, 16 and 32."""
         taps = []
         x = image
         for k, block in enumerate(self.features):
             x = block(x)
             if k in _TAPS:
                 taps.append(x)
+        return taps
+
+    def decoded(self, taps: list[Tensor]) -> Tensor:
+        """Logits (B, 1, H, W) of what the encoder saw."""
         top = self.lateral[-1](taps[-1])
         for lateral, smooth, tap in zip(self.lateral[-2::-1], self.smooth, taps[-2::-1], strict=True):
             up = F.interpolate(top, scale_factor=2.0, mode="bilinear", align_corners=False)

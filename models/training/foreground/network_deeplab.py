@@ -63,7 +63,10 @@ class DeepLab(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """``image`` (B, 3, H, W) normalized, H and W multiples of 32, to logits (B, 1, H, W)."""
-        low, high = self.features(image)
+        return self.decoded(*self.features(image))
+
+    def decoded(self, low: Tensor, high: Tensor) -> Tensor:
+        """Logits (B, 1, H, W) of what the encoder saw: low-level features at stride 4, high-level ones."""
         up = _enlarge(self.context(high), self.features.stride // _LOW_STRIDE)
         logits = self.head(self.refine(torch.cat([up, self.low(low)], 1)))
         return _enlarge(logits, _LOW_STRIDE)
