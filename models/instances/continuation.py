@@ -21,7 +21,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.colors import LAB_OF_A_LEVEL
 from models.geometry.directions import quarter_turned, unit
 from models.geometry.polylines import arc_lengths, point_at
@@ -32,7 +32,10 @@ from models.strands.ends import within
 
 _ACROSS = np.linspace(-1.3, 1.3, 27)
 """Positions across the strip, in widths."""
-_CORE, _LEFT, _RIGHT = np.abs(_ACROSS) <= 0.32, np.abs(_ACROSS + 0.93) <= 0.22, np.abs(_ACROSS - 0.93) <= 0.22
+_CORE, _LEFT, _RIGHT = (
+    slice(*np.flatnonzero(np.abs(_ACROSS - middle) <= reach)[[0, -1]] + (0, 1))
+    for middle, reach in ((0.0, 0.32), (-0.93, 0.22), (0.93, 0.22))
+)
 _LONGEST_PX = 960
 """A larger picture is followed at this size."""
 _SMOOTHING_PX = 0.8
@@ -184,9 +187,14 @@ def _strips(lab: ByteArray, xy: FloatArray, direction: FloatArray, width: float)
     read = cv2.remap(lab, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     read = read.reshape(*at.shape[:-1], 3) * LAB_OF_A_LEVEL
     color = read[..., _CORE, :].mean(axis=-2)
-    spread = np.linalg.norm(read[..., _CORE, :] - color[..., None, :], axis=-1).mean(axis=-1)
-    sides = [np.linalg.norm(read[..., side, :].mean(axis=-2) - color, axis=-1) for side in (_LEFT, _RIGHT)]
-    return _Strip(color, spread, np.minimum(*sides), (sides[0] + sides[1]) / 2)
+    spread = _length(read[..., _CORE, :] - color[..., None, :]).mean(axis=-1)
+    left, right = (_length(read[..., side, :].mean(axis=-2) - color) for side in (_LEFT, _RIGHT))
+    return _Strip(color, spread, np.minimum(left, right), (left + right) / 2)
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    """(…,) of (…, d)."""
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
 
 
 def _followed(tip: _Tip, lab: ByteArray, foreground: BoolArray, params: ContinuationParams) -> FloatArray | None:
@@ -240,7 +248,7 @@ def _led_on(
     xy = paths.xy[:, -1, None] + step * direction
     under = read_nearest(other, xy.reshape(-1, 2)).reshape(xy.shape[:2]) > 0
     strip = _strips(lab, xy, direction, tip.width)
-    away = np.linalg.norm(strip.color - paths.color[:, None], axis=-1)
+    away = _length(strip.color - paths.color[:, None])
     good = (away < params.near * strip.contrast) & (strip.contrast > params.contrast)
     good &= strip.spread < 0.6 * np.maximum(strip.contrast, 1.0) + tip.spread
     good &= ~under
@@ -250,7 +258,7 @@ def _led_on(
     covered = step * (np.count_nonzero(paths.under, axis=1)[:, None] + under)
     lost = np.where(good, 0.0, paths.lost[:, None] + np.where(under, 0.0, step))
     lost[covered > params.covered * tip.width] = np.inf
-    best = _distinct(xy, angle, cost, tip.width)[: params.paths]
+    best = _distinct(xy, angle, cost, tip.width, params.paths)
     best = best[lost.ravel()[best] <= params.gap * tip.width]
     path, kept = np.unravel_index(best, cost.shape)
     color = paths.color[path]
@@ -266,9 +274,13 @@ def _led_on(
     )
 
 
-def _distinct(xy: FloatArray, angle: FloatArray, cost: FloatArray, width: float) -> np.ndarray:
-    """Flat indices, cheapest first, one for each place and direction."""
+def _distinct(xy: FloatArray, angle: FloatArray, cost: FloatArray, width: float, count: int) -> IntArray:
+    """At most ``count`` flat indices, cheapest first, one for each place and direction."""
     cells = np.column_stack((xy.reshape(-1, 2) / max(1.0, width / 4), np.rad2deg(angle.ravel()) / 15.0))
-    order = np.argsort(cost, axis=None, kind="stable")
-    _, first = np.unique(np.floor(cells[order]).astype(np.int64), axis=0, return_index=True)
-    return order[np.sort(first)]
+    of_cell: dict[tuple[int, ...], int] = {}
+    named = np.floor(cells).astype(np.int64).tolist()
+    for index in np.argsort(cost, axis=None, kind="stable").tolist():
+        of_cell.setdefault(tuple(named[index]), index)
+        if len(of_cell) == count:
+            break
+    return np.array(list(of_cell.values()), np.intp)
