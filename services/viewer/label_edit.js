@@ -5,7 +5,7 @@
 import { stroke } from "./outline.js";
 
 const SAME_PLACE_PX = 15;
-const ANCHOR_PX = 60; // between the points that stand for the clicks of a line that nobody clicked
+const ANCHOR_PX = 150; // between the points that stand for the clicks of a line that nobody clicked; they hold its errors, too
 const SAME_CLICK_PX = 20;
 const STRETCH = 16; // pieces of a line that are looked at together
 const even = new WeakMap(); // instance that nobody edited → its shape
@@ -68,7 +68,8 @@ export function anchors({ shape, centerline_xy }) {
   return Array.from({ length: count + 1 }, (_, k) => line[at.findIndex((s) => s >= (at.at(-1) * k) / count - 1e-9)]);
 }
 
-/** The clicks with one more where the line was grabbed at its `index`-th point, or the one near it moved. */
+/** The clicks with one more where the line was grabbed at its `index`-th point, or the one near it moved. An end that is
+ *  moved back along its line takes the clicks with it that it passes. */
 export function reclicked(instance, index, to) {
   const line = instance.shape?.line ?? instance.centerline_xy;
   const at = lengths(line);
@@ -81,9 +82,21 @@ export function reclicked(instance, index, to) {
   });
   const gaps = places.map((place) => Math.abs(place - at[index]));
   const near = gaps.indexOf(Math.min(...gaps));
-  if (gaps[near] < SAME_CLICK_PX) return clicks.with(near, to);
+  if (gaps[near] < SAME_CLICK_PX) {
+    const back = placeOn(line, at, to, instance.width_px) ?? at[index];
+    const last = clicks.length - 1;
+    const passed = (k) => k > 0 && k < last && ((!near && places[k] <= back) || (near === last && places[k] >= back));
+    return clicks.with(near, to).filter((_, k) => !passed(k));
+  }
   const before = places.filter((place) => place < at[index]).length;
   return clicks.toSpliced(before, 0, to);
+}
+
+/** How far along the line a point within `reach` of it lies; null for one that is further away. */
+function placeOn(line, at, [x, y], reach) {
+  const away = line.map((point) => Math.hypot(point[0] - x, point[1] - y));
+  const least = Math.min(...away);
+  return least < reach ? at[away.indexOf(least)] : null;
 }
 
 /** One more area or branch-point; `list` is `ignore`, `connectors` or `branch_points`. */

@@ -1,7 +1,8 @@
 """A simulated person in front of the corrector, who knows the true mask of a cable: where the next click goes.
 
-The first two clicks go on the ends of the cable. Then, as in RITM's protocol, every action goes where the error is
-largest: a click on the true centerline where the outline left the cable, else a drag of one edge or both.
+The first two clicks go on the ends of the cable, unless the service has found it. Then, as in RITM's protocol, every
+action goes where the error is largest: a click on the true centerline where the outline left the cable, else a drag of
+one edge or both; where a cable of the service goes on beyond the true end, that is dragged back first.
 """
 
 from __future__ import annotations
@@ -46,12 +47,22 @@ class Person:
         self._clicked = [0, len(line) - 1] if len(line) > 1 else []
         self._hand = {i: self._shaken(line[i]) for i in self._clicked}
         self.pulls: list[dict[str, Any]] = []
+        self.moved: dict[str, Any] | None = None
+        self._given: list[list[float]] | None = None
         self._drags = 0
+
+    def corrects(self, drawn: dict[str, Any]) -> None:
+        """Begins with what the page has ``drawn``, or goes on with it, in place of clicks of one's own: ``moved`` says
+        from which place of the line to where it is dragged next."""
+        if self._given is None:
+            self._clicked = []
+        self._given = drawn["clicks"]
+        self.moved = None
 
     @property
     def clicks(self) -> list[list[float]]:
         """In the order along the cable."""
-        return [self._hand[i].tolist() for i in sorted(self._clicked)]
+        return [self._hand[i].tolist() for i in sorted(self._clicked)] if self._given is None else self._given
 
     @property
     def actions(self) -> int:
@@ -61,6 +72,8 @@ class Person:
         """One more click or drag, seeing what the page has ``drawn``, with its ``mask`` (H, W); False when there is
         nothing left to see."""
         line = np.array(drawn["line"])
+        if self._given is not None and self._shorten(line):
+            return True
         at = np.rint(self.line).astype(int)
         outside = distance_transform_edt(~drawn["mask"])[at[:, 1], at[:, 0]]
         outside[self._clicked] = 0
@@ -68,8 +81,30 @@ class Person:
         if outside[worst] > self.width_px / 4:
             self._clicked.append(worst)
             self._hand[worst] = self._shaken(self.line[worst])
+            if self._given is not None:
+                nearest = int(np.argmin(np.linalg.norm(line - self.line[worst], axis=1)))
+                self.moved = {"index": nearest, "to": self._hand[worst].tolist()}
             return True
         return self._pull(line, drawn)
+
+    def _shorten(self, line: FloatArray) -> bool:
+        """Drags an end back that goes on by more than a width where no cable is."""
+        size = np.array(self.mask.shape[::-1]) - 1
+        at = np.clip(np.rint(line).astype(int), 0, size)
+        own = self.mask[at[:, 1], at[:, 0]]
+        nothing = ~own & ~self.others[at[:, 1], at[:, 0]] & ((line >= 0) & (line <= size)).all(1)
+        if not own.any():
+            return False
+        step = float(np.linalg.norm(line[1:] - line[:-1], axis=1).mean())
+        first, last = np.nonzero(own)[0][[0, -1]]
+        beyond = [step * nothing[:first].sum(), step * nothing[last + 1 :].sum()]
+        if max(beyond) <= self.width_px:
+            return False
+        end, reached = ((0, first), (len(line) - 1, last))[int(np.argmax(beyond))]
+        to = min((self.line[0], self.line[-1]), key=lambda true: float(np.linalg.norm(true - line[reached])))
+        self.moved = {"index": end, "to": self._shaken(to).tolist()}
+        self._drags += 1
+        return True
 
     def _pull(self, line: FloatArray, drawn: dict[str, Any]) -> bool:
         normals = np.array(drawn["normals"])

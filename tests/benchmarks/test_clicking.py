@@ -5,13 +5,14 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
-from tests.benchmarks.bench_clicks import Page, needed, overlap
+from tests.benchmarks.bench_clicks import Page, corrected, needed, overlap
 from tests.benchmarks.clicking import Person, best_drag, edge_px, true_line
 
 SIZE = (120, 200)
@@ -143,6 +144,56 @@ def test_a_pull_moves_the_far_ends_of_the_edge_by_less_than_half(page: Page, tmp
     moved = np.array(pulled["high"]) - pulled["low"] - (np.array(free["high"]) - free["low"])
     assert moved[i] == pytest.approx(1.0, abs=0.3)
     assert 0.3 < np.mean([*moved[:8], *moved[-8:]]) < 0.55
+
+
+def found(line: FloatArray) -> dict[str, object]:
+    """A cable of the service."""
+    return {"centerline_xy": line[::4].tolist(), "width_px": 10.0}
+
+
+def test_an_end_that_is_dragged_back_takes_the_clicks_with_it_that_it_passes(page: Page, tmp_path: Path) -> None:
+    """They were kept: the line went back from the new end to them."""
+    mask, line = wave(10, 10)
+    question = request(tmp_path, mask, mask, np.random.default_rng(5))
+    first = page.draw({**question, "clicks": line[[0, 100, 200, -1]].tolist(), "pulls": []})
+    to = line[300].tolist()
+    drawn = page.draw({**question, "clicks": first["clicks"], "pulls": [], "moved": {"index": 0, "to": to}})
+    assert drawn["clicks"] == [to, line[-1].tolist()]
+    assert not drawn["mask"][:, :140].any()
+    assert overlap(drawn["mask"][:, 155:], mask[:, 155:], NOTHING[:, 155:]) > 0.8
+    page.draw({**question, "clicks": first["clicks"], "pulls": []})
+    other = page.draw(
+        {**question, "clicks": first["clicks"], "pulls": [], "moved": {"index": len(first["line"]) - 1, "to": to}}
+    )
+    assert other["clicks"] == [*first["clicks"][:-1], to]
+
+
+def test_a_person_drags_a_cable_of_the_service_back_first(page: Page, tmp_path: Path) -> None:
+    """One that went on over a plug was at 77 % after twenty drags at its edges."""
+    mask, line = wave(10, 10)
+    true = mask.copy()
+    true[:, :80] = False
+    question = request(tmp_path, mask, mask, np.random.default_rng(6))
+    person = Person(true, NOTHING)
+    given = page.draw({**question, "instance": found(line)})
+    person.corrects(given)
+    assert person.actions == 0
+    assert person.act(given)
+    assert person.actions == 1
+    drawn = page.draw({**question, "clicks": person.clicks, "pulls": [], "moved": person.moved})
+    assert overlap(drawn["mask"], true, NOTHING) > 0.85
+
+
+def test_what_the_service_found_right_needs_nothing(page: Page, tmp_path: Path) -> None:
+    mask, line = wave(10, 10)
+    question = request(tmp_path, mask, mask, np.random.default_rng(7))
+    item = SimpleNamespace(centerline_xy=line[::4], width_px=10.0)
+    scene = SimpleNamespace(instances=[item], labels=mask.astype(np.uint8))
+    assert corrected(page, question, Person(mask, NOTHING), scene, (5, [0.2])) == (0, [1.0])
+    piece = SimpleNamespace(instances=[item, item], labels=np.where(np.arange(SIZE[1]) < 190, mask, 2 * mask))
+    assert corrected(page, question, Person(mask, NOTHING), piece, (5, [0.2]))[0] == 1, "the piece is removed"
+    small = SimpleNamespace(instances=[item], labels=np.where(np.arange(SIZE[1]) < 80, mask, 0))
+    assert corrected(page, question, Person(mask, NOTHING), small, (5, [0.2])) == (6, [0.2]), "drawn anew"
 
 
 def test_the_same_wishes_come_true_in_the_loop(page: Page, tmp_path: Path) -> None:
