@@ -52,7 +52,7 @@ export const GERMAN = {
   "spline bundle": "Spline-Bündel", "Reconstruct": "Rekonstruieren", "Try a sample": "Beispiel", "or a finished job": "oder ein fertiger Auftrag", "Curve": "Kurve", "Warnings": "Hinweise",
   "Choose pictures and their cameras, or name a finished job.": "Bilder und ihre Kameras wählen, oder einen fertigen Auftrag nennen.",
   "{cm} cm of cable from {n} views": "{cm} cm Kabel aus {n} Ansichten", "length": "Länge", "radius": "Radius", "standard deviation": "Standardabweichung", "reprojection": "Rückprojektion",
-  "ends": "Enden", "known before": "schon bekannt", "next baseline": "nächste Basis", "next distance": "nächster Abstand", "then expected": "dann erwartet",
+  "ends": "Enden", "known before": "schon bekannt", "next baseline": "nächste Basis", "change of distance": "Abstand ändern um", "then expected": "dann erwartet",
 
   "Cables that keep their names from picture to picture": "Kabel, die von Bild zu Bild ihren Namen behalten", "Film": "Film", "Frame": "Bild", "frame": "Bild", "▶ Play": "▶ Abspielen", "❚❚ Stop": "❚❚ Anhalten",
   "Drop a video or the pictures of one here": "Ein Video oder seine Bilder hierher ziehen", "or choose files, in the order of their names": "oder Dateien wählen, in der Reihenfolge ihrer Namen",

@@ -119,7 +119,7 @@ function showFacts(result) {
   if (result.overlap !== null) facts["known before"] = `${Math.round(100 * result.overlap)} %`;
   if (next) {
     facts["next baseline"] = mm(next.baseline_m);
-    facts["next distance"] = `${next.delta_z_m > 0 ? "+" : ""}${mm(next.delta_z_m)}`;
+    facts["change of distance"] = `${next.delta_z_m > 0 ? "+" : "−"}${mm(Math.abs(next.delta_z_m))}`;
     facts["then expected"] = t("{x} ({n} % less)", { x: mm(next.expected_sigma_m), n: Math.round(100 * next.gain) });
   }
   const entries = Object.entries(facts).flatMap(([name, value]) => [element("dt", t(name)), element("dd", value)]);

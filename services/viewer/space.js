@@ -88,7 +88,7 @@ export class Space {
     const [fx, fy] = [intrinsics.fx ?? intrinsics.K[0], intrinsics.fy ?? intrinsics.K[4]];
     const corner = (u, v) => inWorld(pose, [(u * intrinsics.width * reach) / fx, (v * intrinsics.height * reach) / fy, reach]);
     const corners = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)];
-    const color = { used: "#1f6fd6", dropped: "#d6453c", next: "#1d9a4b" }[kind];
+    const color = getComputedStyle(this.canvas).getPropertyValue({ used: "--accent", dropped: "--bad", next: "--good" }[kind]);
     const width = camera === this.highlighted ? 3 : 1.2;
     const dash = kind === "used" ? [] : [5, 4];
     for (const c of corners) this.#drawLine([centerOf(camera), c], color, width, dash);

@@ -1,0 +1,32 @@
+"""On a tablet, in German, whose words are longer: nothing on a page sticks out of the card that holds it."""
+
+from __future__ import annotations
+
+import pytest
+
+from services.page_frame import PAGES
+from tests.browser import Chromium
+from tests.clients.browser_pages import NEEDS_BROWSER
+from tests.clients.fake_service import FakeService, served
+
+pytestmark = NEEDS_BROWSER
+STICK_OUT = """() => [...document.querySelectorAll("main *")].filter((one) => {
+    const card = one.closest(".card, .toolbar");
+    const box = one.getBoundingClientRect();
+    return card && box.width > 1 && box.right > card.getBoundingClientRect().right + 1;
+}).map((one) => one.outerHTML.slice(0, 120))"""
+CUT = """() => [...document.querySelectorAll("main button, main select, main a.button, main input[placeholder]")].filter((one) => {
+    return one.getBoundingClientRect().width > 1 && one.scrollWidth > one.clientWidth + 1;
+}).map((one) => one.outerHTML.slice(0, 120))"""
+
+
+@pytest.mark.parametrize("language", ["de-DE", "en-US"])
+def test_nothing_sticks_out_of_its_card_on_a_tablet(browser: Chromium, language: str) -> None:
+    """The button *Als nächste Version sichern* did."""
+    page = browser.new_page(viewport={"width": 1024, "height": 768}, locale=language, has_touch=True)
+    with served(FakeService().app()) as url:
+        for name in PAGES:
+            page.goto(f"{url}/viewer/{name}.html")
+            page.wait_for_selector("h2, legend, form", state="attached")
+            assert (name, page.evaluate(STICK_OUT), page.evaluate(CUT)) == (name, [], [])
+    page.context.close()
