@@ -29,7 +29,7 @@ NEEDS_FIREFOX = [
     pytest.mark.skipif(FIREFOX is None, reason="needs Firefox (Debian's firefox-esr) on the PATH"),
 ]
 SIZE = {"width": 1300, "height": 900}
-KEYS = {"Control": "\ue009", "Shift": "\ue008", "Enter": "\ue007", "Escape": "\ue00c"}
+KEYS = {"Control": "\ue009", "Shift": "\ue008", "Enter": "\ue007", "Delete": "\ue017"}
 _ADDRESS = re.compile(r"WebDriver BiDi listening on (ws://\S+)")
 _WITHIN_S = 60.0
 _PREFERENCES = {
@@ -43,8 +43,9 @@ _PREFERENCES = {
 class Firefox:
     """One tab; ``errors`` are those of its console, and answers of 400 and above, so far."""
 
-    def __init__(self, socket: ClientConnection, downloads: Path) -> None:
+    def __init__(self, socket: ClientConnection, downloads: Path, process: subprocess.Popen[str]) -> None:
         self._socket = socket
+        self._process = process
         self._downloads = downloads
         self._ids = itertools.count(1)
         self.errors: list[str] = []
@@ -52,6 +53,11 @@ class Firefox:
         self.call("session.subscribe", events=["log.entryAdded", "network.responseCompleted"])
         self._tab = self.call("browsingContext.getTree")["contexts"][0]["context"]
         self.call("browsingContext.setViewport", context=self._tab, viewport=SIZE)
+
+    def crash(self) -> None:
+        """Ends at once, without a chance to put anything away."""
+        self._process.kill()
+        self._process.wait()
 
     def call(self, method: str, **params: Any) -> Any:
         """The result of a command; raises AssertionError with what Firefox says."""
@@ -141,11 +147,11 @@ class Firefox:
 
 @contextmanager
 def firefox(folder: Path) -> Iterator[Firefox]:
-    """A headless Firefox in English, with a profile of its own in this folder and its downloads there."""
+    """A headless Firefox in English, with its profile in this folder, which may be there already, and its downloads."""
     assert FIREFOX is not None
     profile, downloads = folder / "profile", folder / "downloads"
     for made in (profile, downloads):
-        made.mkdir()
+        made.mkdir(exist_ok=True)
     preferences = _PREFERENCES | {"browser.download.dir": str(downloads)}
     lines = [f"user_pref({json.dumps(name)}, {json.dumps(value)});\n" for name, value in preferences.items()]
     (profile / "user.js").write_text("".join(lines))
@@ -153,7 +159,7 @@ def firefox(folder: Path) -> Iterator[Firefox]:
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
         with connect(f"{_address(process)}/session", max_size=None) as socket:
-            yield Firefox(socket, downloads)
+            yield Firefox(socket, downloads, process)
     finally:
         process.terminate()
         try:

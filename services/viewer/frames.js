@@ -3,6 +3,7 @@
 import { t } from "./i18n.js";
 
 const MOST = 2000;
+const PAN = { frames: 10, step: 6 }; // of a film made of one picture, pixels from each frame to the next
 
 /** `{ name, time_s, blob }` of every frame; `onFrame(done, all)` tells how far it is. */
 export async function framesOf(files, rate, onFrame) {
@@ -10,6 +11,18 @@ export async function framesOf(files, rate, onFrame) {
   if (video) return takenApart(video, rate, onFrame);
   const inOrder = [...files].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
   return inOrder.map((file, k) => ({ name: file.name, time_s: k / rate, blob: file }));
+}
+
+/** The pictures that a camera takes of this one while it moves aside. */
+export async function panned(file) {
+  const bitmap = await createImageBitmap(file);
+  const sheet = new OffscreenCanvas(bitmap.width - PAN.frames * PAN.step, bitmap.height);
+  const files = [];
+  for (let k = 0; k < PAN.frames; k += 1) {
+    sheet.getContext("2d").drawImage(bitmap, -k * PAN.step, 0);
+    files.push(new File([await sheet.convertToBlob({ type: "image/png" })], `${k}.png`, { type: "image/png" }));
+  }
+  return files;
 }
 
 async function takenApart(file, rate, onFrame) {

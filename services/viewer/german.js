@@ -9,7 +9,8 @@ export const GERMAN = {
   "Request": "Anfrage", "Picture": "Bild", "No picture yet": "Noch kein Bild", "Show": "Anzeigen", "Zoom": "Vergrößerung", "Fit": "Ganz",
   "smaller (−)": "kleiner (−)", "larger (+)": "größer (+)", "whole picture (0)": "ganzes Bild (0)", "actual size (1)": "Originalgröße (1)",
   "Cancel": "Abbrechen", "Progress": "Fortschritt", "Copy": "Kopieren", "Copied": "Kopiert", "Selected": "Markiert", "Save": "Sichern",
-  "Open": "Öffnen", "Run": "Ausführen", "choose": "wählen", "Try {name}": "{name} ausprobieren", "or try one of these": "oder eines von diesen ausprobieren",
+  "Open": "Öffnen", "Run": "Ausführen", "choose": "wählen", "or try one of these, as a camera sees it that moves": "oder eines davon ausprobieren, wie es eine Kamera sieht, die sich bewegt",
+  "Try {name}": "{name} ausprobieren", "or try one of these": "oder eines von diesen ausprobieren",
   "The job was {state}": "Der Auftrag ist {state}", "The job was cancelled": "Der Auftrag wurde abgebrochen",
   "This did not work": "Das hat nicht geklappt", "The service cannot be reached": "Der Dienst ist nicht erreichbar",
 

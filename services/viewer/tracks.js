@@ -3,8 +3,9 @@
 import { api } from "./api.js";
 import { color, inkOn } from "./colors.js";
 import { byId, download, element, onDrop, problemOf, showProblem } from "./dom.js";
-import { framesOf } from "./frames.js";
+import { framesOf, panned } from "./frames.js";
 import { t } from "./i18n.js";
+import { offer } from "./samples.js";
 import { shell } from "./shell.js";
 import { Stage } from "./stage.js";
 import { pointAt } from "./strands.js";
@@ -160,6 +161,7 @@ async function play() {
 
 shell();
 stage.addButtons();
+offer(byId("samples"), "cables", ([file]) => panned(file).then(choose).catch(report));
 byId("file").addEventListener("change", (event) => choose([...event.target.files]));
 byId("track").addEventListener("change", (event) => openTrack(event.target.files[0]).catch(report));
 byId("form").addEventListener("submit", (event) => {

@@ -32,3 +32,14 @@ def test_pictures_become_a_film_with_ids(browser: Chromium, tmp_path: Path) -> N
         page.set_input_files("#track", tmp_path / "track.jsonl")
         page.wait_for_function("document.querySelector('#at').value === '1 / 3'")
         assert page.locator("#cables button").count() == 2
+
+
+def test_a_sample_is_a_film(browser: Chromium) -> None:
+    """Whoever had no video at hand could not try the page."""
+    service = FakeService()
+    with opened(browser, service, "viewer/tracks.html") as page:
+        page.click("#samples button")
+        page.wait_for_function("document.querySelector('#at').value === '1 / 10'")
+        page.click("#run")
+        page.wait_for_function("document.querySelector('#at').value === '10 / 10'")
+        assert len(service.requests) == 10

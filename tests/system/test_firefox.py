@@ -90,6 +90,27 @@ def test_a_line_of_clicks_survives_a_reload_and_is_undone_and_saved(page: Firefo
     page.wait_for(KEPT)
 
 
+def test_a_crash_of_the_browser_loses_nothing(address: str, tmp_path: Path) -> None:
+    """Killed as soon as the page says that every step is kept."""
+    with firefox(tmp_path) as page:
+        page.open(f"{address}/viewer/label.html")
+        page.wait_for(READY)
+        page.upload("#file", PICTURE)
+        page.wait_for(f"{CABLES} >= 4")
+        count = page.evaluate(CABLES)
+        page.click("#instances button")
+        page.press("Delete")
+        page.wait_for(f"{CABLES} === {count - 1} && {KEPT}")
+        page.crash()
+    with firefox(tmp_path) as page:
+        page.open(f"{address}/viewer/label.html")
+        page.wait_for(f"{READY} && {CABLES} === {count - 1}")
+        page.wait_for(BRIGHT)
+        page.press("Control+z")
+        page.wait_for(f"{CABLES} === {count}")
+        assert page.errors == []
+
+
 def read(file: Path):
     """The one label of the file."""
     imported = READERS["json"](file)
