@@ -23,6 +23,7 @@ async function choose(file) {
   if (!file) return;
   page.running?.abort();
   Object.assign(page, { file, bitmap: null });
+  byId("depth").value = ""; // that of another picture
   forget();
   byId("run").disabled = false;
   showRequest();
@@ -42,7 +43,7 @@ async function run() {
   page.job = null;
   try {
     const request = { ...(await requestOf()), files: [] }; // this page draws by itself
-    const job = await api.run(request, { [partOf()]: page.file }, onJob, controller.signal);
+    const job = await api.run(request, partsOf(page.file, (file) => file), onJob, controller.signal);
     show(job);
     remember({ ...page }, job.id);
   } catch (error) {
@@ -75,11 +76,15 @@ async function requestOf() {
   return { ...request, kind: "topology", drawing: JSON.parse(await drawing.text()) };
 }
 
-const partOf = () => (byId("as").value === "mask" ? "mask" : "image");
+/** The picture and its depth, which shows what lies on top; `as` tells what is taken of each file. */
+function partsOf(picture, as) {
+  const depth = byId("depth").files[0];
+  return { [byId("as").value === "mask" ? "mask" : "image"]: picture, ...(depth ? { depth: as(depth) } : {}) };
+}
 
 async function showRequest() {
   const request = await requestOf().catch(() => null);
-  if (request) showCode(request, { [partOf()]: page.file?.name ?? "harness.png" }, t("Harness"));
+  if (request) showCode(request, partsOf(page.file?.name ?? "harness.png", ({ name }) => name), t("Harness"));
 }
 
 async function foregroundNetwork() {

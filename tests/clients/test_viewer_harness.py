@@ -54,6 +54,20 @@ def test_layers_draw_what_they_say(page: Any) -> None:
     assert color_at(page, middle[0] + 20, middle[1]) != plain
 
 
+def test_a_picture_is_sent_with_its_depth(page: Any, service: FakeService) -> None:
+    """Only the page of the pictures could; it shows which strand is on top. Another picture has another depth."""
+    page.set_input_files("#file", picture())
+    page.wait_for_selector("#actions button")
+    page.set_input_files("#depth", {"name": "depth.png", "mimeType": "image/png", "buffer": picture()["buffer"]})
+    assert page.text_content("#curl").count("-F 'depth=@\"depth.png\"'") == 1
+    page.click("#run")
+    page.wait_for_selector("#progress", state="hidden")
+    assert service.parts[-1] == ["image", "depth"]
+    page.set_input_files("#file", {**picture(), "name": "other.jpg"})
+    page.wait_for_selector("#canvas[aria-label^='other.jpg:']")
+    assert service.parts[-1] == ["image"]
+
+
 def test_a_drawing_asks_for_names(page: Any, service: FakeService) -> None:
     drawing = b'{"branches": [{"name": "trunk", "a": "A", "b": "B", "length": 100}]}'
     page.set_input_files("#drawing", {"name": "d.json", "mimeType": "application/json", "buffer": drawing})
