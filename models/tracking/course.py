@@ -24,8 +24,9 @@ _MIDDLES_U = (np.arange(NODES - 1) + 0.5) / (NODES - 1)
 _BASIS = waves(_MIDDLES_U)
 _NOISE_RAD, _INDEPENDENT = 0.06, 3.0
 """Of a direction between two samples; so many neighboring ones err alike."""
-_SLIDE_WIDTHS = 0.5
-"""By which the place that the motion tells is off, usually."""
+_SLIDE_WIDTHS, _OF_ADRIFT = 0.1, 0.15
+"""By which the place that the motion tells is off, usually: in widths, and as a share of how far the cable may have
+slid since an end of it was seen."""
 _MOST_SLIDE_WIDTHS, _ROUNDS = 3.0, 3
 _LEARNED = 0.03
 """Share of a new course that replaces the one remembered, in a frame."""
@@ -103,7 +104,8 @@ def _slide(steps: _Steps, slide: float, cable: TrackedCable, along: FloatArray) 
     turns = steps.direction - here
     wanted = turns - 2 * np.pi * np.rint(turns / (2 * np.pi)) + here - known
     matrix = np.column_stack([waves(np.clip(position / cable.length_px, 0.0, 1.0)), slope * ~steps.pinned])
-    precision = np.append(1 / _BENDS_RAD**2, 1 / (_SLIDE_WIDTHS * cable.width_px) ** 2)
+    off = _SLIDE_WIDTHS * cable.width_px + _OF_ADRIFT * cable.adrift_px
+    precision = np.append(1 / _BENDS_RAD**2, 1 / off**2)
     pull = np.append(np.zeros(MODES), -slide * precision[-1])
     weighted = (matrix * (steps.weight * inside)[:, None]).T / (_NOISE_RAD**2 * _INDEPENDENT)
     return float(np.linalg.solve(weighted @ matrix + np.diag(precision), weighted @ wanted + pull)[-1])

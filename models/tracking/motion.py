@@ -27,8 +27,8 @@ _JUMP_WIDTHS = 3.0
 """A cable that is so far off was taken for somewhere else: that is no motion."""
 DAMPING = 0.9
 """Share of its velocity that a node out of view keeps from frame to frame."""
-_LENGTH_CHANGE = 0.01
-"""Share by which the picture of a cable grows or shrinks from one frame to the next, at most."""
+_LENGTH_GAIN, _LENGTH_CHANGE = 0.1, 0.002
+"""Share of a measured length that replaces the known one; by which share this grows or shrinks in a frame, at most."""
 _WHOLE = 0.93
 """A cable of which this share is in view counts as seen."""
 _SPREAD_WIDTHS, _SPREAD_SPEED, _MOST_SPREAD_WIDTHS = 0.1, 0.3, 12.0
@@ -167,12 +167,14 @@ def _ends(cable: TrackedCable, pieces: Sequence[Piece]) -> tuple[EndpointKind, E
 
 
 def _length(cable: TrackedCable, pieces: Sequence[Piece]) -> float:
-    """The picture of a cable that is moved grows and shrinks a little: seen from end to end it is measured anew."""
+    """The picture of a cable that is moved grows and shrinks a little: seen from end to end it is measured anew,
+    slowly: in a tangle a strand cuts corners, or ends where another one does."""
     whole = next((piece for piece in pieces if shows_all(piece, cable)), None)
     if whole is None or cable.ends != ("free", "free"):
         return cable.length_px
-    change = whole.observed.length_px / cable.length_px
-    return cable.length_px * float(np.clip(change, 1 - _LENGTH_CHANGE, 1 + _LENGTH_CHANGE))
+    gain = max(1.0 / (cable.met + 1), _LENGTH_GAIN)
+    change = gain * (whole.observed.length_px / cable.length_px - 1.0)
+    return cable.length_px * (1.0 + float(np.clip(change, -_LENGTH_CHANGE, _LENGTH_CHANGE)))
 
 
 def _lengthened(

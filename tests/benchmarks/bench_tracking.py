@@ -1,12 +1,13 @@
 """Which cable is which, over rendered clips: IDF1, switches, drift along the cable, time beside the instances.
 
-    python -m tests.benchmarks.bench_tracking [--clips N] [--frames N] [--set NAME] [--tuning]
+    python -m tests.benchmarks.bench_tracking [--clips N] [--frames N] [--set NAME] [--stress NAME] [--tuning]
 
 Four cables of one look move slowly or fast, an arm covers 40 % of them for 30 frames, nothing is seen for 10 frames, or
 they move as ropes in MuJoCo do (needs ``requirements/dynamics.in``).
 The masks are true, the instances those of the default method. Baselines: the nearest curve, and the largest overlap,
-frame by frame. Labels: one labelled frame is propagated to the next 100. ``--tuning`` takes clips on which constants
-may be chosen.
+frame by frame. Stress: the same cables faster, more of them covered, or longer out of view. Labels: one labelled frame
+is propagated to the next 100. Without ``--set`` and ``--stress`` all of it is measured; with them only what they name.
+``--tuning`` takes clips on which constants may be chosen.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from models.instances.scene import Scene
 from models.tracking.state import NODES, Track, TrackedCable
 from models.tracking.track import follow
 from tests.benchmarks.clip_labels import propagated
-from tests.benchmarks.tracking_clips import REPORTED, TUNING, ClipKind, Seen, clip, kinds
+from tests.benchmarks.tracking_clips import REPORTED, STRESS, TUNING, ClipKind, Seen, clip, kinds, stress
 from tests.benchmarks.tracking_scoring import LEAST_VISIBLE, Identities, dense
 
 Curves = dict[int, np.ndarray]
@@ -182,24 +183,37 @@ def _along(line: np.ndarray, xy: np.ndarray) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--clips", type=int, default=6)
-    parser.add_argument("--labels", type=int, default=3, help="clips whose labels are propagated")
+    parser.add_argument("--clips", type=int, default=6, help="of each set, at most")
+    parser.add_argument("--labels", type=int, help="clips whose labels are propagated; 3 where all is measured")
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--set", dest="sets", action="append", choices=tuple(kinds(1)))
+    parser.add_argument("--stress", action="append", choices=tuple(STRESS))
     parser.add_argument("--tuning", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
-    all_kinds = kinds(args.frames)
-    report = {}
-    for name in args.sets or all_kinds:
-        clips = [measure_clip(all_kinds[name], seed, args.tuning) for seed in range(args.clips)]
-        report[name] = {method: _summary([c[method] for c in clips]) for method in clips[0]}
-        print(name, json.dumps(report[name]), flush=True)
-    labels = [propagated(all_kinds["moving"], seed, args.tuning) for seed in range(args.labels)]
-    print("labels", json.dumps(labels), flush=True)
+    whole = not (args.sets or args.stress)
+    all_kinds, harder = kinds(args.frames), stress(args.frames)
     first = TUNING if args.tuning else REPORTED
-    seeds = {name: [first, all_kinds[name].number, args.clips] for name in report}
-    _write(args.out, {"frames": args.frames, "tuning": args.tuning, "seeds": seeds, "sets": report, "labels": labels})
+    sets = {name: all_kinds[name] for name in (tuple(all_kinds) if whole else args.sets or ())}
+    seeds = {name: [first, kind.number, min(kind.clips, args.clips)] for name, kind in sets.items()}
+    found: dict[str, Any] = {"frames": args.frames, "tuning": args.tuning, "seeds": seeds, "sets": {}, "stress": {}}
+    for name, kind in sets.items():
+        found["sets"][name] = _measured(kind, args.clips, args.tuning, True)
+        print(name, json.dumps(found["sets"][name]), flush=True)
+    for name in tuple(harder) if whole else args.stress or ():
+        found["stress"][name] = {
+            str(value): _measured(kind, args.clips, args.tuning, False)["ours"] for value, kind in harder[name].items()
+        }
+        print("stress", name, json.dumps(found["stress"][name]), flush=True)
+    labelled = args.labels if args.labels is not None else 3 * whole
+    found["labels"] = [propagated(all_kinds["moving"], seed, args.tuning) for seed in range(labelled)]
+    print("labels", json.dumps(found["labels"]), flush=True)
+    _write(args.out, found)
+
+
+def _measured(kind: ClipKind, most: int, tuning: bool, baselines: bool) -> dict[str, dict[str, float]]:
+    clips = [measure_clip(kind, seed, tuning, baselines) for seed in range(min(kind.clips, most))]
+    return {method: _summary([c[method] for c in clips]) for method in clips[0]}
 
 
 def _write(folder: Path, found: dict[str, Any]) -> None:
@@ -208,7 +222,7 @@ def _write(folder: Path, found: dict[str, Any]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     before = json.loads(path.read_text()) if path.is_file() else {}
     if all(before.get(key) == found[key] for key in ("frames", "tuning")):
-        found |= {key: before[key] | found[key] for key in ("seeds", "sets")}
+        found |= {key: before.get(key, {}) | found[key] for key in ("seeds", "sets", "stress")}
         found["labels"] = found["labels"] or before["labels"]
     path.write_text(json.dumps(found, indent=1))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -31,19 +31,23 @@ _RENDERED = "models/synthesis/clips.py", "models/synthesis/cables.py", "models/s
 _ROPES = "tests/benchmarks/ropes.py", "tests/benchmarks/rope_courses.py"
 _FOUND = "models/instances/**/*.py", "models/strands/**/*.py", "models/geometry/**/*.py"
 _JPEG_QUALITY = 92
-TUNING, REPORTED = 47, 73
+TUNING, REPORTED = 47, 81
 """What the seeds of either set begin with: no constant is chosen on a reported clip."""
+STRESS = {"speed": (0.5, 1.0, 1.5, 3.0), "share": (0.2, 0.4, 0.6), "hidden": (5, 10, 30, 60)}
+"""Widths a frame at most, the share of all cables that an arm covers, and the frames in which nothing is seen."""
 
 
 @dataclass(frozen=True)
 class ClipKind:
     """``params`` of its clips, of which no cable is seen in the frames ``hidden`` (start, stop); ``number`` is the
-    second part of its clips' seeds; ``ropes`` whether they move as ropes in MuJoCo do."""
+    second part of its clips' seeds; ``ropes`` whether they move as ropes in MuJoCo do; ``clips`` how many of them
+    make a set."""
 
     params: ClipParams
     number: int
     hidden: tuple[int, int] = (0, 0)
     ropes: bool = False
+    clips: int = 6
 
 
 def kinds(frames: int) -> dict[str, ClipKind]:
@@ -52,11 +56,23 @@ def kinds(frames: int) -> dict[str, ClipKind]:
     moving = ClipParams(frames=frames)
     return {
         "moving": ClipKind(moving, 0),
-        "fast": ClipKind(replace(moving, speed=1.5), 1),
+        "fast": ClipKind(replace(moving, speed=1.5), 1, clips=2),
         "covered": ClipKind(replace(moving, covered=(half, half + min(30, frames // 4))), 2),
         "hidden": ClipKind(moving, 0, hidden=(half, half + min(10, frames // 4))),
-        "ropes": ClipKind(moving, 3, ropes=True),
+        "ropes": ClipKind(moving, 3, ropes=True, clips=2),
     }
+
+
+def stress(frames: int) -> dict[str, dict[float, ClipKind]]:
+    """By name of what is made harder, and by how much of it: clips of the same cables."""
+    sets = kinds(frames)
+    moving, covered, half = sets["moving"], sets["covered"], frames // 2
+    made: dict[str, Callable[[float], ClipKind]] = {
+        "speed": lambda value: replace(moving, params=replace(moving.params, speed=value)),
+        "share": lambda value: replace(covered, params=replace(covered.params, share=value)),
+        "hidden": lambda value: replace(moving, hidden=(half, half + int(value))),
+    }
+    return {name: {value: replace(made[name](value), clips=2) for value in values} for name, values in STRESS.items()}
 
 
 @dataclass(frozen=True, eq=False)

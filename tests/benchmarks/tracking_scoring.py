@@ -28,14 +28,16 @@ class Identities:
 
     def add(self, true: Mapping[int, np.ndarray], predicted: Mapping[int, np.ndarray]) -> dict[int, int]:
         """Dense points (n, 2) in view of ``true`` and ``predicted`` cables by id; returns predicted by true id in this
-        frame."""
+        frame. As CLEAR MOT defines it, a cable keeps the id that it was last found with while that is on it, and a
+        switch is a frame in which it is found with another one."""
         self.true += len(true)
         self.predicted += len(predicted)
         if not true or not predicted:
             return {}
         keys, others = list(true), list(predicted)
         shared = shared_points([true[k] for k in keys], [predicted[k] for k in others], NEAR_WIDTHS * self.width_px)
-        rows, columns = linear_sum_assignment(-shared)
+        kept = np.array([[self._last.get(k) == j for j in others] for k in keys])
+        rows, columns = linear_sum_assignment(-np.where(shared > LEAST_SHARED, shared + kept, 0.0))
         found = {keys[i]: others[j] for i, j in zip(rows, columns, strict=True) if shared[i, j] > LEAST_SHARED}
         for cable, number in found.items():
             self.pairs[cable, number] += 1

@@ -9,7 +9,9 @@ import pytest
 
 from models.geometry.polylines import arc_lengths
 from models.instances.scene import EndpointKind
+from models.tracking.course import recognised
 from models.tracking.ownership import sample
+from models.tracking.placing import Piece
 from models.tracking.registration import registered
 from models.tracking.state import NODES, Track, TrackedCable
 from models.tracking.track import follow, observe
@@ -78,3 +80,30 @@ def test_cables_laid_on_their_strands_together_and_one_by_one_are_the_same() -> 
         (alone,) = registered([cable], [xy], samples)
         assert np.abs(found - alone).max() < 1e-9
         assert np.abs(found - xy).max() > 0
+
+
+def test_a_cable_is_not_as_long_at_once_as_a_strand_that_a_picture_joined_to_another() -> None:
+    """A cable grew by a hundredth a frame towards strands that ended where another cable does, and cuts corners: after
+    some such frames its places had slid, and its length was that of no picture of it."""
+    line = wave(200)
+    step = (line[-1] - line[-2]) / np.hypot(*(line[-1] - line[-2]))
+    longer = np.concatenate([line, line[-1] + step * np.arange(2.0, 22.0, 2.0)[:, None]])
+    cable = run([scene(instance(line))] * 20 + [scene(instance(longer))] * 5)[-1].cables[0]
+    whole = float(arc_lengths(line)[-1])
+    assert cable.length_px < whole + 0.5 * (float(arc_lengths(longer)[-1]) - whole)
+
+
+def test_the_course_moves_a_cable_along_itself_only_as_far_as_it_may_have_slid() -> None:
+    """In a tangle, the course of what is seen is not the cable's alone: it moved cables by widths to and fro whose
+    places had been known from their ends a frame ago."""
+    x = np.linspace(60, 560, 200)
+    line, shifted = (np.column_stack([x, 200 + 40 * np.sin((x - off) / 30)]) for off in (0.0, 1.5 * WIDTH))
+    known = run([scene(instance(line))] * 30)[-1].cables[0]
+    shown = observe(scene(instance(shifted[20:-20], ("hidden", "hidden"))), None, None)[0]
+    along = arc_lengths(shown.xy)
+    piece = Piece(shown, shown.xy, along + arc_lengths(line)[20], 0.0, 1.0, False, np.ones(len(along)))
+    moved = []
+    for adrift_px in (0.0, 10 * WIDTH):
+        cable = replace(known, adrift_px=adrift_px)
+        moved.append(abs(float(recognised([piece], cable, known.xy)[0].position[0] - piece.position[0])))
+    assert moved[0] < 0.6 * moved[1]
