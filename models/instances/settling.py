@@ -22,6 +22,8 @@ from models.instances.section_matching import extract
 
 _CONTINUED = 0.75
 """Probability of what was not seen but follows."""
+_SMALL = 0.02
+"""Share of the picture; what fills more is no rest: a network of somebody's own may see other things than cables."""
 _BELOW = 2 / 255
 """Distance from the threshold of what was seen but is none, so that 8 bits keep it below."""
 
@@ -60,11 +62,11 @@ def _without_hardly_any(cable: BoolArray, scene: Scene, likely: FloatArray) -> B
 
 
 def _without_short_pieces(cable: BoolArray) -> BoolArray:
-    """``cable`` (H, W) without connected pieces that are no longer than a few of their widths."""
+    """``cable`` (H, W) without small connected pieces that are no longer than a few of their widths."""
     count, pieces, boxes, _ = cv2.connectedComponentsWithStats(cable.view(np.uint8), connectivity=8)
     lengths = np.hypot(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
     inside = cv2.distanceTransform(np.pad(cable.view(np.uint8), 1, "edge"), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
     widths = 2 * np.asarray(ndimage.maximum(inside, pieces, np.arange(count)))
-    long_enough = lengths >= SHORTEST_WIDTHS * widths
-    long_enough[0] = False
-    return np.asarray(long_enough[pieces])
+    kept = (lengths >= SHORTEST_WIDTHS * widths) | (boxes[:, cv2.CC_STAT_AREA] > _SMALL * cable.size)
+    kept[0] = False
+    return np.asarray(kept[pieces])

@@ -160,3 +160,11 @@ def test_pieces_beside_a_cable_stay() -> None:
     seen = speck() | mask_of(COURSE)
     settled = settle(drawn([COURSE]), np.where(seen, 0.99, 0.01).astype(np.float32), seen, 0.5)
     assert settled.cable[speck()].all()
+
+
+def test_a_slab_that_fills_a_good_part_of_the_picture_stays() -> None:
+    """A network of somebody's own sees what it was trained to see; no method finds an instance there."""
+    seen = np.zeros(SIZE, bool)
+    seen[:, :150] = True
+    settled = settle(drawn([]), np.where(seen, 0.99, 0.01).astype(np.float32), seen, 0.5)
+    assert settled.cable[seen].all()
