@@ -36,6 +36,7 @@ _CORE, _LEFT, _RIGHT = (
     slice(*np.flatnonzero(np.abs(_ACROSS - middle) <= reach)[[0, -1]] + (0, 1))
     for middle, reach in ((0.0, 0.32), (-0.93, 0.22), (0.93, 0.22))
 )
+"""Of these positions the cable's core and the ground on both sides; slices, which read without a copy."""
 _LONGEST_PX = 960
 """A larger picture is followed at this size."""
 _SMOOTHING_PX = 0.8

@@ -19,6 +19,7 @@ from models.instances.continuation import continued
 from models.instances.lookalikes import chances, hardly, rated
 from models.instances.scene import Scene
 from models.instances.section_matching import extract
+from models.strands.foreground import distance_map
 
 _CONTINUED = 0.75
 """Probability of what was not seen but follows."""
@@ -65,8 +66,7 @@ def _without_short_pieces(cable: BoolArray) -> BoolArray:
     """``cable`` (H, W) without small connected pieces that are no longer than a few of their widths."""
     count, pieces, boxes, _ = cv2.connectedComponentsWithStats(cable.view(np.uint8), connectivity=8)
     lengths = np.hypot(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
-    inside = cv2.distanceTransform(np.pad(cable.view(np.uint8), 1, "edge"), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-    widths = 2 * np.asarray(ndimage.maximum(inside, pieces, np.arange(count)))
+    widths = 2 * np.asarray(ndimage.maximum(distance_map(cable), pieces, np.arange(count)))
     kept = (lengths >= SHORTEST_WIDTHS * widths) | (boxes[:, cv2.CC_STAT_AREA] > _SMALL * cable.size)
     kept[0] = False
     return np.asarray(kept[pieces])

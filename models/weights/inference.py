@@ -116,6 +116,13 @@ def manifest() -> Mapping[str, NetworkSpec]:
     return {name: NetworkSpec(name=name, **entry) for name, entry in entries.items()}
 
 
+def spec_of(name: str) -> NetworkSpec:
+    """The manifest's entry of a network. Raises UnknownNetworkError."""
+    if name not in manifest():
+        raise UnknownNetworkError(f"unknown network {name!r}; there are {', '.join(sorted(manifest()))}")
+    return manifest()[name]
+
+
 def default_name(task: str) -> str:
     """The network to use for ``task`` when nobody asks for another."""
     for name, spec in manifest().items():
@@ -135,9 +142,7 @@ def load(name: str, runtime: Runtime | None = None) -> Network:
 
     Raises UnknownNetworkError, CorruptWeightsError.
     """
-    if name not in manifest():
-        raise UnknownNetworkError(f"unknown network {name!r}; there are {', '.join(sorted(manifest()))}")
-    spec = manifest()[name]
+    spec = spec_of(name)
     data = (WEIGHTS / spec.file).read_bytes()
     if hashlib.sha256(data).hexdigest() != spec.sha256:
         raise CorruptWeightsError(f"{spec.file} is not the file that the manifest names")

@@ -73,3 +73,16 @@ def test_hints_go_on_where_a_training_ended(tmp_path: Path) -> None:
 def test_a_student_without_the_places_for_hints_is_refused() -> None:
     with pytest.raises(ValueError, match="deeplab"):
         learning("compact")
+
+
+def test_a_training_begun_without_hints_does_not_go_on_with_them(tmp_path: Path) -> None:
+    """It failed for want of a key of the checkpoint."""
+    config = Config(seed=1, minutes=10.0, batch=2, rate=2e-3, keep=0.9)
+    Learning("deeplab_convnext_t", 8, config).save(tmp_path / "last.pt", {})
+    with pytest.raises(ValueError, match="begun without --hints"):
+        learning().resume(tmp_path / "last.pt")
+
+
+def test_an_unknown_teacher_is_named() -> None:
+    with pytest.raises(ValueError, match="'nobody'"):
+        Learning("deeplab_convnext_t", 8, Config(minutes=1.0), hints="nobody")

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from models.training.foreground.initial import unfold
 from models.training.foreground.network_compact import CompactNetwork
 from models.training.foreground.network_deeplab import DeepLab
-from models.weights.inference import WEIGHTS, manifest
+from models.weights.inference import WEIGHTS, spec_of
 
 _LOW, _HIGH = 0, {16: 2, 32: 3}
 """Places among what the compact encoder sees: at stride 4, and by the stride of the student's high-level features."""
@@ -34,12 +34,13 @@ class Hints(nn.Module):
     afterwards."""
 
     def __init__(self, teacher: str, student: DeepLab) -> None:
-        """Raises ValueError for a teacher that is no compact network or a student that is no DeepLabV3+."""
+        """Raises ValueError for a teacher that is not in the manifest or no compact network, and for a student that is
+        no DeepLabV3+."""
         super().__init__()
         if not isinstance(student, DeepLab):
             raise ValueError("hints are for the deeplab networks")
         network = CompactNetwork()
-        unfold(WEIGHTS / manifest()[teacher].file, network)
+        unfold(WEIGHTS / spec_of(teacher).file, network)
         network.eval().requires_grad_(False).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._teacher = [network]  # not a part of what is trained
         self._place = _HIGH[student.features.stride]

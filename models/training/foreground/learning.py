@@ -49,29 +49,35 @@ def foreground_loss(logits: Tensor, labels: Tensor) -> Tensor:
 def hinted_loss(network: DeepLab, images: Tensor, labels: Tensor, hints: Hints, weight: float) -> Tensor:
     """That of a batch as :func:`loss_of` takes it, taught by what a teacher answers and, with so much ``weight``, by
     what its encoder sees."""
-    device = next(network.parameters()).device
-    x = normalize(images.to(device)).contiguous(memory_format=torch.channels_last)
-    with torch.autocast(device.type, torch.bfloat16):
+    x = _input(network, images)
+    with torch.autocast(x.device.type, torch.bfloat16):
         shown = hints.shown(x)
         low, high = network.features(x)
         logits = network.decoded(low, high)
         unexplained = hints(shown, low, high)
-    truth = labels.to(device)
-    taught = taught_loss(logits.float(), truth, shown.probability)
-    return (foreground_loss(logits.float(), truth) + taught) / 2 + weight * unexplained
+    return _taught(logits.float(), labels.to(x.device), shown.probability) + weight * unexplained
 
 
 def loss_of(network: nn.Module, images: Tensor, labels: Tensor, teacher: Teacher | None = None) -> Tensor:
     """That of a batch: (B, 3, H, W) uint8 pictures and (B, H, W) uint8 labels; with a teacher, the mean of its loss
     and that of the labels."""
-    device = next(network.parameters()).device
-    x = normalize(images.to(device)).contiguous(memory_format=torch.channels_last)
-    with torch.autocast(device.type, torch.bfloat16):
+    x = _input(network, images)
+    with torch.autocast(x.device.type, torch.bfloat16):
         logits = network(x)
-    loss = foreground_loss(logits.float(), labels.to(device))
     if teacher is None:
-        return loss
-    return (loss + taught_loss(logits.float(), labels.to(device), teacher(images).to(device))) / 2
+        return foreground_loss(logits.float(), labels.to(x.device))
+    return _taught(logits.float(), labels.to(x.device), teacher(images).to(x.device))
+
+
+def _input(network: nn.Module, images: Tensor) -> Tensor:
+    """(B, 3, H, W) uint8 pictures as a network takes them, where it is."""
+    device = next(network.parameters()).device
+    return normalize(images.to(device)).contiguous(memory_format=torch.channels_last)
+
+
+def _taught(logits: Tensor, labels: Tensor, seen: Tensor) -> Tensor:
+    """The mean of the labels' loss and that of what a teacher has ``seen`` (B, H, W)."""
+    return (foreground_loss(logits, labels) + taught_loss(logits, labels, seen)) / 2
 
 
 class Learning:
@@ -120,6 +126,8 @@ class Learning:
         name, slim = stored(state["params"])
         if (name, slim) != (self.name, self.slim):
             raise ValueError(f"{file.parent} holds --network {name} --slim {slim}; ask for these or another folder")
+        if ("hints" in state) != (self.hints is not None):
+            raise ValueError(f"{file.parent} was begun {'with' if 'hints' in state else 'without'} --hints")
         self.course.restore(file)
         if self.hints is not None:
             self.hints.load_state_dict(state["hints"])

@@ -25,7 +25,7 @@ from models.training.foreground.learning import normalize
 from models.training.foreground.network_compact import InvertedResidual
 from models.training.foreground.networks import build
 from models.training.state import Config, Course
-from models.weights.inference import WEIGHTS, manifest
+from models.weights.inference import WEIGHTS, spec_of
 
 _WEIGHT_STEPS, _ACTIVATION_STEPS = 127, 255
 _KEPT_RANGE = 0.99
@@ -101,7 +101,7 @@ def main() -> None:
     torch.set_num_threads(1)
     torch.manual_seed(1)
     kind = args.network.removeprefix("foreground_")
-    file = WEIGHTS / manifest()[args.network].file
+    file = WEIGHTS / spec_of(args.network).file
     teacher, network = build(kind, 1), build(kind, 1)
     for one in (teacher, network):
         unfold(file, one)
