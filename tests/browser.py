@@ -1,7 +1,8 @@
 """A real browser for tests of pages: the fixture ``browser``, and the marks of tests that need it.
 
-Opening a context or a tab has no time limit in Playwright, and Chromium has been seen to hang there for minutes: here
-it has one, and one more try in a browser started anew.
+Opening and closing a context or a tab, scripts of a page and the end of Playwright have no time limit there, and
+Chromium has been seen to hang for minutes, and once for good. Here all of it has one: what opens is tried once more in
+a browser started anew, a test whose browser was lost is run once more, what closes is left.
 """
 
 from __future__ import annotations
@@ -29,10 +30,13 @@ FLAGS = [
     "--disable-sync",
 ]
 OPENS_WITHIN_S = 20.0
+TEST_WITHIN_S = 240.0
+"""All of a test, with what its pages need to open and close: above the longest, on a machine with other work."""
 NEEDS_BROWSER = [
     pytest.mark.system,
     pytest.mark.browser,
     pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
+    pytest.mark.flaky(reruns=1, only_rerun=["has been closed"]),  # Playwright's words for a browser that is gone
 ]
 _NUMBERS = itertools.count(1)
 
@@ -57,8 +61,15 @@ class Chromium:
             return self._opened(shared, options, OPENS_WITHIN_S)
 
     def close(self) -> None:
-        with self._bounded(self._within_s):
+        with self.bounded(self._within_s):
             self._browser.close()
+
+    def put_away(self, opened: Any) -> None:
+        """Closes a tab or a context; one that does not close in time goes with its browser, which is a warning."""
+        with suppress(self._playwright_error), self.bounded(self._within_s):
+            opened.close()
+        if not self._browser.is_connected():
+            warnings.warn(f"Chromium closed nothing within {self._within_s:g} s, or was gone before", stacklevel=2)
 
     @property
     def processes(self) -> list[psutil.Process]:
@@ -80,19 +91,15 @@ class Chromium:
                 warnings.warn(f"Chromium did not start: {error}", stacklevel=2)
 
     def _opened(self, shared: bool, options: dict[str, Any], within_s: float) -> Any:
-        with self._bounded(within_s):
+        with self.bounded(within_s):
             contexts = self._browser.contexts if shared else []
             return (contexts[0] if contexts else self._browser.new_context(**options)).new_page()
 
     @contextmanager
-    def _bounded(self, within_s: float) -> Iterator[None]:
+    def bounded(self, within_s: float) -> Iterator[None]:
         """Kills the browser if what is done meanwhile takes too long: that is then an error of Playwright."""
-        timer = threading.Timer(within_s, kill, [self._mark])
-        timer.start()
-        try:
+        with in_time(within_s, lambda: kill(self.processes)):
             yield
-        finally:
-            timer.cancel()
 
     @property
     def _playwright_error(self) -> type[Exception]:
@@ -107,17 +114,52 @@ def processes(mark: str) -> list[psutil.Process]:
     return [process for process in found if mark in (process.info["cmdline"] or [])]
 
 
-def kill(mark: str) -> None:
-    for process in processes(mark):
+def kill(found: list[psutil.Process]) -> None:
+    for process in found:
         with suppress(psutil.NoSuchProcess):
             process.kill()
+
+
+@contextmanager
+def in_time(within_s: float, late: Callable[[], object]) -> Iterator[None]:
+    """Calls ``late`` from another thread if what is done meanwhile takes longer."""
+    timer = threading.Timer(within_s, late)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+@contextmanager
+def started_playwright() -> Iterator[Any]:
+    """Playwright, whose own process is killed if it does not end; the test is skipped where it is not installed."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    others = set(psutil.Process().children())
+    manager = sync_api.sync_playwright()
+    playwright = manager.start()
+    drivers = [process for process in psutil.Process().children() if process not in others]
+    try:
+        yield playwright
+    finally:
+        with in_time(OPENS_WITHIN_S, lambda: kill(drivers)):
+            playwright.stop()
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Chromium]:
     """One for the tests of a file; every page that they open in a context of its own has an empty database."""
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
+    with started_playwright() as playwright:
         chromium = Chromium(playwright)
         yield chromium
         chromium.close()
+
+
+@pytest.fixture(autouse=True)
+def _browser_in_time(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A page that hangs in a test fails it, and does not hold up all the others."""
+    if "browser" not in request.fixturenames:
+        yield
+        return
+    with request.getfixturevalue("browser").bounded(TEST_WITHIN_S):
+        yield

@@ -55,8 +55,11 @@ def running_service(data_dir: Path, workers: int, more: Mapping[str, str] | None
         yield line.split()[-1]
     finally:
         process.terminate()
-        process.wait(timeout=30)
-        process.stdout.close()
+        try:
+            process.wait(timeout=30)
+        finally:
+            process.kill()
+            process.stdout.close()
 
 
 class WorkerProcess:

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image
-from playwright.sync_api import sync_playwright
 
-from tests.browser import Chromium
+from tests.browser import Chromium, started_playwright
 from tests.processes import ROOT, running_service
 
 DESKTOP, TABLET = (1440, 900), (1024, 768)
@@ -136,12 +135,12 @@ def taken(opened: Chromium, url: str, shot: Shot, out: Path) -> None:
     act(page)
     page.wait_for_timeout(500)
     page.screenshot(path=out / f"{name}.jpg", type="jpeg", quality=80)
-    page.context.close()
+    opened.put_away(page.context)
 
 
 @contextmanager
 def browser() -> Iterator[Chromium]:
-    with sync_playwright() as playwright:
+    with started_playwright() as playwright:
         opened = Chromium(playwright)
         yield opened
         opened.close()

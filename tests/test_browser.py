@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import psutil
 import pytest
 
-from tests.browser import NEEDS_BROWSER, Chromium
+from tests import browser
+from tests.browser import NEEDS_BROWSER, Chromium, started_playwright
 
+sync_api = pytest.importorskip("playwright.sync_api")
 pytestmark = NEEDS_BROWSER
 
 
 def test_a_browser_that_hangs_is_started_anew_and_reported() -> None:
     """Opening a context hung for three minutes, before a test that passes alone."""
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
+    with started_playwright() as playwright:
         chromium = Chromium(playwright, within_s=1.0)
         hung = chromium.processes
         for process in hung:
@@ -24,3 +26,34 @@ def test_a_browser_that_hangs_is_started_anew_and_reported() -> None:
         assert not set(hung) & set(chromium.processes)
         assert not any(process.is_running() for process in hung)
         chromium.close()
+
+
+def test_a_page_that_does_not_close_is_left_with_its_browser() -> None:
+    """Closing has no time limit in Playwright, and a run of all tests did not end."""
+    with started_playwright() as playwright:
+        chromium = Chromium(playwright, within_s=1.0)
+        page = chromium.new_page()
+        for process in chromium.processes:
+            process.suspend()
+        with pytest.warns(UserWarning, match="closed nothing within 1 s"):
+            chromium.put_away(page)
+        assert chromium.new_page().evaluate("1 + 1") == 2
+        chromium.close()
+
+
+def test_a_script_that_does_not_end_fails_its_test() -> None:
+    with started_playwright() as playwright:
+        chromium = Chromium(playwright)
+        page = chromium.new_page()
+        with pytest.raises(sync_api.Error, match="has been closed"), chromium.bounded(1.0):
+            page.evaluate("new Promise(() => {})")
+        chromium.close()
+
+
+def test_a_driver_that_hangs_is_ended(monkeypatch) -> None:
+    monkeypatch.setattr(browser, "OPENS_WITHIN_S", 1.0)
+    others = set(psutil.Process().children())
+    with started_playwright():
+        (driver,) = set(psutil.Process().children()) - others
+        driver.suspend()
+    assert not driver.is_running()

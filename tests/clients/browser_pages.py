@@ -35,7 +35,7 @@ def opened(browser: Chromium, service: FakeService, path: str = "", height: int 
         page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
         page.goto(f"{url}/{path}")
         yield page
-        page.close()
+        browser.put_away(page)
     assert wrong == []
 
 

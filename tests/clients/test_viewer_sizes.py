@@ -30,4 +30,4 @@ def test_nothing_sticks_out_of_its_card_on_a_tablet(browser: Chromium, language:
             page.goto(f"{url}/viewer/{name}.html")
             page.wait_for_selector("h2, legend, form", state="attached")
             assert (name, page.evaluate(STICK_OUT), page.evaluate(CUT, WRITTEN)) == (name, [], [])
-    page.context.close()
+    browser.put_away(page.context)

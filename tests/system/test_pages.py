@@ -70,7 +70,7 @@ def opened(browser: Chromium, address: str, wrong: list[str]) -> Iterator[Any]:
     page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
     page.on("response", lambda response: wrong.append(response.url) if response.status >= 400 else None)
     yield page
-    page.context.close()
+    browser.put_away(page.context)
 
 
 @pytest.mark.parametrize("path", [*OURS, "docs", "redoc"])
