@@ -70,7 +70,8 @@ def trainings(shared: Path) -> dict[str, list[str]]:
     folders = [f"{name}={data / name}" for name in ("chroma", "rendered")]
     nets = ["compact", "deeplab_resnet50/4", "deeplab_swin_t/4"]
     twice = ["--minutes-per-run", "2", "--runs", "2"]
-    short = ["--minutes-per-run", "0.5", "--scale", "0.02", *pretrained]
+    photographs = ["--real", str(shared / "real" / "train"), "--marked"]
+    short = ["--minutes-per-run", "1.5", "--scale", "0.075", "--runs", "3", *size, *pretrained]
     return {
         "compare": [mixture, "compare", *folders, *twice, *size, *common[2:], *pretrained],
         "networks": [mixture, "networks", *nets, "--minutes-per-run", "4", *size, *common],
@@ -85,7 +86,7 @@ def trainings(shared: Path) -> dict[str, list[str]]:
             "--ropes",
             "8",
         ],
-        "mixture": [mixture, "factorial", "--real", str(data / "traced"), *short, *common],
+        "mixture": [mixture, "factorial", *photographs, *short, *common],
     }
 
 

@@ -72,10 +72,16 @@ def networks(data: dict) -> str:
 
 
 def mixture(data: dict) -> str:
+    real = "hand-marked photographs of workshops and of hardware projects"
+    tables = {"`ewd`": "dice", "photographs of workshops kept aside": "photographs"}
+    runs = max(int(key.rsplit("run", 1)[1]) + 1 for key in data["runs"])
     return (
-        "## Mixtures by ratio (Table 2.2, small)\n\n`python -m models.training.foreground.mixture factorial --scale "
-        f"{data['settings']['scale']:g}`: {_setting(data)}. Path-traced pictures stand in for the labelled real ones: "
-        "no real set may be trained on.\n\n```\n" + factorial_table(data["runs"]) + "\n```\n"
+        "## Mixtures by ratio (Table 2.2, small)\n\n`python -m models.training.foreground.mixture factorial --marked "
+        f"--scale {data['settings']['scale']:g} --runs {runs}`: the counts of the table times that scale, real ones "
+        f"are {real}; {_setting(data)} and on photographs of that kind, mean ± standard deviation over {runs} runs "
+        "with other pictures.\n\n"
+        + "\n\n".join(f"{name}:\n\n```\n{factorial_table(data['runs'], key)}\n```" for name, key in tables.items())
+        + "\n"
     )
 
 

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -142,3 +143,37 @@ def one_picture(folder: Path) -> Path:
     ids[10:20] = 1
     write_sample(folder / "one", "a_0", np.zeros((32, 64, 3), np.uint8), ids)
     return folder / "one"
+
+
+def test_with_marked_photographs_those_kept_aside_are_measured_too(tmp_path):
+    rng = np.random.default_rng(0)
+    labels = np.full((32, 64), 128, np.uint8)
+    labels[10:20] = 255
+    for folder in ("imgs", "masks"):
+        (tmp_path / folder).mkdir()
+    for k in range(40):
+        cv2.imwrite(str(tmp_path / "imgs" / f"table_{k}.png"), rng.integers(0, 255, (32, 64, 3), np.uint8))
+        cv2.imwrite(str(tmp_path / "masks" / f"table_{k}.png"), labels)
+    out = tmp_path / "runs.json"
+    test = ["--test", str(one_picture(tmp_path / "test")), "--out", str(out)]
+    common = ["--minutes-per-run", "0.0005", "--width", "64", "--height", "32", "--batch", "2", *test]
+    assert mixture.main(["factorial", "--real", str(tmp_path), "--marked", "--scale", "0.001", *common]) == 0
+    runs = json.loads(out.read_text())["runs"]
+    assert len(runs) == 9
+    assert {tuple(run["photographs"]) for run in runs.values()} == {("all", "table")}
+    assert "±" in factorial_table(runs, "photographs")
+
+
+def test_where_nobody_can_tell_nothing_counts():
+    labels = np.full((32, 64), 128, np.uint8)
+    labels[10:20] = 255
+
+    class Everything:
+        device = torch.device("cpu")
+
+        @staticmethod
+        def average(images):
+            return torch.full((1, 1, *images.shape[2:]), 9.0)
+
+    picture = ("a", np.zeros((32, 64, 3), np.uint8), labels)
+    assert mixture.dice(Everything, [picture], (32, 64)) == {"all": 100.0}

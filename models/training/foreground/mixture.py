@@ -7,8 +7,8 @@
 ``factorial`` is Table 2.2 of the thesis (2.7.2): 4000, 8000 and 16000 synthetic pictures × 0, 1000 and 2000 real
 ones, all counts times --scale, --runs runs each, mixed by w_r (eq. 2.5). ``compare`` trains on each folder alone, as
 Table 2.1 does. ``networks`` trains several networks on the same rendered pictures. All report Dice on --test
-(without it: on rendered pictures held out) and keep every finished run in a JSON file: the same command continues
-where it stopped. Folders as in ``models.synthesis.datasets``.
+(without it: on rendered pictures held out), ``factorial --marked`` also on the photographs kept aside, and keep every
+finished run in a JSON file: the same command continues where it stopped. Folders as in ``models.synthesis.datasets``.
 """
 
 from __future__ import annotations
@@ -87,9 +87,10 @@ def from_folder(folder: Path, fit: bool = False) -> Iterator[Labelled]:
         yield sample.name, rgb, np.where(foreground, 255, 0).astype(np.uint8)
 
 
-def marked(folder: Path) -> Iterator[Labelled]:
-    """Hand-marked photographs that train, and where in them nobody can tell (``real_pictures.py``)."""
-    for photograph in load_labelled(folder).photographs:
+def marked(folder: Path, aside: bool = False) -> Iterator[Labelled]:
+    """Hand-marked photographs that train, or those kept aside, and where in them nobody can tell
+    (``real_pictures.py``)."""
+    for photograph in load_labelled(folder, aside).photographs:
         yield photograph.name, photograph.rgb, photograph.labels
 
 
@@ -138,7 +139,8 @@ def _batch(
 
 @torch.no_grad()
 def dice(learning: Learning, test: Iterable[Labelled], size: tuple[int, int]) -> dict[str, float]:
-    """Mean Dice in percent at the pictures' own size, ``all`` and by category (NAME before ``_``)."""
+    """Mean Dice in percent at the pictures' own size where one can tell, ``all`` and by category (NAME before
+    ``_``)."""
     groups: dict[str, list[float]] = {"all": []}
     for name, rgb, labels in test:
         mask = labels == 255
@@ -146,7 +148,7 @@ def dice(learning: Learning, test: Iterable[Labelled], size: tuple[int, int]) ->
             continue
         image = stack([(name, rgb, labels)], size).images.to(learning.device)
         logits = F.interpolate(learning.average(normalize(image)), mask.shape, mode="bilinear")
-        found = (torch.sigmoid(logits)[0, 0] > THRESHOLD).cpu().numpy()
+        found = (torch.sigmoid(logits)[0, 0] > THRESHOLD).cpu().numpy() & (labels != UNKNOWN)
         score = 200.0 * np.count_nonzero(found & mask) / (np.count_nonzero(found) + np.count_nonzero(mask))
         for group in {"all", name.split("_")[0] if "_" in name else "all"}:
             groups.setdefault(group, []).append(score)
@@ -197,13 +199,13 @@ def factorial_arms(synthetic: Pictures, real: Pictures, scale: float, runs: int)
     }  # fmt: skip
 
 
-def factorial_table(runs: Mapping[str, dict[str, Any]]) -> str:
-    """Dice, mean ± standard deviation over the finished runs, with w_r."""
+def factorial_table(runs: Mapping[str, dict[str, Any]], test: str = "dice") -> str:
+    """Dice on that ``test``, mean ± standard deviation over the finished runs, with w_r."""
     lines = ["synthetic | " + " | ".join(f"real {r:<18}" for r in REAL)]
     for s in SYNTHETIC:
         cells = []
         for r in REAL:
-            scores = [run["dice"]["all"] for key, run in runs.items() if key.startswith(f"s{s}_r{r}_")]
+            scores = [run[test]["all"] for key, run in runs.items() if key.startswith(f"s{s}_r{r}_")]
             cells.append(f"{np.mean(scores):5.2f} ± {np.std(scores):4.2f} w_r {r / (r + s):.2f}" if scores else "-")
         lines.append(f"{s:>9} | " + " | ".join(f"{cell:<23}" for cell in cells))
     return "\n".join(lines)
@@ -219,7 +221,7 @@ def factorial(args: argparse.Namespace) -> None:
     scenes = rendered(count, SceneParams(_size(args)), load_pool(args.textures), _TRAINING_SEED)
     arms = factorial_arms(stack(scenes, _size(args)), real, args.scale, args.runs)
     ledger = Ledger(args.out, _settings(args, "real", "scale", "marked"))
-    run_all(arms, ledger, _trainer(args))
+    run_all(arms, ledger, _trainer(args, {"photographs": list(marked(args.real, aside=True))} if args.marked else {}))
     print(factorial_table(ledger.runs))
 
 
@@ -253,19 +255,20 @@ def networks(args: argparse.Namespace) -> None:
         print(f"{key:28} {run['parameters'] / 1e6:15.2f} {run['pictures']:14d}  {run['dice']}")
 
 
-def _trainer(args: argparse.Namespace) -> Callable[[Arm], dict[str, Any]]:
-    """Trains one arm and scores it."""
+def _trainer(args: argparse.Namespace, more: Mapping[str, list[Labelled]] = {}) -> Callable[[Arm], dict[str, Any]]:
+    """Trains one arm and scores it; ``more`` tests by name."""
     encoder = torch.load(args.pretrained, map_location="cpu", weights_only=True) if args.pretrained else None
     scenes = SceneParams(_size(args), empty_share=0.0)
-    test = list(
+    kept_aside = (
         from_folder(args.test, fit=True) if args.test
         else rendered(64, scenes, load_pool(args.textures), _HELD_OUT_SEED)
     )  # fmt: skip
+    tests = {"dice": list(kept_aside)}
 
     def train(arm: Arm) -> dict[str, Any]:
         learning = fit(arm, args.minutes_per_run, args.batch, encoder)
         return {
-            "dice": dice(learning, test, _size(args)),
+            **{name: dice(learning, pictures, _size(args)) for name, pictures in (tests | more).items()},
             "pictures": learning.course.steps * args.batch,
             "parameters": sum(p.numel() for p in learning.network.parameters()),
         }
