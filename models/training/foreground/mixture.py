@@ -268,7 +268,7 @@ def _trainer(args: argparse.Namespace, more: Mapping[str, list[Labelled]] = {}) 
     def train(arm: Arm) -> dict[str, Any]:
         learning = fit(arm, args.minutes_per_run, args.batch, encoder)
         return {
-            **{name: dice(learning, pictures, _size(args)) for name, pictures in (tests | more).items()},
+            **{name: dice(learning, pictures, _size(args)) for name, pictures in {**tests, **more}.items()},
             "pictures": learning.course.steps * args.batch,
             "parameters": sum(p.numel() for p in learning.network.parameters()),
         }
