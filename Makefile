@@ -30,9 +30,10 @@ dev: $(BIN)/.dev
 # Threads within a process would only take the processor from the other processes.
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS)
 
-## Everything that CI runs. The summary at its end names what was skipped and why.
+## Everything that CI runs. The summary at its end names what was skipped and why, what hung once and was run again, and
+## the slowest.
 test: lint docs
-	$(PYTEST) --dist worksteal --cov --cov-report=html:build/coverage/html --cov-report=
+	$(PYTEST) -rR --durations=8 --reruns 1 --only-rerun "from pytest-timeout" --dist worksteal --cov --cov-report=html:build/coverage/html --cov-report=
 
 ## Lint, types and the unit tests: what to run while working.
 quick: lint
