@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from anyio import to_thread
 from dlo_client.contracts import ImageInfo
 
@@ -13,6 +15,10 @@ from workers.pictures.clouds import is_cloud, size_of
 from workers.pictures.headers import PictureError, Size, inspect
 
 _MOST_KNOWN = 10_000
+_FRESH_S = 5.0
+_FRESH_SHARE = 0.01
+"""For so long, or this share of a picture's lifetime, one that was seen to be there is not looked for again: who asks
+about the same picture again and again pays for a trip to the disk, or to S3, once."""
 
 
 class Uploads:
@@ -21,8 +27,10 @@ class Uploads:
     def __init__(self, settings: ServiceSettings, blobs: Blobs) -> None:
         self._max_pixels = settings.max_image_pixels
         self._blobs = blobs
-        self._looked_at: dict[str, ImageInfo] = {}
-        """What is known of pictures: their bytes never change, so they are read once, not with every request."""
+        self._looked_at: dict[str, tuple[ImageInfo, float]] = {}
+        """What is known of pictures, whose bytes never change, so that they are read once, not with every request; and
+        until when, s of the monotonic clock, they are surely there."""
+        self._fresh_s = min(_FRESH_S, _FRESH_SHARE * settings.blob_ttl_s)
 
     async def stage(self, data: bytes, *, field: str, cloud: bool = False) -> tuple[ImageInfo, Staged]:
         """Look at the picture that came in as ``field`` and write it down, to be kept or dropped; ``cloud``: it may be
@@ -35,11 +43,14 @@ class Uploads:
         return await to_thread.run_sync(self._stage, data, field, cloud)
 
     async def find(self, image_id: str, *, field: str) -> ImageInfo:
-        """The picture kept before that ``field`` refers to; its lifetime begins anew.
+        """The picture kept before that ``field`` refers to; its lifetime begins anew, unless it just did.
 
         Raises:
             ProblemError: 422 ``unknown_image`` when it is not, or no longer, kept.
         """
+        known, sure_until = self._looked_at.get(image_id, (None, 0.0))
+        if known and time.monotonic() < sure_until:
+            return known
         return await to_thread.run_sync(self._find, image_id, field)
 
     def keep(self, upload_id: str) -> bool:
@@ -57,8 +68,10 @@ class Uploads:
         return self._remember(_info(staged.blob_id, size, len(data)), data), staged
 
     def _find(self, image_id: str, field: str) -> ImageInfo:
-        is_there, known = self._blobs.touch(image_id), self._looked_at.get(image_id)
+        is_there = self._blobs.touch(image_id)
+        known, _ = self._looked_at.get(image_id, (None, 0.0))
         if is_there and known:
+            self._looked_at[image_id] = known, time.monotonic() + self._fresh_s
             return known
         try:
             data = self._blobs.get(image_id)
@@ -76,7 +89,7 @@ class Uploads:
             return info
         while len(self._looked_at) >= _MOST_KNOWN:
             self._looked_at.pop(next(iter(self._looked_at)), None)
-        self._looked_at[info.id] = info
+        self._looked_at[info.id] = info, 0.0
         return info
 
     def _inspect(self, data: bytes, field: str, cloud: bool = False) -> Size:

@@ -128,4 +128,18 @@ def test_a_picture_is_read_once_however_many_requests_name_it(app, client, monke
     assert [client.post("/v1/jobs", json=segment).status_code for _ in range(3)] == [202] * 3
     assert read == [uploaded]
     backend.blobs.path(uploaded).unlink()
+    backend.uploads._fresh_s = 0.0
+    info, _ = backend.uploads._looked_at[uploaded]
+    backend.uploads._looked_at[uploaded] = info, 0.0  # time goes by
     assert client.post("/v1/jobs", json=segment).json()["code"] == "unknown_image"
+
+
+def test_a_picture_that_was_just_there_is_not_looked_for_again(app, client, monkeypatch):
+    """Every request waited for a thread, and on several hosts for S3, to learn what the one before had learned."""
+    uploaded = client.post("/v1/images", content=samples.encoded()).json()["id"]
+    uploads, found = app.state.backend.uploads, []
+    find = uploads._find
+    monkeypatch.setattr(uploads, "_find", lambda *given: found.append(given) or find(*given))
+    segment = {"kind": "segment", "image": {"id": uploaded}}
+    assert [client.post("/v1/jobs", json=segment).status_code for _ in range(4)] == [202] * 4
+    assert len(found) == 1
