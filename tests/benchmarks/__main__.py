@@ -68,7 +68,7 @@ def trainings(shared: Path) -> dict[str, list[str]]:
     common = ["--textures", "build/textures.npz", "--test", str(shared / "data" / "ewd")]
     size = ["--width", "256", "--height", "160"]
     folders = [f"{name}={data / name}" for name in ("chroma", "rendered")]
-    nets = ["compact", "deeplab_resnet50/4", "deeplab_swin_t/4"]
+    nets = ["compact", "deeplab_resnet50/4", "deeplab_swin_t/4", "deeplab_convnext_t/4"]
     twice = ["--minutes-per-run", "2", "--runs", "2"]
     photographs = ["--real", str(shared / "real" / "train"), "--marked"]
     short = ["--minutes-per-run", "1.5", "--scale", "0.075", "--runs", "3", *size, *pretrained]

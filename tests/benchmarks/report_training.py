@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.training.foreground.mixture import factorial_table
+from models.training.foreground.validation import RULE
 from tests.benchmarks.markdown import table
 
 
@@ -59,15 +60,19 @@ def compare(data: dict) -> str:
 
 def networks(data: dict) -> str:
     rows = [
-        [key.rsplit("_run", 1)[0], round(r["parameters"] / 1e6, 2), r["pictures"], *r["dice"].values()]
+        [
+            key.rsplit("_run", 1)[0], round(r["parameters"] / 1e6, 2), r["pictures"],
+            data["settings"]["minutes_per_run"] if r["pictures"] else 0, *r["dice"].values(),
+        ]
         for key, r in data["runs"].items()
-    ]
+    ]  # fmt: skip
     kinds = list(next(iter(data["runs"].values()))["dice"])
     return (
         "## Networks on equal terms, at reduced size\n\n`python -m models.training.foreground.mixture networks`: all "
-        f"on the same {data['settings']['count']} rendered pictures, {_setting(data)}. `/4`: channels divided by four. "
+        f"on the same {data['settings']['count']} rendered pictures, {_setting(data)}. `/4`: channels divided by four; "
+        f"no network: {RULE[0].lower()}{RULE[1:]}. "
         "No GPU was there: a comparison of what short training on a processor reaches, not of the full networks.\n\n"
-        + table(["network", "million weights", "pictures seen", *kinds], rows)
+        + table(["network", "million weights", "pictures seen", "processor minutes", *kinds], rows)
     )
 
 

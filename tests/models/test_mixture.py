@@ -131,8 +131,11 @@ def test_networks_are_compared_on_the_same_pictures(tmp_path, capsys):
     names = ["compact", "deeplab_resnet50/8"]
     assert mixture.main(["networks", *names, "--count", "3", "--test", str(one_picture(tmp_path)), *common]) == 0
     runs = json.loads((tmp_path / "runs.json").read_text())["runs"]
-    assert set(runs) == {"compact_run0", "deeplab_resnet50/8_run0"}
+    trained = ["compact_run0", "deeplab_resnet50/8_run0"]
+    assert list(runs) == ["no network", *(f"untrained {key}" for key in trained), *trained]
     assert runs["compact_run0"]["parameters"] == sum(p.numel() for p in build("compact").parameters())
+    assert runs["untrained compact_run0"]["pictures"] == 0 < runs["compact_run0"]["pictures"]
+    assert set(runs["no network"]["dice"]) == {"a", "all"}
     assert "deeplab_resnet50/8_run0" in capsys.readouterr().out
     assert mixture.main(["networks", "nobody", "--count", "3", *common, "--out", out + "2"]) == 1
     assert "unknown network 'nobody'" in capsys.readouterr().out
@@ -168,12 +171,5 @@ def test_where_nobody_can_tell_nothing_counts():
     labels = np.full((32, 64), 128, np.uint8)
     labels[10:20] = 255
 
-    class Everything:
-        device = torch.device("cpu")
-
-        @staticmethod
-        def average(images):
-            return torch.full((1, 1, *images.shape[2:]), 9.0)
-
     picture = ("a", np.zeros((32, 64, 3), np.uint8), labels)
-    assert mixture.dice(Everything, [picture], (32, 64)) == {"all": 100.0}
+    assert mixture.dice(lambda rgb: np.ones(rgb.shape[:2], bool), [picture]) == {"all": 100.0}

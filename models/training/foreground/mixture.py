@@ -6,7 +6,8 @@
 
 ``factorial`` is Table 2.2 of the thesis (2.7.2): 4000, 8000 and 16000 synthetic pictures × 0, 1000 and 2000 real
 ones, all counts times --scale, --runs runs each, mixed by w_r (eq. 2.5). ``compare`` trains on each folder alone, as
-Table 2.1 does. ``networks`` trains several networks on the same rendered pictures. All report Dice on --test
+Table 2.1 does. ``networks`` trains several networks on the same rendered pictures, and measures them untrained and a
+rule that needs none. All report Dice on --test
 (without it: on rendered pictures held out), ``factorial --marked`` also on the photographs kept aside, and keep every
 finished run in a JSON file: the same command continues where it stopped. Folders as in ``models.synthesis.datasets``.
 """
@@ -28,6 +29,7 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
+from models.geometry.arrays import BoolArray, ByteArray
 from models.synthesis.datasets import DatasetError, Mixture, load, samples_in, write_whole
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool
@@ -35,6 +37,7 @@ from models.training.foreground.augmentation import UNKNOWN
 from models.training.foreground.learning import Learning, normalize
 from models.training.foreground.networks import NETWORKS
 from models.training.foreground.real_pictures import load_labelled
+from models.training.foreground.validation import by_color
 from models.training.state import Config
 
 SYNTHETIC = (4000, 8000, 16000)
@@ -101,7 +104,7 @@ def rendered(count: int, params: SceneParams, pool: TexturePool, seed: int) -> I
 
 
 def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | None) -> Learning:
-    """Train for ``minutes`` from the ``encoder``'s weights; the averaged network is the result."""
+    """Train for ``minutes``, if any, from the ``encoder``'s weights; the averaged network is the result."""
     config = Config(seed=arm.seed, minutes=minutes, batch=batch, rate=1.2e-3, keep=0.998, clip=5.0, warm_up=0.03)
     learning = Learning(arm.network, arm.slim, config, encoder_rate=0.4)
     # On a shared processor only its own time makes two trainings equally long.
@@ -109,6 +112,8 @@ def fit(arm: Arm, minutes: float, batch: int, encoder: Mapping[str, Tensor] | No
     if encoder is not None:
         learning.network.load_encoder(encoder)
         learning.average.load_state_dict(learning.network.state_dict())
+    if not minutes:
+        return learning
     rng = np.random.default_rng(arm.seed)
     mixture = Mixture([len(s.images) for s in arm.sources], arm.weights, rng)
     learning.network.train()
@@ -137,8 +142,20 @@ def _batch(
     return torch.stack(images), torch.stack(labels)
 
 
-@torch.no_grad()
-def dice(learning: Learning, test: Iterable[Labelled], size: tuple[int, int]) -> dict[str, float]:
+def mask_of(learning: Learning, size: tuple[int, int]) -> Callable[[ByteArray], BoolArray]:
+    """What the network finds in a picture (H, W, 3) stretched to ``size``, (H, W)."""
+
+    @torch.no_grad()
+    def found(rgb: ByteArray) -> BoolArray:
+        unlabelled = np.zeros(rgb.shape[:2], np.uint8)
+        image = stack([("", rgb, unlabelled)], size).images.to(learning.device)
+        logits = F.interpolate(learning.average(normalize(image)), rgb.shape[:2], mode="bilinear")
+        return np.asarray((torch.sigmoid(logits)[0, 0] > THRESHOLD).cpu().numpy(), bool)
+
+    return found
+
+
+def dice(find: Callable[[ByteArray], BoolArray], test: Iterable[Labelled]) -> dict[str, float]:
     """Mean Dice in percent at the pictures' own size where one can tell, ``all`` and by category (NAME before
     ``_``)."""
     groups: dict[str, list[float]] = {"all": []}
@@ -146,9 +163,7 @@ def dice(learning: Learning, test: Iterable[Labelled], size: tuple[int, int]) ->
         mask = labels == 255
         if not mask.any():
             continue
-        image = stack([(name, rgb, labels)], size).images.to(learning.device)
-        logits = F.interpolate(learning.average(normalize(image)), mask.shape, mode="bilinear")
-        found = (torch.sigmoid(logits)[0, 0] > THRESHOLD).cpu().numpy() & (labels != UNKNOWN)
+        found = find(rgb) & (labels != UNKNOWN)
         score = 200.0 * np.count_nonzero(found & mask) / (np.count_nonzero(found) + np.count_nonzero(mask))
         for group in {"all", name.split("_")[0] if "_" in name else "all"}:
             groups.setdefault(group, []).append(score)
@@ -221,7 +236,10 @@ def factorial(args: argparse.Namespace) -> None:
     scenes = rendered(count, SceneParams(_size(args)), load_pool(args.textures), _TRAINING_SEED)
     arms = factorial_arms(stack(scenes, _size(args)), real, args.scale, args.runs)
     ledger = Ledger(args.out, _settings(args, "real", "scale", "marked"))
-    run_all(arms, ledger, _trainer(args, {"photographs": list(marked(args.real, aside=True))} if args.marked else {}))
+    tests = {"dice": _test(args)}
+    if args.marked:
+        tests["photographs"] = list(marked(args.real, aside=True))
+    run_all(arms, ledger, _trainer(args, tests, args.minutes_per_run))
     print(factorial_table(ledger.runs))
 
 
@@ -233,7 +251,7 @@ def compare(args: argparse.Namespace) -> None:
     }  # fmt: skip
     print(f"{len(arms)} runs: {len(arms) * args.minutes_per_run:g} minutes of one core")
     ledger = Ledger(args.out, _settings(args, "sources"))
-    run_all(arms, ledger, _trainer(args))
+    run_all(arms, ledger, _trainer(args, {"dice": _test(args)}, args.minutes_per_run))
     for name in folders:
         runs = [run["dice"] for key, run in ledger.runs.items() if key.startswith(f"{name}_run")]
         print(name, {group: round(float(np.mean([run[group] for run in runs])), 2) for group in runs[0]})
@@ -249,26 +267,35 @@ def networks(args: argparse.Namespace) -> None:
     }  # fmt: skip
     print(f"{len(arms)} runs: {len(arms) * args.minutes_per_run:g} minutes of one core")
     ledger = Ledger(args.out, _settings(args, "count"))
-    run_all(arms, ledger, _trainer(args))
+    tests = {"dice": _test(args)}
+    ledger.add("no network", {"dice": dice(by_color, tests["dice"]), "pictures": 0, "parameters": 0})
+    run_all({f"untrained {key}": arm for key, arm in arms.items()}, ledger, _trainer(args, tests, 0.0))
+    run_all(arms, ledger, _trainer(args, tests, args.minutes_per_run))
     print(f"{'network':28} {'million weights':>15} {'pictures seen':>14}  Dice")
     for key, run in ledger.runs.items():
         print(f"{key:28} {run['parameters'] / 1e6:15.2f} {run['pictures']:14d}  {run['dice']}")
 
 
-def _trainer(args: argparse.Namespace, more: Mapping[str, list[Labelled]] = {}) -> Callable[[Arm], dict[str, Any]]:
-    """Trains one arm and scores it; ``more`` tests by name."""
-    encoder = torch.load(args.pretrained, map_location="cpu", weights_only=True) if args.pretrained else None
+def _test(args: argparse.Namespace) -> list[Labelled]:
+    """The pictures of --test, or rendered ones held out."""
     scenes = SceneParams(_size(args), empty_share=0.0)
-    kept_aside = (
+    return list(
         from_folder(args.test, fit=True) if args.test
         else rendered(64, scenes, load_pool(args.textures), _HELD_OUT_SEED)
     )  # fmt: skip
-    tests = {"dice": list(kept_aside)}
+
+
+def _trainer(
+    args: argparse.Namespace, tests: Mapping[str, list[Labelled]], minutes: float
+) -> Callable[[Arm], dict[str, Any]]:
+    """Trains one arm for ``minutes``, or not at all, and scores it on each of the ``tests``."""
+    encoder = torch.load(args.pretrained, map_location="cpu", weights_only=True) if args.pretrained else None
 
     def train(arm: Arm) -> dict[str, Any]:
-        learning = fit(arm, args.minutes_per_run, args.batch, encoder)
+        learning = fit(arm, minutes, args.batch, encoder)
+        find = mask_of(learning, _size(args))
         return {
-            **{name: dice(learning, pictures, _size(args)) for name, pictures in {**tests, **more}.items()},
+            **{name: dice(find, pictures) for name, pictures in tests.items()},
             "pictures": learning.course.steps * args.batch,
             "parameters": sum(p.numel() for p in learning.network.parameters()),
         }
