@@ -48,8 +48,7 @@ class Gate:
         allowed = self._settings.allowed_hosts
         if self._settings.has_keys and not allowed:
             return
-        name = _hostname(f"//{host}")
-        if not (is_loopback(name) or name.endswith(".localhost") or name in allowed):
+        if not _names_us(host, allowed):
             detail = f"this service does not answer for the host {host[:100]!r}; see DLO_ALLOWED_HOSTS"
             raise ProblemError(421, "foreign_host", detail)
 
@@ -96,6 +95,12 @@ def _check_network(scope: Scope) -> None:
     if _leads_elsewhere(address):
         detail = "without API keys this service answers its own machine only; see DLO_API_KEYS_FILE"
         raise ProblemError(403, "keys_required", detail)
+
+
+@lru_cache(maxsize=64)
+def _names_us(host: str, allowed: tuple[str, ...]) -> bool:
+    name = _hostname(f"//{host}")
+    return is_loopback(name) or name.endswith(".localhost") or name in allowed
 
 
 @lru_cache(maxsize=64)

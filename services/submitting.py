@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 from anyio import to_thread
 from fastapi import Header, Query, Request, Response
@@ -52,15 +52,15 @@ async def submitted(submission: Submission, caller: Caller, backend: Backend, ke
         backend.queue.charge(caller.owner, caller.most_bytes, submission.sizes())
         submission.keep()
 
-    put = partial(
-        backend.queue.put,
-        submission.entry,
-        idempotency_key=key,
-        request_digest=hashlib.sha256(submission.entry.request.encode()).hexdigest(),
-        keep=keep if submission.staged else None,
-        origin=origin(caller.owner),
-        most_jobs=caller.most_jobs,
-    )
+    terms: dict[str, Any] = {
+        "idempotency_key": key,
+        "request_digest": hashlib.sha256(submission.entry.request.encode()).hexdigest(),
+        "origin": origin(caller.owner),
+        "most_jobs": caller.most_jobs,
+    }
+    if not submission.staged and (opening := backend.queue.opening(submission.entry, **terms)):
+        return await backend.waiting.open(opening)
+    put = partial(backend.queue.put, submission.entry, keep=keep if submission.staged else None, **terms)
     job_id, _ = await to_thread.run_sync(put)
     return job_id
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import cast
 
 from dlo_client.contracts import JobEvent
+from redis.commands.core import AsyncScript
 
 from workers import quota
 from workers.connection import LONGEST_BLOCK_MS, connect_async
+from workers.ledger import Opening
 from workers.reading import absent, bounded_block, events_of, stream_after
 from workers.record import JobRecord
 from workers.settings import Settings
@@ -20,6 +22,14 @@ class AsyncJobQueue:
         self._client = connect_async(settings)
         self._keys = settings.keys
         self._pace = self._client.register_script(quota.PACE)
+        self._opens: dict[str, AsyncScript] = {}
+
+    async def open(self, opening: Opening) -> str:
+        """Put the job into the queue; its id, or that of the one for which its idempotency key already stands. Raises
+        as :meth:`workers.ledger.Opening.known`."""
+        script = self._opens.get(opening.script) or self._client.register_script(opening.script)
+        self._opens[opening.script] = script
+        return opening.known(await script(args=opening.arguments)) or opening.job_id
 
     async def get(self, job_id: str) -> JobRecord:
         """See :meth:`workers.view.QueueView.get`."""

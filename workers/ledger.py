@@ -58,6 +58,25 @@ class Claim:
     """See :class:`workers.record.Origin`."""
 
 
+@dataclass(frozen=True)
+class Opening:
+    """The step that begins a job's record, to be taken with a client of either kind."""
+
+    job_id: str
+    terms: Terms
+    script: str
+    arguments: list[Argument]
+
+    def known(self, answer: Any) -> str | None:
+        """The job that the idempotency key already stands for, by what the script answered; None if this one is new.
+
+        Raises:
+            QueueFull: there is no room for it.
+            IdempotencyConflict: the key stands for another request.
+        """
+        return self.terms.known_job(answer)
+
+
 class Ledger:
     """The steps of a job's record, over one client of the queue server."""
 
@@ -72,8 +91,8 @@ class Ledger:
             problems.deadline_exceeded().model_dump_json(),
             problems.worker_lost().model_dump_json(),
         )
-        steps = scripts(settings.keys, self.dispatch.script)
-        self._scripts = {name: client.register_script(text) for name, text in steps.items()}
+        self._texts = scripts(settings.keys, self.dispatch.script)
+        self._scripts = {name: client.register_script(text) for name, text in self._texts.items()}
 
     def admit(self, terms: Terms) -> str | None:
         """The job that the idempotency key stands for, None if there is room for one; raises as :meth:`open`."""
@@ -88,22 +107,32 @@ class Ledger:
         request_blob: str = "",
         origin: Origin = Origin(),  # noqa: B008 (frozen)
     ) -> str | None:
-        """Begin a record and put its id into a queue; or the job that the idempotency key already stands for.
+        """Begin a record and put its id into a queue; or the job that the idempotency key already stands for. Raises as
+        :meth:`Opening.known`.
 
         The request is in the blob ``request_blob`` if there is one, else in the record.
-
-        Raises:
-            QueueFull: there is no room for it.
-            IdempotencyConflict: the key stands for another request.
         """
+        opening = self.opening(job_id, entry, terms, request_blob=request_blob, origin=origin)
+        return opening.known(self._scripts["open"](args=opening.arguments))
+
+    def opening(
+        self,
+        job_id: str,
+        entry: Entry,
+        terms: Terms,
+        *,
+        request_blob: str = "",
+        origin: Origin = Origin(),  # noqa: B008 (frozen)
+    ) -> Opening:
+        """The step that :meth:`open` takes, not yet taken."""
         known = (terms.digest, round(self._settings.idempotency_ttl_s * 1000))
         texts = (entry.kind, entry.priority, entry.label or "")
         request = "" if request_blob else entry.request
         more = (entry.timeout_s, request, entry.webhook_url or "", request_blob)
         came = (origin.request_id, origin.traceparent, entry.recipe)
         engine = self.dispatch.arguments(job_id, entry.priority)
-        answer = self._step("open", job_id, *terms.arguments(), *known, *texts, *more, *came, *engine)
-        return terms.known_job(answer)
+        arguments = self._arguments(job_id, *terms.arguments(), *known, *texts, *more, *came, *engine)
+        return Opening(job_id, terms, self._texts["open"], arguments)
 
     def claim(self, job_id: str, worker: str) -> Claim | None:
         """Make a queued job running; None if it is not queued, or too late (it then has failed)."""
@@ -167,4 +196,7 @@ class Ledger:
         return bool(self._step("end", job_id, attempt, state.value, *pairs))
 
     def _step(self, name: str, job_id: str, *arguments: Argument) -> Any:
-        return self._scripts[name](args=[job_id, *self._settings_arguments, *arguments])
+        return self._scripts[name](args=self._arguments(job_id, *arguments))
+
+    def _arguments(self, job_id: str, *more: Argument) -> list[Argument]:
+        return [job_id, *self._settings_arguments, *more]

@@ -20,7 +20,7 @@ from workers.dead_letters import DeadLetters
 from workers.dispatch import RUN, Dispatch
 from workers.errors import IdempotencyConflict, JobGone, JobUnknown, QueueError, QueueFull
 from workers.kept import Shelf
-from workers.ledger import Ledger
+from workers.ledger import Ledger, Opening
 from workers.presence import WorkerInfo
 from workers.reaper import reap
 from workers.record import QUEUES, Entry, Origin
@@ -92,6 +92,22 @@ class JobQueue(QueueView):
         job_id = uuid4().hex
         known = self._ledger.open(job_id, entry, terms, request_blob=request_blob, origin=origin)
         return known or job_id, known is None
+
+    def opening(
+        self,
+        entry: Entry,
+        *,
+        idempotency_key: str | None = None,
+        request_digest: str = "",
+        origin: Origin = Origin(),  # noqa: B008 (frozen)
+        most_jobs: int | None = None,
+    ) -> Opening | None:
+        """What :meth:`put` does with a request whose pictures were all seen a moment ago, for a client on an event
+        loop; None for one that is too large for the memory of the queue server."""
+        if len(entry.request) > _LARGE_REQUEST:
+            return None
+        terms = self._terms(idempotency_key, origin.owner, most_jobs, request_digest)
+        return self._ledger.opening(uuid4().hex, entry, terms, origin=origin)
 
     def check_room(self, idempotency_key: str | None = None, owner: str = "", most_jobs: int | None = None) -> None:
         """Raise QueueFull now if a submission like this would, before its body is read."""

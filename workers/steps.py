@@ -19,8 +19,19 @@ local job, alive, events = '@job@' .. id, '@alive@' .. id, '@events@' .. id
 local time = redis.call('TIME')
 local now = tonumber(time[1]) + tonumber(time[2]) / 1e6
 
-local function get(field) return redis.call('HGET', job, field) end
-local function set(...) redis.call('HSET', job, ...) end
+local known = {} -- fields of the record that were read, until they are written
+local function get(field)
+  if known[field] == nil then known[field] = redis.call('HGET', job, field) end
+  return known[field]
+end
+local function set(...)
+  redis.call('HSET', job, ...)
+  for k = 1, select('#', ...), 2 do known[select(k, ...)] = nil end
+end
+local function unset(field)
+  redis.call('HDEL', job, field)
+  known[field] = nil
+end
 local function text(seconds) return string.format('%.6f', seconds) end
 local function waiting() return '@waiting@' .. get('priority') end
 
@@ -47,8 +58,8 @@ end
 local function conclude(state)
   count(state)
   measure(state)
-  redis.call('HDEL', job, 'request_blob')
-  if #(get('request') or '') > @longest_kept@ then redis.call('HDEL', job, 'request') end
+  unset('request_blob')
+  if #(get('request') or '') > @longest_kept@ then unset('request') end
   redis.call('SREM', '@owned@' .. (get('owner') or ''), id)
   set('state', state, 'ended_at', text(now), 'expires_at', text(now + keep_ms / 1000))
   withdraw()
@@ -71,7 +82,7 @@ end
 
 local function requeue()
   set('state', 'queued')
-  redis.call('HDEL', job, 'silent_since')
+  unset('silent_since')
   redis.call('DEL', alive)
   redis.call('ZADD', waiting(), get('created_at'), id)
   put_back()
@@ -133,8 +144,8 @@ if get('state') ~= 'queued' then return false end
 take()
 if now > tonumber(get('deadline')) then fail(too_late); return false end
 redis.call('ZREM', waiting(), id)
-redis.call('HINCRBY', job, 'attempts', 1)
-redis.call('HDEL', job, 'silent_since')
+set('attempts', get('attempts') + 1)
+unset('silent_since')
 redis.call('SET', alive, ARGV[7], 'PX', ARGV[8])
 set('state', 'running', 'started_at', text(now), 'progress', '0')
 tell()
@@ -182,7 +193,7 @@ if state == 'queued' and now > tonumber(get('deadline')) then fail(too_late); re
 
 local in_queue = state == 'queued' and has_place()
 if in_queue or redis.call('EXISTS', alive) == 1 then
-  redis.call('HDEL', job, 'silent_since')
+  unset('silent_since')
   return false
 end
 local since = get('silent_since')

@@ -1,5 +1,6 @@
 import asyncio
 import os
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
@@ -216,6 +217,36 @@ def test_a_submission_that_is_sent_again_is_one_job(settings, ledger, job_queue)
     with connect(settings) as client:
         assert client.lrange("rq:queue:dlo:interactive", 0, -1) == ["a" * 32]
     assert len(job_queue.recent().jobs) == 1
+
+
+def test_the_twin_submits_without_a_thread(settings, job_queue):
+    """On a busy machine handing each submission to a thread and back took as long as all else about it."""
+
+    async def twice(openings):
+        queue = AsyncJobQueue(settings)
+        try:
+            return [await queue.open(opening) for opening in openings]
+        finally:
+            await queue.close()
+
+    def opening(key=None, digest="", queue=job_queue, **fields):
+        entry = Entry.of(NoopRequest(**fields))
+        found = queue.opening(entry, idempotency_key=key, request_digest=digest, origin=Origin("ann"))
+        assert found is not None
+        return found
+
+    once = opening()
+    first, again, other = asyncio.run(twice([once, once, opening(priority="batch")]))
+    assert first == again == once.job_id, "its answer was lost on the way"
+    assert job_queue.depth() == {"interactive": 1, "batch": 1, "training": 0}
+    assert job_queue.get(other).state is JobState.QUEUED
+    known = asyncio.run(twice([opening("a", "1"), opening("a", "1")]))
+    assert known[0] == known[1]
+    with pytest.raises(IdempotencyConflict):
+        asyncio.run(twice([opening("a", "2")]))
+    with pytest.raises(QueueFull):
+        asyncio.run(twice([opening(queue=with_settings(settings, max_queue_depth=1))]))
+    assert job_queue.opening(replace(Entry.of(NoopRequest()), request="x" * 40_000)) is None, "it goes into a blob"
 
 
 def test_everybody_who_waits_for_a_job_gets_its_end(settings, job_queue, ledger):
