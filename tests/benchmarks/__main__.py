@@ -71,7 +71,7 @@ def trainings(shared: Path) -> dict[str, list[str]]:
     nets = ["compact", "deeplab_resnet50/4", "deeplab_swin_t/4", "deeplab_convnext_t/4"]
     twice = ["--minutes-per-run", "2", "--runs", "2"]
     photographs = ["--real", str(shared / "real" / "train"), "--marked"]
-    short = ["--minutes-per-run", "1.2", "--scale", "0.075", "--runs", "3", *size, *pretrained]
+    short = ["--minutes-per-run", "1", "--scale", "0.075", "--runs", "3", *pretrained]
     return {
         "compare": [mixture, "compare", *folders, *twice, *size, *common[2:], *pretrained],
         "networks": [mixture, "networks", *nets, "--minutes-per-run", "3", *size, *common],

@@ -20,6 +20,7 @@ from models.training.foreground.initial import unfold
 from models.training.foreground.int8 import SINGLE, calibrating, compare, quantize
 from models.training.foreground.learning import Learning, foreground_loss
 from models.training.foreground.network_compact import CompactNetwork
+from models.training.foreground.networks import build
 from models.training.foreground.real_pictures import load_labelled
 from models.training.foreground.validation import validate
 from models.training.state import Config
@@ -178,6 +179,21 @@ def test_an_exported_network_can_be_trained_further():
         assert np.abs(network.train()(pictures).numpy() - exported).max() < 0.1
     with pytest.raises(ValueError, match="lateral"):
         unfold(file, CompactNetwork(24), [pictures])
+
+
+@pytest.mark.parametrize("name", [n for n in manifest() if n.startswith("foreground_deeplab")])
+def test_so_can_one_whose_normalizations_are_not_in_a_row(name):
+    """A ResNet's are ``bn1`` beside ``conv1``, the linear layers of the others lose their names in the file: a training
+    could not go on once its checkpoint was gone."""
+    training = manifest()[name].training
+    network = build(training["network"], training["slim"])
+    pictures = torch.randn(2, 3, 64, 96, generator=torch.Generator().manual_seed(0))
+    unfold(WEIGHTS / manifest()[name].file, network, [pictures])
+    exported = np.concatenate([load(name)(one.numpy()[None]) for one in pictures])
+    with torch.no_grad():
+        assert np.abs(network.eval()(pictures).numpy() - exported).max() < 2e-3
+    with pytest.raises(ValueError, match="the file has no"):
+        unfold(WEIGHTS / "foreground_compact.onnx", network)
 
 
 def test_the_eight_bit_network_sees_what_the_full_one_sees():

@@ -15,30 +15,55 @@ from torch import Tensor, nn
 def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor] | None = None) -> int:
     """Give ``network`` the weights of its own exported ``file``; returns how many convolutions were taken.
 
-    The exporter folds each batch normalization into the convolution before it. Here the folded weights go back
-    into the convolution, and the normalization gets the statistics that ``pictures`` (normalized, (B, 3, H, W))
-    produce and the scale and shift that undo them: the same function, in training mode too. Without ``pictures`` the
-    statistics are 0 and 1: the same function in evaluation mode alone.
+    The exporter folds batch normalizations into the convolutions before them. Here the folded weights go back into the
+    convolution, and the normalization gets the statistics that ``pictures`` (normalized, (B, 3, H, W)) produce and the
+    scale and shift that undo them: the same function, in training mode too. Without ``pictures`` the statistics are 0
+    and 1: the same function in evaluation mode alone.
 
     Raises ValueError when the file is of another network.
     """
     graph = onnx.load(file).graph
-    values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
-    weights, biases = {}, {}
-    for node in graph.node:
-        if node.op_type == "Conv":
-            weights[node.input[1]] = values[node.input[1]]
-            if len(node.input) > 2:
-                biases[node.input[1]] = values[node.input[2]]
-    pairs = _normalized(network)
-    with torch.no_grad():
-        for name, conv in _convolutions(network).items():
-            _set(conv, name, weights, biases if name not in pairs else {})
-    for name, norm in pairs.items():
-        _pass_through(norm, biases[f"{name}.weight"])
+    stored, biases = _stored(graph), _biases(graph)
+    folded = {name: norm for name, norm in _normalized(network).items() if f"{name}.weight" in biases}
+    passed = set(folded.values())
+    for prefix, module in network.named_modules():
+        if module not in passed:
+            _take(module, prefix, stored)
+    for name, norm in folded.items():
+        _pass_through(norm, stored[biases[f"{name}.weight"]])
     if pictures is not None:
-        _calibrate(network, pairs, pictures)
-    return len(weights)
+        _calibrate(network, folded, pictures)
+    return len(biases.keys() | {f"{name}.weight" for name in _convolutions(network)})
+
+
+def _stored(graph: onnx.GraphProto) -> dict[str, Tensor]:
+    """The file's numbers by name. The weights of a linear layer are kept turned and without their name: it follows from
+    the bias that is added next."""
+    values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
+    added = {name: node.input for node in graph.node if node.op_type == "Add" for name in node.input}
+    for node in graph.node:
+        if node.op_type == "MatMul" and node.input[1] in values:
+            bias = next((n for n in added.get(node.output[0], ()) if n in values), "")
+            values[f"{bias.removesuffix('bias')}weight"] = values[node.input[1]].T
+    return values
+
+
+def _biases(graph: onnx.GraphProto) -> dict[str, str]:
+    """Names of the biases of convolutions, by those of their weights."""
+    return {node.input[1]: node.input[2] for node in graph.node if node.op_type == "Conv" and len(node.input) > 2}
+
+
+@torch.no_grad()
+def _take(module: nn.Module, prefix: str, stored: dict[str, Tensor]) -> None:
+    """What the module itself holds of parameters, and of statistics that are in the file."""
+    for name, own in module.named_parameters(prefix, recurse=False):
+        found = stored.get(name)
+        if found is None or found.shape != own.shape:
+            raise ValueError(f"the file has no {name} of shape {tuple(own.shape)}")
+        own.copy_(found)
+    for name, statistic in module.named_buffers(prefix, recurse=False):
+        if name in stored:
+            statistic.copy_(stored[name])
 
 
 def refold(file: Path, network: nn.Module, share: float = 1.0) -> bytes:
@@ -82,24 +107,17 @@ def _convolutions(network: nn.Module) -> dict[str, nn.Conv2d]:
 
 
 def _normalized(network: nn.Module) -> dict[str, nn.BatchNorm2d]:
-    """The normalization that follows each convolution in its sequence, by the convolution's name."""
+    """The normalization that follows each convolution, in its sequence or as ``bn1`` follows ``conv1``, by the
+    convolution's name."""
     pairs = {}
-    for prefix, sequence in network.named_modules():
-        if isinstance(sequence, nn.Sequential):
-            named = list(sequence.named_children())
-            for (name, first), (_, second) in pairwise(named):
-                if isinstance(first, nn.Conv2d) and isinstance(second, nn.BatchNorm2d):
-                    pairs[f"{prefix}.{name}"] = second
+    for prefix, module in network.named_modules():
+        children = dict(module.named_children())
+        after = dict(pairwise(children)) if isinstance(module, nn.Sequential) else {}
+        for name, first in children.items():
+            second = children.get(after.get(name, name.replace("conv", "bn")))
+            if isinstance(first, nn.Conv2d) and isinstance(second, nn.BatchNorm2d):
+                pairs[f"{prefix}.{name}" if prefix else name] = second
     return pairs
-
-
-def _set(conv: nn.Conv2d, name: str, weights: dict[str, Tensor], biases: dict[str, Tensor]) -> None:
-    found = weights.get(f"{name}.weight")
-    if found is None or found.shape != conv.weight.shape:
-        raise ValueError(f"the file has no {name}.weight of shape {tuple(conv.weight.shape)}")
-    conv.weight.copy_(found)
-    if conv.bias is not None:
-        conv.bias.copy_(biases[f"{name}.weight"])
 
 
 @torch.no_grad()
