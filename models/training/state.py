@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -111,11 +111,15 @@ class Course:
         torch.save({"config": asdict(self.config), "progress": progress, **states, **more}, partial)
         partial.replace(file)
 
-    def restore(self, file: Path) -> None:
-        """Go on from ``file`` where there is one. Raises ValueError when it was begun with other settings."""
+    def restore(
+        self, file: Path, check: Callable[[Mapping[str, Any]], None] = lambda _: None
+    ) -> Mapping[str, Any] | None:
+        """Go on from ``file``; what it holds, or None where there is no such file. Raises ValueError when it was begun
+        with other settings, and what ``check`` raises of what it holds."""
         if not file.exists():
-            return
-        state = torch.load(file, map_location="cpu", weights_only=True)
+            return None
+        state: Mapping[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
+        check(state)
         for name, value in asdict(self.config).items():
             if name not in _MAY_CHANGE and state["config"].get(name) != value:
                 begun = state["config"].get(name)
@@ -123,6 +127,7 @@ class Course:
         for name in ("network", "average", "optimizer"):
             getattr(self, name).load_state_dict(state[name])
         self.epochs, self.steps, self.seconds = (state["progress"][k] for k in ("epochs", "steps", "seconds"))
+        return state
 
 
 @torch.no_grad()

@@ -120,18 +120,18 @@ class Learning:
     def resume(self, file: Path) -> bool:
         """Go on from a checkpoint; False where there is none. Raises ValueError when it is of another network or was
         begun with other settings."""
-        if not file.exists():
-            return False
-        state = torch.load(file, map_location="cpu", weights_only=True)
-        name, slim = stored(state["params"])
-        if (name, slim) != (self.name, self.slim):
-            raise ValueError(f"{file.parent} holds --network {name} --slim {slim}; ask for these or another folder")
-        if ("hints" in state) != (self.hints is not None):
-            raise ValueError(f"{file.parent} was begun {'with' if 'hints' in state else 'without'} --hints")
-        self.course.restore(file)
-        if self.hints is not None:
+
+        def check(state: Mapping[str, Any]) -> None:
+            name, slim = stored(state["params"])
+            if (name, slim) != (self.name, self.slim):
+                raise ValueError(f"{file.parent} holds --network {name} --slim {slim}; ask for these or another folder")
+            if ("hints" in state) != (self.hints is not None):
+                raise ValueError(f"{file.parent} was begun {'with' if 'hints' in state else 'without'} --hints")
+
+        state = self.course.restore(file, check)
+        if state and self.hints is not None:
             self.hints.load_state_dict(state["hints"])
-        return True
+        return state is not None
 
     def begin(self, pretrained: Path | None, exported: Path | None, pictures: Iterable[Tensor]) -> None:
         """From published weights of the encoder, or from an exported network of the same kind, whose normalizations
