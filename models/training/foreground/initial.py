@@ -20,7 +20,8 @@ def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor] | None = N
     scale and shift that undo them: the same function, in training mode too. Without ``pictures`` the statistics are 0
     and 1: the same function in evaluation mode alone.
 
-    Raises ValueError when the file is of another network.
+    Raises ValueError when the file is of another network, or of a Swin, whose tables of relative positions the exporter
+    turns into what they stand for.
     """
     graph = onnx.load(file).graph
     stored, biases = _stored(graph), _biases(graph)
