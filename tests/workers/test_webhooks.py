@@ -6,7 +6,7 @@ import contextlib
 import socket
 import threading
 import time
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from dlo_client.contracts import JobState, NoopRequest, NoopResult
@@ -41,7 +41,7 @@ class Receiver:
             def log_message(self, *_: object) -> None:
                 pass
 
-        self.server = HTTPServer(("127.0.0.1", 0), Handler)
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)  # its end waits for no connection
         self.url = f"http://127.0.0.1:{self.server.server_port}/hook"
 
 
