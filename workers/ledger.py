@@ -98,21 +98,9 @@ class Ledger:
         """The job that the idempotency key stands for, None if there is room for one; raises as :meth:`open`."""
         return terms.known_job(self._step("admit", "", *terms.arguments()))
 
-    def open(
-        self,
-        job_id: str,
-        entry: Entry,
-        terms: Terms,
-        *,
-        request_blob: str = "",
-        origin: Origin = Origin(),  # noqa: B008 (frozen)
-    ) -> str | None:
+    def open(self, opening: Opening) -> str | None:
         """Begin a record and put its id into a queue; or the job that the idempotency key already stands for. Raises as
-        :meth:`Opening.known`.
-
-        The request is in the blob ``request_blob`` if there is one, else in the record.
-        """
-        opening = self.opening(job_id, entry, terms, request_blob=request_blob, origin=origin)
+        :meth:`Opening.known`."""
         return opening.known(self._scripts["open"](args=opening.arguments))
 
     def opening(
@@ -124,7 +112,7 @@ class Ledger:
         request_blob: str = "",
         origin: Origin = Origin(),  # noqa: B008 (frozen)
     ) -> Opening:
-        """The step that :meth:`open` takes, not yet taken."""
+        """The step for :meth:`open`; the request is in the blob ``request_blob`` if there is one, else in the record."""
         known = (terms.digest, round(self._settings.idempotency_ttl_s * 1000))
         texts = (entry.kind, entry.priority, entry.label or "")
         request = "" if request_blob else entry.request

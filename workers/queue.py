@@ -89,9 +89,9 @@ class JobQueue(QueueView):
             request_blob = self._blobs.put(entry.request.encode()) if is_large else ""
         for blob_id in entry.pictures:
             self._blobs.touch(blob_id)  # they live longer than any job may wait
-        job_id = uuid4().hex
-        known = self._ledger.open(job_id, entry, terms, request_blob=request_blob, origin=origin)
-        return known or job_id, known is None
+        opening = self._ledger.opening(uuid4().hex, entry, terms, request_blob=request_blob, origin=origin)
+        known = self._ledger.open(opening)
+        return known or opening.job_id, known is None
 
     def opening(
         self,

@@ -213,7 +213,7 @@ def test_a_submission_that_is_sent_again_is_one_job(settings, ledger, job_queue)
     """The answer was lost on its way: the connection sends the script once more."""
     terms = Terms(max_depth=10, max_bytes=2**40)
     for _ in range(2):
-        assert ledger.open("a" * 32, Entry.of(NoopRequest()), terms) is None
+        assert ledger.open(ledger.opening("a" * 32, Entry.of(NoopRequest()), terms)) is None
     with connect(settings) as client:
         assert client.lrange("rq:queue:dlo:interactive", 0, -1) == ["a" * 32]
     assert len(job_queue.recent().jobs) == 1
