@@ -112,7 +112,7 @@ class Ledger:
         request_blob: str = "",
         origin: Origin = Origin(),  # noqa: B008 (frozen)
     ) -> Opening:
-        """The step for :meth:`open`; the request is in the blob ``request_blob`` if there is one, else in it."""
+        """The step for :meth:`open`; the request is in the blob ``request_blob``, or in the record without one."""
         known = (terms.digest, round(self._settings.idempotency_ttl_s * 1000))
         texts = (entry.kind, entry.priority, entry.label or "")
         request = "" if request_blob else entry.request
