@@ -238,7 +238,8 @@ def main() -> None:
 
 
 def measure_others(folder: Path, but: str) -> dict[str, dict[str, float]]:
-    """Dice on ``ewd`` and time of the manifest's other foreground networks, in the same run."""
+    """Dice on ``ewd``, alone and with the clean-up, and time of the manifest's other foreground networks, in the same
+    run."""
     found = {}
     for name in (n for n, spec in manifest().items() if spec.task == "foreground" and n != but):
         network = load(name, Runtime(threads=2))
@@ -247,8 +248,14 @@ def measure_others(folder: Path, but: str) -> dict[str, dict[str, float]]:
         def probability(image: np.ndarray, net: Network = network, s: ForegroundInput = settings) -> np.ndarray:
             return segment(image, net, s)
 
-        groups = measure_set(folder, "labels", probability, settings.threshold, None)["groups"]
-        found[name] = {g: scores["dice"] for g, scores in groups.items()} | measure_time(probability)
+        def cleaned(image: np.ndarray, net: Network = network, s: ForegroundInput = settings) -> np.ndarray:
+            return foreground_mask(segment(image, net, s), s).astype(np.float32)
+
+        alone, clean = (
+            measure_set(folder, "labels", way, settings.threshold, None)["groups"] for way in (probability, cleaned)
+        )
+        found[name] = {g: scores["dice"] for g, scores in alone.items()} | measure_time(probability)
+        found[name]["cleaned"] = clean["all"]["dice"]
     return found
 
 

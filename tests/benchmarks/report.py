@@ -105,7 +105,7 @@ def _foreground(data: dict) -> str:
 
 def _others(data: dict) -> str:
     rows = [[name, *scores.values()] for name, scores in data.items()]
-    header = ["also shipped, on `ewd`", "Dice", "c1", "c2", "c3", "median ms", "best ms"]
+    header = ["also shipped, on `ewd`", "Dice", "c1", "c2", "c3", "median ms", "best ms", "with the clean-up"]
     return _table(header, rows) + "\n" if rows else ""
 
 
