@@ -70,7 +70,7 @@ def networks(data: dict) -> str:
     return (
         "## Networks on equal terms, at reduced size\n\n`python -m models.training.foreground.mixture networks`: all "
         f"on the same {data['settings']['count']} rendered pictures, {_setting(data)}. `/4`: channels divided by four; "
-        f"no network: {RULE[0].lower()}{RULE[1:]}. "
+        f"no network: {RULE}. "
         "No GPU was there: a comparison of what short training on a processor reaches, not of the full networks.\n\n"
         + table(["network", "million weights", "pictures seen", "processor minutes", *kinds], rows)
     )
