@@ -9,7 +9,7 @@ from tests import browser
 from tests.browser import NEEDS_BROWSER, Chromium, started_playwright
 
 sync_api = pytest.importorskip("playwright.sync_api")
-pytestmark = NEEDS_BROWSER
+pytestmark = [*NEEDS_BROWSER, pytest.mark.timeout(60)]
 
 
 def test_a_browser_that_hangs_is_started_anew_and_reported() -> None:
@@ -31,8 +31,9 @@ def test_a_browser_that_hangs_is_started_anew_and_reported() -> None:
 def test_a_page_that_does_not_close_is_left_with_its_browser() -> None:
     """Closing has no time limit in Playwright, and a run of all tests did not end."""
     with started_playwright() as playwright:
-        chromium = Chromium(playwright, within_s=1.0)
+        chromium = Chromium(playwright)
         page = chromium.new_page()
+        chromium._within_s = 1.0
         for process in chromium.processes:
             process.suspend()
         with pytest.warns(UserWarning, match="closed nothing within 1 s"):
