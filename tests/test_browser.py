@@ -29,7 +29,7 @@ def test_a_browser_that_hangs_is_started_anew_and_reported() -> None:
 
 
 def test_a_page_that_does_not_close_is_left_with_its_browser() -> None:
-    """Closing has no time limit in Playwright, and a run of all tests did not end."""
+    """Closing has no time limit in Playwright."""
     with started_playwright() as playwright:
         chromium = Chromium(playwright)
         page = chromium.new_page()

@@ -34,7 +34,7 @@ def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor] | None = N
         _pass_through(norm, stored[biases[f"{name}.weight"]])
     if pictures is not None:
         _calibrate(network, folded, pictures)
-    return len(biases.keys() | {f"{name}.weight" for name in _convolutions(network)})
+    return len(_convolutions(network))
 
 
 def _stored(graph: onnx.GraphProto) -> dict[str, Tensor]:
