@@ -31,6 +31,11 @@ cable that lies alone on a table is much like a joint."""
 IN_COMPANY = 0.25
 """Probability at which an instance is left out beside others: a cable left out costs as much as three lookalikes that
 are kept."""
+_ONE_EDGED = 0.7
+"""Share of an instance along which no more than one of its edges is in the picture: a strip of a frame or of a table's
+edge is there along most of it, a cable only where it enters."""
+_AT_BORDER_PX = 1.5
+"""A middle line that is nearer to the border than half a width and this has its outer edge beyond it."""
 FARTHEST = 3.0
 """Standard deviations; what is measured farther off is taken for so far."""
 
@@ -75,10 +80,20 @@ def without_lookalikes(
 def chances(
     scene: Scene, probability: Float32Array, mask: BoolArray, image: ByteArray, rule: Calibration | None = None
 ) -> FloatArray:
-    """``(I,)`` probability that each instance of a scene is a cable."""
+    """``(I,)`` probability that each instance of a scene is a cable; none where it runs along the border: a cable has
+    two edges."""
     if not scene.instances:
         return np.zeros(0)
-    return (rule or calibration()).chance(likeness(scene, probability, mask, image).rows())
+    found = (rule or calibration()).chance(likeness(scene, probability, mask, image).rows())
+    return np.where(_one_edged(scene), 0.0, found)
+
+
+def _one_edged(scene: Scene) -> BoolArray:
+    """``(I,)`` which instances run along the picture's border for most of their length."""
+    last = np.array(scene.labels.shape[::-1]) - 1
+    gaps = [np.minimum(i.centerline_xy, last - i.centerline_xy).min(axis=1) for i in scene.instances]
+    near = [gap <= i.width_px / 2 + _AT_BORDER_PX for i, gap in zip(scene.instances, gaps, strict=True)]
+    return np.array([part.mean() >= _ONE_EDGED for part in near])
 
 
 def hardly(cable: FloatArray, rule: Calibration | None = None) -> BoolArray:

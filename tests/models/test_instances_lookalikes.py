@@ -88,6 +88,20 @@ def test_what_lies_alone_is_hardly_a_cable_at_half_the_probability() -> None:
     assert hardly(np.array([0.05]), least).tolist() == [True]
 
 
+@pytest.mark.parametrize(("course", "kept"), [([(394, 0), (394, 239)], False), ([(385, 0), (385, 239)], True),
+                                              ([(396, 0), (396, 110), (200, 200)], True)])  # fmt: skip
+def test_a_strip_along_the_border_is_no_cable(course: list[tuple[int, int]], kept: bool) -> None:
+    """The margin of a poster that ends beside the picture's border was a sure cable: it shows one edge only."""
+    picture = np.full((*SIZE, 3), 60, np.uint8)
+    mask = np.zeros(SIZE, np.uint8)
+    cv2.polylines(mask, [np.array(course, np.int32)], False, 1, 10)
+    picture[mask > 0] = (200, 180, 40)
+    scene = extract(mask > 0, picture)
+    assert len(scene.instances) == 1
+    found = without_lookalikes(scene, np.where(mask, 0.99, 0.01).astype(np.float32), mask > 0, picture, rule(0.2))
+    assert bool(found.instances) == kept
+
+
 def test_nothing_changes_in_an_empty_scene() -> None:
     scene = Scene((), (), np.zeros(SIZE, np.uint8))
     nothing = np.zeros(SIZE, np.float32)
