@@ -23,7 +23,10 @@ def quarter_turned(directions: FloatArray) -> FloatArray:
 
 def tangents(line: FloatArray) -> FloatArray:
     """``(n, 2)`` unit directions along a line of ``(n, 2)`` points, ``n >= 2``."""
-    return unit(np.gradient(line, axis=0))
+    steps = np.empty_like(line, dtype=np.float64)
+    steps[1:-1] = line[2:] - line[:-2]
+    steps[0], steps[-1] = line[1] - line[0], line[-1] - line[-2]
+    return unit(steps)
 
 
 def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -59,6 +59,9 @@ def read_nearest(image: Float32Array | BoolArray | ByteArray, points_xy: FloatAr
     """Values ``(…,)`` of an ``(H, W)`` array at the pixels nearest to ``(…, 2)`` points, clamped; ``(…, C)`` of an
     ``(H, W, C)`` one."""
     height, width = image.shape[:2]
-    columns = np.minimum(np.maximum(np.rint(points_xy[..., 0]), 0), width - 1).astype(np.intp)
-    rows = np.minimum(np.maximum(np.rint(points_xy[..., 1]), 0), height - 1).astype(np.intp)
-    return image[rows, columns].astype(np.float64)
+    nearest = np.rint(points_xy).astype(np.intp)
+    np.maximum(nearest, 0, out=nearest)
+    place = np.minimum(nearest[..., 1], height - 1)
+    place *= width
+    place += np.minimum(nearest[..., 0], width - 1)
+    return image.reshape(height * width, *image.shape[2:]).take(place, axis=0).astype(np.float64)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.directions import quarter_turned, tangents
 from models.geometry.sampling import read_nearest
 from models.instances.crossings import Meeting
@@ -39,6 +39,10 @@ CROSSING_FEATURES = ("one", "slant", "strands")
 ORDER_FEATURES = ("contrast", "weak_contrast")
 SURE = 0.8
 """Instances below this probability get the reasons for it."""
+_SAMPLED = 40
+"""Places along an instance, about, at which its edges are looked at."""
+_FROM_EDGE = np.array([-4.0, -1.5, 1.5, 4.0])
+"""Pixels from an edge, outward, at which colors are read; inside at most to the middle."""
 _FADING_LEVELS = 20.0
 _FAINT_LEVELS = 12.0
 _SHARP = 0.4
@@ -77,22 +81,23 @@ def evidence_of(
     instances: Sequence[Instance], doubts: Sequence[float], mask: BoolArray, image: ByteArray | None
 ) -> Evidence:
     """What speaks for and against each instance."""
-    gap = np.array([1 - read_nearest(mask, i.centerline_xy).mean() for i in instances])
-    contrast, sharpness = np.full(len(instances), np.nan), np.full(len(instances), np.nan)
-    if image is not None:
-        for k, instance in enumerate(instances):
-            contrast[k], sharpness[k] = _edges(instance, image)
-    return Evidence(gap, np.array(doubts, dtype=np.float64), _beside(instances), contrast, sharpness)
-
-
-def _beside(instances: Sequence[Instance]) -> FloatArray:
-    """Share of each centerline along which another instance's lies within both widths, in about its direction."""
-    out = np.zeros(len(instances))
-    if len(instances) < 2:
-        return out
+    if not instances:
+        nothing = np.zeros(0)
+        return Evidence(nothing, nothing, nothing, nothing, nothing)
     points = np.concatenate([i.centerline_xy for i in instances])
-    steps = np.concatenate([tangents(i.centerline_xy) for i in instances])
     owner = np.repeat(np.arange(len(instances)), [len(i.centerline_xy) for i in instances])
+    gap = 1 - np.bincount(owner, read_nearest(mask, points)) / np.bincount(owner)
+    unseen = np.full(len(instances), np.nan)
+    contrast, sharpness = (unseen, unseen) if image is None else _edges(instances, image)
+    return Evidence(gap, np.array(doubts, dtype=np.float64), _beside(instances, points, owner), contrast, sharpness)
+
+
+def _beside(instances: Sequence[Instance], points: FloatArray, owner: IntArray) -> FloatArray:
+    """Share of each centerline along which another instance's lies within both widths, in about its direction; all
+    centerlines' ``points`` (N, 2) and whose they are (N,)."""
+    if len(instances) < 2:
+        return np.zeros(len(instances))
+    steps = np.concatenate([tangents(i.centerline_xy) for i in instances])
     width = np.array([i.width_px for i in instances])
     pairs = cKDTree(points).query_pairs(1.2 * float(np.median(width)) + 2, output_type="ndarray")
     a, b = pairs.T
@@ -103,18 +108,19 @@ def _beside(instances: Sequence[Instance]) -> FloatArray:
     return np.bincount(owner, near, len(instances)) / np.bincount(owner, minlength=len(instances))
 
 
-def _edges(instance: Instance, image: ByteArray) -> tuple[float, float]:
-    """Contrast in gray levels over both edges, and the share of it that lies within three pixels."""
-    line = instance.centerline_xy[:: max(1, len(instance.centerline_xy) // 40)]
-    normal = quarter_turned(tangents(line))
-    half = instance.width_px / 2
-    offsets = np.array([max(half - 4, 0.0), max(half - 1.5, 0.0), half + 1.5, half + 4])
-    signed = np.concatenate((offsets, -offsets))
-    places = line[:, None] + signed[None, :, None] * normal[:, None]
-    colors = read_nearest(image, places).reshape(len(line), 2, 4, 3)
-    whole = np.abs(colors[:, :, 3] - colors[:, :, 0]).mean()
-    inner = np.abs(colors[:, :, 2] - colors[:, :, 1]).mean()
-    return float(whole), float(min(1.0, inner / max(whole, 1.0)))
+def _edges(instances: Sequence[Instance], image: ByteArray) -> tuple[FloatArray, FloatArray]:
+    """``(I,)`` contrast in gray levels over both edges, and the share of it that lies within three pixels."""
+    lines = [i.centerline_xy[:: max(1, len(i.centerline_xy) // _SAMPLED)] for i in instances]
+    owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+    normals = quarter_turned(np.concatenate([tangents(line) for line in lines]))
+    half = np.array([i.width_px / 2 for i in instances])[owner, None]
+    offsets = np.maximum(half + _FROM_EDGE, [0.0, 0.0, -np.inf, -np.inf])
+    signed = np.concatenate((offsets, -offsets), axis=1)
+    places = np.concatenate(lines)[:, None] + signed[..., None] * normals[:, None]
+    colors = read_nearest(image, places).reshape(len(owner), 2, 4, 3)
+    steps = (np.abs(colors[:, :, a] - colors[:, :, b]).mean(axis=(1, 2)) for a, b in ((3, 0), (2, 1)))
+    whole, inner = (np.bincount(owner, step) / np.bincount(owner) for step in steps)
+    return whole, np.minimum(1.0, inner / np.maximum(whole, 1.0))
 
 
 _REASON_OF: dict[str, Reason] = {

@@ -53,7 +53,7 @@ def _moved(evidence: ByteArray, labels: ByteArray, shifts: FloatArray) -> ByteAr
     by_label[1 : len(shifts) + 1] = shifts
     # Distances are to pixel centers: the nearest background pixels are at 1.
     outside = cv2.distanceTransform(1 - evidence, cv2.DIST_L2, cv2.DIST_MASK_5)
-    return (outside < by_label[labels] + 0.5).view(np.uint8)
+    return (outside < cv2.LUT(labels, by_label + np.float32(0.5))).view(np.uint8)
 
 
 def _bridged(mask: BoolArray, instances: Sequence[Instance]) -> ByteArray:

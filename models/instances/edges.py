@@ -43,10 +43,10 @@ def edge_shifts(instances: Sequence[Instance], distances: Float32Array, image: B
     for side in (-1, 1):
         reach = side * (half[:, None] + across)
         places = points[:, None] + reach[..., None] * normals[:, None]
-        alone = _alone(places, half[:, None] + across, distances, image.shape)
-        share = _explained(read_nearest(image, places).astype(np.float32))
+        alone = _alone(places, distances, image.shape)
+        share = _explained(read_nearest(image, places[alone]).astype(np.float32))
         mine = owner[alone]
-        explained += [np.bincount(mine, column, len(instances)) for column in share[alone].T]
+        explained += [np.bincount(mine, column, len(instances)) for column in share]
         weight += np.bincount(mine, minlength=len(instances))
     return _best_shifts((explained / np.maximum(weight, 1)).T, weight > 8)
 
@@ -80,21 +80,24 @@ def _sections(
     return names[usual], middle[usual], np.concatenate(normals)[usual], half[usual]
 
 
-def _alone(places: FloatArray, reach: FloatArray, distances: Float32Array, shape: tuple[int, ...]) -> BoolArray:
-    """``(N,)`` nothing but background lies outside the edge, and all of it is in the picture."""
-    outside = read_nearest(distances, places)[:, _INSIDE_PX + 2 :] > 0
-    inside = np.all((places >= 0) & (places <= np.array(shape[1::-1]) - 1), axis=(1, 2))
+def _alone(places: FloatArray, distances: Float32Array, shape: tuple[int, ...]) -> BoolArray:
+    """``(N,)`` nothing but background lies outside the edge, and all of ``(N, M, 2)`` is in the picture: as both of its
+    ends are."""
+    outside = read_nearest(distances, places[:, _INSIDE_PX + 2 :]) > 0
+    ends = places[:, [0, -1]]
+    inside = np.all((ends >= 0) & (ends <= np.array(shape[1::-1]) - 1), axis=(1, 2))
     return inside & ~outside.any(axis=1)
 
 
 def _explained(colors: Float32Array) -> Float32Array:
-    """``(N, M - 1)`` share of the variance of ``(N, M, 3)`` colors that a split after each place explains."""
-    count = colors.shape[1]
-    before = np.arange(1, count, dtype=np.float32)[None, :, None]
-    sums = np.cumsum(colors, axis=1)
-    total = sums[:, -1:]
-    left, right = sums[:, :-1], total - sums[:, :-1]
-    between = left**2 / before + right**2 / (count - before) - total**2 / count
-    variance = (colors**2).sum(axis=(1, 2)) - (total[:, 0] ** 2).sum(axis=1) / count
-    out: Float32Array = between.sum(axis=2) / (variance + 3 * count * _NOISE_LEVELS**2)[:, None]
+    """``(M - 1, N)`` share of the variance of ``(N, M, 3)`` colors that a split after each place explains."""
+    rows = np.ascontiguousarray(colors.transpose(1, 2, 0))  # with N last, every operation runs along memory
+    count = len(rows)
+    before = np.arange(1, count, dtype=np.float32)[:, None, None]
+    sums = np.cumsum(rows, axis=0)
+    total = sums[-1]
+    left, right = sums[:-1], total - sums[:-1]
+    between = (left**2 / before + right**2 / (count - before) - total**2 / count).sum(axis=1)
+    variance = (rows**2).sum(axis=(0, 1)) - (total**2).sum(axis=0) / count
+    out: Float32Array = between / (variance + 3 * count * _NOISE_LEVELS**2)
     return out

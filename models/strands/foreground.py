@@ -50,7 +50,7 @@ class Foreground:
         if not self.mask.size or self.beyond.all():
             return np.zeros(self.mask.shape, dtype=np.float32)
         cut = self.margin - 1
-        binary = np.ascontiguousarray(self.beyond[cut:-cut, cut:-cut]).view(np.uint8)
+        binary = self.beyond[cut:-cut, cut:-cut].view(np.uint8)
         found = np.asarray(cv2.distanceTransform(binary, cv2.DIST_L2, cv2.DIST_MASK_5), dtype=np.float32)
         return np.ascontiguousarray(found[1:-1, 1:-1])
 

@@ -77,8 +77,10 @@ def _matched(
     pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray, shared: set[int]
 ) -> tuple[float, dict[int, int]]:
     """Total (against all ends stopping) and partners when exactly these sections are shared."""
-    kept = (via < 0) | np.isin(via, list(shared))
-    kept &= (via >= 0) | ~np.isin(pairs >> 1, list(shared)).any(axis=1)
+    kept = via < 0
+    if shared:
+        kept &= ~np.isin(pairs >> 1, list(shared)).any(axis=1)
+        kept |= np.isin(via, list(shared))
     pairs, costs = pairs[kept], costs[kept]
     if not len(pairs):
         return 0.0, {}

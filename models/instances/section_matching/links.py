@@ -89,8 +89,9 @@ def _over_gaps(sections: Sections, gap_widths: float) -> IntArray:
     k = min(_NEAREST, len(every))
     near = np.asarray(cKDTree(sections.tip[every]).query(sections.tip[free], k, distance_upper_bound=reach)[1])
     a, b = np.repeat(free, k), np.append(every, -1)[near.reshape(-1)]
-    pairs = np.stack((np.minimum(a, b), np.maximum(a, b)), axis=1)[(b >= 0) & (a != b)]
-    pairs = np.unique(pairs, axis=0).reshape(-1, 2)
+    proper = (b >= 0) & (a != b)
+    keys = np.unique(np.minimum(a, b)[proper] * len(sections.node) + np.maximum(a, b)[proper])
+    pairs = np.stack(np.divmod(keys, len(sections.node)), axis=1)
     link = sections.tip[pairs[:, 1]] - sections.tip[pairs[:, 0]]
     leaving = np.einsum("ij,ij->i", sections.outward[pairs[:, 0]], link)
     arriving = -np.einsum("ij,ij->i", sections.outward[pairs[:, 1]], link)
