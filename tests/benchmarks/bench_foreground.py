@@ -36,6 +36,7 @@ _STROKE_TOLERANCE_PX = 4.0
 _OUTLINE_PX = 4
 """What is wrong so near to both is the outline's place, not a cable that is missed or invented."""
 _SIDES = ("outside", "inside")
+_AWAY = ("missed", "invented")
 Segment = Callable[[np.ndarray], np.ndarray]
 
 
@@ -59,13 +60,18 @@ def score(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
 
 
 def outline(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
-    """How far, in pixels on average, the found outline is ``outside`` and ``inside`` of the true one."""
+    """How far, in pixels on average, the found outline is ``outside`` and ``inside`` of the true one; and shares of the
+    true area: what is ``missed`` and what ``invented`` farther from the other than an outline's place explains."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _OUTLINE_PX + 1, 2 * _OUTLINE_PX + 1))
     near = [cv2.dilate(mask.astype(np.uint8), disc) > 0 for mask in (found, true)]
     edge = cv2.morphologyEx(true.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
     length = max(np.count_nonzero(edge) / 2, 1.0)
     wrong = {"outside": found & ~true & near[1], "inside": true & ~found & near[0]}
-    return {side: np.count_nonzero(where) / length for side, where in wrong.items()}
+    away = {"missed": true & ~near[0], "invented": found & ~near[1]}
+    area = max(np.count_nonzero(true), 1)
+    return {side: np.count_nonzero(where) / length for side, where in wrong.items()} | {
+        kind: np.count_nonzero(where) / area for kind, where in away.items()
+    }
 
 
 def measure_set(folder: Path, truth: str, probability: Segment, threshold: float, sheet: Path | None) -> dict:
@@ -81,7 +87,7 @@ def measure_set(folder: Path, truth: str, probability: Segment, threshold: float
     groups = {"all": rows} | _by_prefix(rows)
     return {
         "groups": {
-            g: {"n": len(r)} | {k: _percent(r, k) for k in ("dice", "iou")} | {k: _mean(r, k) for k in _SIDES}
+            g: {"n": len(r)} | {k: _percent(r, k) for k in ("dice", "iou", *_AWAY)} | {k: _mean(r, k) for k in _SIDES}
             for g, r in groups.items()
         },
         "worst": [(r["name"], round(100 * r["dice"], 1)) for r in sorted(rows, key=lambda r: r["dice"])[:10]],
