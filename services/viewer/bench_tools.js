@@ -54,7 +54,7 @@ export class Tools {
     const at = this.stage.toPicture(event);
     const near = this.#nearest(at);
     if (this.tool === "move" && near) {
-      this.drag = grabbed(near.instance, shapeOf(near.instance), near.index, at, event.shiftKey);
+      this.drag = grabbed(near.instance, shapeOf(near.instance), near.index, at, event.shiftKey, event.ctrlKey || event.metaKey);
       this.chosen = { instance: near.instance.id };
     } else if (this.tool === "connector" && !this.clicks.length) {
       this.clicks = [at];
@@ -174,14 +174,17 @@ export class Tools {
   #rest(drag, to) {
     clearTimeout(this.#resting);
     this.#resting = setTimeout(() => {
-      const { clicks, pulls } = dropped(drag, to);
-      this.#shape(clicks, pulls, drag.instance.width_px).catch(() => {}); // asked for again when the drag ends
+      this.#dropped(drag, to).catch(() => {}); // asked for again when the drag ends
     }, REST_MS);
   }
 
   #moved(drag, to) {
-    const { clicks, pulls } = dropped(drag, to);
-    this.#edit(async (label) => reshape(label, drag.instance.id, await this.#shape(clicks, pulls, drag.instance.width_px)));
+    this.#edit(async (label) => reshape(label, drag.instance.id, await this.#dropped(drag, to)));
+  }
+
+  async #dropped(drag, to) {
+    const { shape, clicks, pulls } = dropped(drag, to);
+    return shape ?? this.#shape(clicks, pulls, drag.instance.width_px);
   }
 
   #shape = (clicks, pulls, width = USUAL_PX) => ask("shape", { clicks, pulls, width, snaps: this.snaps });

@@ -21,7 +21,7 @@ import { Stage } from "./stage.js";
 
 const HINTS = {
   add: "Click the ends of a cable, and between them where the line would leave it; Enter or a double click ends it, Backspace takes a click back.",
-  move: "Drag a line to where the cable is, its end to where that ends, or an edge; with Shift both edges.",
+  move: "Drag a line to where the cable is, its end to where that ends, or an edge; with Shift both edges, with Ctrl the whole cable.",
   split: "Click where one cable should become two.",
   join: "Click two cables one after the other.",
   delete: "Click a cable, an area or a branch-point to remove it.",

@@ -6,6 +6,7 @@ import { divided, missed } from "./dividing.js";
 import { weighed } from "./evidence.js";
 import { normalAt, resample, trace } from "./livewire.js";
 import { straightened } from "./strip.js";
+import * as whole from "./whole.js";
 
 const USUAL_PX = 10; // a cable's width where nothing is known of it
 const FINE_WIDTH_PX = 25; // wider cables are looked at in steps that grow with them
@@ -18,22 +19,30 @@ export const WEIGHTS = Object.freeze({
   color: 0.9, probability: 0.3, edge: 2.6, // what is seen
   bend: 2, swell: 3.5, prior: 1.7, // against a middle or a width that changes, and a width off the even one
   core: 0.75, beyond: 1.29, far: 2.6, // parts of the half width: surely cable; surely not, from and to
-  kinds: 24, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 2.1, plain: 0.1, shade: 0.6, // colors; cuts
+  kinds: 24, clip: 2.5, blend: 0.68, inWindow: 300, outWindow: 27, along: 3, smooth: 3, plain: 0.1, shade: 0.6, // colors; cuts
   rim: 0.35, // pixels beyond the steepest step: what is cable in part is cable to who labels it
-  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.4, spread: 25, // what a person says
+  small: 1.5, firm: 30, sure: 100, teach: 10, whole: 0.3, spread: 25, // what a person says
 });
 
 /** The cable through `clicks`: `{ line, low, high, normals, width, clicks, pulls }`. `line` runs in its middle; `low` and
  *  `high` are the edges' distances from it along the normal, negative and positive. A pull `{ at, side }` says that the
- *  edge on that side (-1 or 1) passes through `at`. `view` is a prepared map with the picture's `planes`. */
+ *  edge on that side (-1 or 1) passes through `at`, one `{ by, wider }` moves the whole cable (`whole.js`), its clicks already
+ *  with it. `view` is a prepared map with the picture's `planes`. */
 export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
+  const move = whole.found(pulls);
+  const shape = inPicture(view, clicks.map((at) => whole.minus(at, move.by)), move.pulls, weights);
+  return { ...whole.carried(shape, move), clicks, pulls };
+}
+
+/** The outline before the whole cable is moved. */
+function inPicture(view, clicks, pulls, weights) {
   const path = traced(view, clicks);
   const through = clicks.map((at) => ({ at, side: 0 }));
   const all = [...pulls, ...through];
   if (path.learnedBy !== weights) Object.assign(path, { learned: learned(view, path, through, weights), learnedBy: weights });
   // In a large picture, where somebody would wait, a small pull changes the last round alone.
   const anew = pulls.some((one) => !view.bytes || corrects(one, path.learned, weights));
-  return { ...settled(view, anew ? learned(view, path, all, weights) : path.learned, all, weights), clicks, pulls };
+  return settled(view, anew ? learned(view, path, all, weights) : path.learned, all, weights);
 }
 
 /** Whether a pull moves its edge by much of what was learned without it. */
@@ -49,7 +58,7 @@ const apparent = (half, unit, { small }) => Math.max(small * unit, 0.25 * half);
  *  the pointer is asked for again by the click there, and a pull does not change it. */
 export function traced(view, clicks) {
   view.traces ??= new Map();
-  const key = JSON.stringify(clicks);
+  const key = clicks.map(([x, y]) => `${x.toFixed(3)} ${y.toFixed(3)}`).join(); // clicks that were moved and back are the same
   const known = view.traces.get(key) ?? path(view, clicks);
   view.traces.delete(key);
   view.traces.set(key, known);
@@ -105,13 +114,16 @@ const halfAt = ({ low, high }, i) => (high[i] - low[i]) / 2;
 
 const lengthOf = (line) => line.reduce((sum, [x, y], i) => (i ? sum + Math.hypot(x - line[i - 1][0], y - line[i - 1][1]) : 0), 0);
 
-/** A line of even width, for what the picture does not show; a pull moves a whole edge. */
+/** A line of even width, for what the picture does not show; a pull moves a whole edge. Where the whole cable was moved,
+ *  its `clicks` and its `width` are with it. */
 export function stroke(clicks, width, pulls = []) {
-  const line = resample(clicks, 2);
+  const move = whole.found(pulls);
+  const line = resample(clicks.map((at) => whole.minus(at, move.by)), 2);
   const normals = line.map((_, i) => normalAt(line, i, 3));
-  const edges = { low: line.map(() => -width / 2), high: line.map(() => width / 2) };
-  pull(edges, pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1 });
-  return { line, ...edges, normals, width: edges.high[0] - edges.low[0], clicks, pulls };
+  const half = width / 2 - move.wider;
+  const edges = { low: line.map(() => -half), high: line.map(() => half) };
+  pull(edges, move.pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1 });
+  return { ...whole.carried({ line, ...edges, normals, width: edges.high[0] - edges.low[0] }, move), clicks, pulls };
 }
 
 /** Both edges of every cut in one round; in the last, pulled to where they were asked to be. */
@@ -165,11 +177,11 @@ function leaving(line, width, view) {
 }
 
 /** Where a pull lies: the nearest cut, how far `away` its point on the line is, and how far along the normal. */
-function placed({ at, side }, line, normals) {
+function placed({ at, side, wider = 0 }, line, normals) {
   const distances = line.map(([x, y]) => Math.hypot(at[0] - x, at[1] - y));
   const away = Math.min(...distances);
   const i = distances.indexOf(away);
-  return { i, away, t: (at[0] - line[i][0]) * normals[i][0] + (at[1] - line[i][1]) * normals[i][1], side };
+  return { i, away, t: (at[0] - line[i][0]) * normals[i][0] + (at[1] - line[i][1]) * normals[i][1] - side * wider, side };
 }
 
 /** Moves the edges through the pins. What is missing there is spread as a Gaussian process would expect it: in part an

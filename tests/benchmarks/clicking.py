@@ -2,7 +2,8 @@
 
 The first two clicks go on the ends of the cable, unless the service has found it. Then, as in RITM's protocol, every
 action goes where the error is largest: a click on the true centerline where the outline left the cable, else a drag of
-one edge or both; where a cable of the service goes on beyond the true end, that is dragged back first.
+one edge or both; where a cable of the service goes on beyond the true end, that is dragged back first. Where the
+outline lies beside the label, or is wider or narrower, alike all along, the cable is dragged as a whole.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from models.geometry.arrays import BoolArray, FloatArray
 SEEN_PX = 0.25
 """A person does not see (and pull away) less than this."""
 
+WHOLE_LEAVES = 0.5
+"""A person drags the whole cable where that leaves at most this share of the edges' error."""
 
 _SPECK_PX = 12
 _MARGIN_PX = 6
@@ -48,6 +51,7 @@ class Person:
         self._hand = {i: self._shaken(line[i]) for i in self._clicked}
         self.pulls: list[dict[str, Any]] = []
         self.moved: dict[str, Any] | None = None
+        self.whole: dict[str, Any] | None = None
         self._given: list[list[float]] | None = None
         self._drags = 0
 
@@ -57,7 +61,15 @@ class Person:
         if self._given is None:
             self._clicked = []
         self._given = drawn["clicks"]
-        self.moved = None
+        self.goes_on(drawn)
+
+    def goes_on(self, drawn: dict[str, Any]) -> None:
+        """The last drag is done: ``whole`` was one of the whole cable, with its clicks and pulls."""
+        if self.whole:
+            by = np.array(self.whole["by"])
+            self._hand = {i: xy + by for i, xy in self._hand.items()}
+            self.pulls = drawn["pulls"]
+        self.moved = self.whole = None
 
     @property
     def clicks(self) -> list[list[float]]:
@@ -112,6 +124,8 @@ class Person:
         inside = ((line >= 0) & (line <= size)).all(1)
         edges = [np.array(drawn["low"]), np.array(drawn["high"])]
         off = [self._off(line, normals, edge, side, inside) for edge, side in zip(edges, (-1, 1), strict=True)]
+        if self._carry(normals, off[0], off[1]):
+            return True
         i = int(np.argmax(np.abs(off[0]) + np.abs(off[1])))
         drag = best_drag(float(off[0][i]), float(off[1][i]))
         if max(np.abs(drag)) < SEEN_PX:
@@ -122,6 +136,26 @@ class Person:
             if by:
                 at = line[i] + (edge[i] + by + shake) * normals[i]
                 self.pulls.append({"at": at.tolist(), "side": side})
+        return True
+
+    def _carry(self, normals: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+        """Drags the whole cable, or its width, where the edges' errors (n,) are alike all along."""
+        known = (low != 0) & (high != 0)
+        if not known.any():
+            return False
+        normals, low, high = normals[known], low[known], high[known]
+        by = np.linalg.lstsq(normals, (low + high) / 2, rcond=None)[0] + self._shaken(np.zeros(2))
+        wider = float(np.median(high - low) / 2)
+        along = normals @ by
+        ways: list[tuple[float, float, dict[str, Any]]] = [
+            (_sum(low - along, high - along), float(np.abs(along).max()), {"by": by.tolist(), "wider": 0.0}),
+            (_sum(low + wider, high - wider), abs(wider), {"by": [0.0, 0.0], "wider": wider}),
+        ]
+        left, size, way = min(ways, key=lambda one: one[0])
+        if size < SEEN_PX or left > WHOLE_LEAVES * _sum(low, high):
+            return False
+        self.whole = way
+        self._drags += 1
         return True
 
     def _off(self, line: FloatArray, normals: FloatArray, edge: FloatArray, side: int, inside: BoolArray) -> FloatArray:
@@ -136,6 +170,10 @@ class Person:
 
     def _shaken(self, xy: FloatArray) -> FloatArray:
         return np.asarray(xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64)
+
+
+def _sum(low: FloatArray, high: FloatArray) -> float:
+    return float(np.abs(low).sum() + np.abs(high).sum())
 
 
 def best_drag(low: float, high: float) -> tuple[float, float]:

@@ -241,6 +241,27 @@ def test_an_edge_is_pulled_and_with_shift_the_width(page: Any, tmp_path: Path) -
     assert across(saved(page, tmp_path).instances[2], 115) == (top, bottom)
 
 
+def test_with_control_a_drag_moves_the_whole_cable_and_what_follows_keeps_that(page: Any, tmp_path: Path) -> None:
+    """The outline went back to the picture's edges."""
+    click(page, 17, 99)
+    click(page, 147, 98)
+    press(page, "Enter")
+    columns = (60, 115)
+    before = [across(saved(page, tmp_path).instances[2], x) for x in columns]
+    tool(page, "move")
+    middle = sum(before[1]) / 2
+    drag(page, (115, middle), (115, middle - 4), "Control")
+    moved = [across(saved(page, tmp_path).instances[2], x) for x in columns]
+    for (top, bottom), then in zip(before, moved, strict=True):
+        assert then == (pytest.approx(top - 4, abs=1), pytest.approx(bottom - 4, abs=1))
+    drag(page, (115, moved[1][1]), (115, moved[1][1] + 2))
+    pulled = across(saved(page, tmp_path).instances[2], 115)
+    assert pulled == (pytest.approx(moved[1][0], abs=1), pytest.approx(moved[1][1] + 2, abs=1))
+    page.click("#undo")
+    page.click("#undo")
+    assert [across(saved(page, tmp_path).instances[2], x) for x in columns] == before
+
+
 def test_coco_from_the_page_is_read_like_any_other(page: Any, tmp_path: Path) -> None:
     with page.expect_download() as download:
         page.select_option("#format", "coco")
