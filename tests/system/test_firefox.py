@@ -96,9 +96,10 @@ def test_a_crash_of_the_browser_loses_nothing(address: str, tmp_path: Path) -> N
         page.open(f"{address}/viewer/label.html")
         page.wait_for(READY)
         page.upload("#file", PICTURE)
-        page.wait_for(f"{CABLES} >= 4")
+        page.wait_for(f"{CABLES} >= 4 && {IDLE} && {KEPT}")  # the list is made anew meanwhile, and a click on it lost
         count = page.evaluate(CABLES)
         page.click("#instances button")
+        page.wait_for("document.querySelector('#instances [aria-pressed=true]') !== null")
         page.press("Delete")
         page.wait_for(f"{CABLES} === {count - 1} && {KEPT}")
         page.crash()
