@@ -2,7 +2,6 @@
 // is not overwritten.
 
 import { api } from "./api.js";
-import { archiveOf, entriesOf } from "./zip.js";
 
 const path = (folder, part, name) => `v1/label-folders/${encodeURIComponent(folder)}/${part}?name=${encodeURIComponent(name)}`;
 
@@ -40,6 +39,7 @@ export const exported = async (format, lines) =>
 /** A YOLO folder with its pictures as an archive: labels from the service, and each of `pictures` (`{ name, file,
  *  folder }`) where that puts it. */
 export async function yolo(lines, pictures) {
+  const { archiveOf, entriesOf } = await import("./zip.js");
   const entries = await entriesOf(await exported("yolo", lines));
   const listed = entries.find(({ path }) => path.endsWith("/images.json"));
   const files = entries.filter((entry) => entry !== listed).map(async ({ path, blob }) => ({ path, blob: await blob() }));

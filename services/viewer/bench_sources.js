@@ -1,8 +1,6 @@
 // Where the label bench gets pictures and labels from: files, a folder, a ZIP archive; all become `{ path, blob() }`.
 // A label belongs to the picture whose bytes have its SHA-256; its name decides only where it has none.
 
-import { entriesOf } from "./zip.js";
-
 const PICTURE = /\.(png|jpe?g|jpe|jfif|gif|bmp|tiff?|webp)$/i;
 const FORMAT = "dlo-label/1";
 
@@ -10,7 +8,7 @@ const FORMAT = "dlo-label/1";
 export async function listed(files) {
   const all = [];
   for (const file of files) {
-    if (/\.zip$/i.test(file.name)) all.push(...(await entriesOf(file)));
+    if (/\.zip$/i.test(file.name)) all.push(...(await (await import("./zip.js")).entriesOf(file)));
     else all.push({ path: file.webkitRelativePath || file.name, blob: async () => file });
   }
   return all.filter(({ path }) => !/(^|\/)(\.|__MACOSX)/.test(path));

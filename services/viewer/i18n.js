@@ -1,11 +1,13 @@
-// English and German. The English text is the key: what has no translation yet stays English.
-
-import { GERMAN } from "./german.js";
+// English and German. The English text is the key: what has no translation yet stays English. German is loaded for who
+// reads it; where it cannot be loaded, the page is English.
 
 const LANGUAGE = "dlo-language";
 const NAMED = ["placeholder", "title", "aria-label", "alt"];
 
-export const language = () => localStorage.getItem(LANGUAGE) ?? (navigator.language?.startsWith("de") ? "de" : "en");
+/** As first.js found it. */
+export const language = () => document.documentElement.lang;
+
+const GERMAN = language() === "de" ? await import("./german.js").then((loaded) => loaded.GERMAN, () => ({})) : {};
 
 export function choose(wanted) {
   localStorage.setItem(LANGUAGE, wanted);
@@ -14,13 +16,11 @@ export function choose(wanted) {
 
 /** The text in the language chosen; `{name}` in it is replaced by `values.name`. */
 export function t(text, values = {}) {
-  const found = language() === "de" ? (GERMAN[text] ?? text) : text;
-  return found.replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
+  return (GERMAN[text] ?? text).replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
 }
 
-/** All that the page's own HTML says, in place. */
+/** All that the page's own HTML says, in place; then it may be seen. */
 export function translate(root = document.documentElement) {
-  document.documentElement.lang = language();
   if (language() !== "de") return;
   const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
@@ -31,4 +31,5 @@ export function translate(root = document.documentElement) {
   for (const name of NAMED) {
     for (const node of root.querySelectorAll(`[${name}]`)) node.setAttribute(name, t(node.getAttribute(name)));
   }
+  root.classList.remove("untold");
 }

@@ -1,11 +1,11 @@
 // What a drag on an instance means: one edge; with Shift both edges apart, the width; from the middle a little, both
-// edges together; from the middle further, the line to another place. With Ctrl the whole cable is moved; with both keys
-// all of it gets wider or narrower.
+// edges together; from the middle further, the line to another place. With Ctrl the same all along the cable: one edge,
+// from the middle all of it, with both keys its width.
 
 import { anchors, reclicked } from "./label_edit.js";
 import { normalAt } from "./livewire.js";
 import { pull } from "./outline.js";
-import { carried, plus } from "./whole.js";
+import { carried, outOf, plus } from "./whole.js";
 
 const INNER_PART = 0.5; // of the half width, where a drag takes the line and not an edge
 const BRUSH_PX = 40; // how much of a line is shown to come along, in picture pixels to either side
@@ -21,7 +21,7 @@ export function grabbed(instance, shape, index, from, both, whole = false) {
 /** The shape as it looks meanwhile. */
 export function dragged(drag, to) {
   const { shape, index, from } = drag;
-  if (drag.whole) return carried(shape, moveOf(drag, to));
+  if (drag.whole) return wholly(drag.instance, shape, moveOf(drag, to));
   if (!reroutes(drag, to)) {
     const edges = { low: [...shape.low], high: [...shape.high] };
     pull(edges, pins(drag, to));
@@ -49,12 +49,14 @@ export function dropped(drag, to) {
 /** A shape moved as a whole. One that was not found by its clicks keeps none: an outline found later is another. */
 export function wholly({ shape: own }, shape, move) {
   const clicks = own?.clicks?.map((at) => plus(at, move.by)) ?? null;
-  return { ...carried(shape, move), clicks, pulls: clicks ? [...(shape.pulls ?? []), move] : [] };
+  return { ...carried(shape, { ...move, out: outOf(move) }), clicks, pulls: clicks ? [...(shape.pulls ?? []), move] : [] };
 }
 
 function moveOf({ shape, index, from, side, both }, to) {
   const by = [to[0] - from[0], to[1] - from[1]];
-  return both ? { by: [0, 0], wider: (side || 1) * across(shape, index, by) } : { by, wider: 0 };
+  if (!side && !both) return { by, wider: 0 };
+  const wider = (side || 1) * across(shape, index, by);
+  return { by: [0, 0], wider, ...(both ? {} : { side }) };
 }
 
 function reroutes({ shape, index, from, side }, to) {

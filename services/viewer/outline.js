@@ -26,7 +26,7 @@ export const WEIGHTS = Object.freeze({
 
 /** The cable through `clicks`: `{ line, low, high, normals, width, clicks, pulls }`. `line` runs in its middle; `low` and
  *  `high` are the edges' distances from it along the normal, negative and positive. A pull `{ at, side }` says that the
- *  edge on that side (-1 or 1) passes through `at`, one `{ by, wider }` moves the whole cable (`whole.js`), its clicks already
+ *  edge on that side (-1 or 1) passes through `at`, one with `by` moves the whole cable (`whole.js`), its clicks already
  *  with it. `view` is a prepared map with the picture's `planes`. */
 export function outlined(view, clicks, pulls = [], weights = WEIGHTS) {
   const move = whole.found(pulls);
@@ -120,7 +120,7 @@ export function stroke(clicks, width, pulls = []) {
   const move = whole.found(pulls);
   const line = resample(clicks.map((at) => whole.minus(at, move.by)), 2);
   const normals = line.map((_, i) => normalAt(line, i, 3));
-  const half = width / 2 - move.wider;
+  const half = (width - move.out[0] - move.out[1]) / 2;
   const edges = { low: line.map(() => -half), high: line.map(() => half) };
   pull(edges, move.pulls.map((one) => placed(one, line, normals)), { ...WEIGHTS, whole: 1 });
   return { ...whole.carried({ line, ...edges, normals, width: edges.high[0] - edges.low[0] }, move), clicks, pulls };

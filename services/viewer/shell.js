@@ -17,7 +17,6 @@ const THEME = "dlo-theme";
 
 /** Builds the head of the page, into which no page writes itself. `onKey` is called when another key was entered. */
 export function shell(onKey = () => {}) {
-  applyTheme();
   translate();
   const head = document.querySelector(".shell");
   head.append(brand(), navigation(), pill(), keyButton(onKey), languages(), themeButton());
@@ -100,17 +99,13 @@ function languages() {
   return select;
 }
 
-const theme = () => localStorage.getItem(THEME) ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-
-function applyTheme() {
-  document.documentElement.dataset.theme = theme();
-}
-
+/** What first.js found is turned over. */
 function themeButton() {
-  const sign = () => (theme() === "dark" ? "☀" : "☾");
+  const shown = document.documentElement.dataset;
+  const sign = () => (shown.theme === "dark" ? "☀" : "☾");
   const turn = button(sign(), () => {
-    localStorage.setItem(THEME, theme() === "dark" ? "light" : "dark");
-    applyTheme();
+    shown.theme = shown.theme === "dark" ? "light" : "dark";
+    localStorage.setItem(THEME, shown.theme);
     turn.textContent = sign();
     dispatchEvent(new Event("resize")); // canvases draw with colors of their own
   });
