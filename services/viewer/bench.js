@@ -6,7 +6,7 @@ import { forget, keep, kept, steps } from "./bench_store.js";
 import { certaintyOf } from "./film.js";
 
 const KEPT_FIELDS = [
-  "key", "order", "name", "sha256", "file", "mask", "folder", "etag", "width", "height", "at", "confirmed", "certainty",
+  "key", "order", "name", "sha256", "file", "mask", "folder", "disk", "etag", "width", "height", "at", "confirmed", "certainty",
   "clicks", "seen", "synced",
 ];
 
@@ -30,7 +30,7 @@ export class Bench {
 
   /** One picture more, or the one with the same bytes that is here already. */
   add(fields, label = null) {
-    const key = `${fields.folder ?? ""}:${fields.sha256}`;
+    const key = `${fields.disk ? `/${fields.disk.name}` : (fields.folder ?? "")}:${fields.sha256}`;
     const known = this.pictures.find((picture) => picture.key === key);
     if (known) return known;
     const order = 1 + Math.max(0, ...this.pictures.map((picture) => picture.order));

@@ -7,7 +7,7 @@ import { swatch } from "./swatches.js";
 
 const LISTED = 120; // pictures at most
 
-/** Fills all of them anew. `saving` is the state of the service's folder; `show(picture)`, `choose(what)` and
+/** Fills all of them anew. `saving` is the state of a folder; `show(picture)`, `choose(what)` and
  *  `hover(what)` are called for what somebody points at. */
 export function fillLists({ bench, chosen, saving, show, choose, hover }) {
   const { pictures, shown } = bench;
@@ -43,7 +43,7 @@ const SAVING = {
 /** Whether all that was done is kept. */
 export function showSaved({ shown, unkept }, saving) {
   const here = unkept ? "Keeping this step …" : "Every step is kept in this browser.";
-  byId("saved").textContent = shown ? t(shown.folder ? (SAVING[saving] ?? "") : here) : "";
+  byId("saved").textContent = shown ? t(shown.folder || shown.disk ? (SAVING[saving] ?? "") : here) : "";
 }
 
 function pictureRow(picture, pressed, show) {

@@ -1,9 +1,17 @@
-// Keeps the service's label folder up to date with the bench: a little after each edit, at once when it is confirmed.
+// Keeps a label folder up to date with the bench: a little after each edit, at once when it is confirmed.
 
 import { ask } from "./bench_calls.js";
-import { labelOf, saveLabel } from "./bench_service.js";
+import * as disk from "./bench_disk.js";
+import * as service from "./bench_service.js";
 
 const PAUSE_MS = 800;
+
+/** Where a picture's label is saved: `at` a folder of this machine or of the service, `kind` how; null for one that is
+ *  the browser's alone. */
+export function placeOf({ disk: root, folder }) {
+  if (root) return { kind: disk, at: root };
+  return folder ? { kind: service, at: folder } : null;
+}
 
 export class Sync {
   #timers = new Map();
@@ -15,9 +23,9 @@ export class Sync {
     Object.assign(this, { bench, conflict, changed, failed, state: "" });
   }
 
-  /** Saves a picture's label soon; pictures that are not of the service's folders are the browser's alone. */
+  /** Saves a picture's label soon, where it has a place. */
   soon(picture) {
-    if (!picture.folder) return;
+    if (!placeOf(picture)) return;
     clearTimeout(this.#timers.get(picture));
     this.#timers.set(picture, setTimeout(() => this.now(picture), picture.confirmed ? 0 : PAUSE_MS));
     this.#tell("saving");
@@ -25,7 +33,7 @@ export class Sync {
 
   /** What was not saved when the page was left. */
   rest() {
-    for (const picture of this.bench.pictures) if (picture.folder && picture.synced === false) this.soon(picture);
+    for (const picture of this.bench.pictures) if (placeOf(picture) && picture.synced === false) this.soon(picture);
   }
 
   now(picture) {
@@ -40,8 +48,9 @@ export class Sync {
     await this.bench.load(picture);
     const { at, confirmed } = picture;
     const label = await ask("finish", { label: this.bench.label(picture), confirmed });
+    const { kind, at: folder } = placeOf(picture);
     try {
-      const etag = await saveLabel(picture.folder, picture.name, label, picture.etag);
+      const etag = await kind.saveLabel(folder, picture.name, label, picture.etag);
       const synced = picture.at === at && picture.confirmed === confirmed;
       this.bench.note(picture, { etag, synced });
       this.#tell(synced ? "saved" : "saving");
@@ -52,8 +61,9 @@ export class Sync {
   }
 
   async #settle(picture) {
-    const theirs = await labelOf(picture.folder, picture.name);
-    const choice = await this.conflict(picture, theirs.label);
+    const { kind, at } = placeOf(picture);
+    const theirs = await kind.labelOf(at, picture.name);
+    const choice = theirs.label ? await this.conflict(picture, theirs.label) : "mine"; // theirs was removed
     this.bench.note(picture, { etag: theirs.etag });
     if (choice === "mine") return this.#save(picture);
     this.bench.take(picture, theirs.label);

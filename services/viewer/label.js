@@ -6,9 +6,10 @@ import { ask } from "./bench_calls.js";
 import { drawBench, drawGround } from "./bench_draw.js";
 import { keysOf } from "./bench_keys.js";
 import { fillLists, showSaved } from "./bench_lists.js";
-import { exported, folders, labelOf, pictureOf, picturesOf, unsurePicture, unsurePictures, yolo } from "./bench_service.js";
+import * as disk from "./bench_disk.js";
+import { exported, folders, pictureOf, picturesOf, unsurePicture, unsurePictures, yolo } from "./bench_service.js";
 import { labelFor, listed, sorted } from "./bench_sources.js";
-import { Sync } from "./bench_sync.js";
+import { placeOf, Sync } from "./bench_sync.js";
 import { Tint } from "./bench_tint.js";
 import { Tools } from "./bench_tools.js";
 import { byId, download, onDrop, problemOf, showProblem } from "./dom.js";
@@ -21,7 +22,7 @@ import { Stage } from "./stage.js";
 
 const HINTS = {
   add: "Click the ends of a cable, and between them where the line would leave it; Enter or a double click ends it, Backspace takes a click back.",
-  move: "Drag a line to where the cable is, its end to where that ends, or an edge; with Shift both edges, with Ctrl the whole cable.",
+  move: "Drag a line to where the cable is, its end to where that ends, or an edge; with Shift both edges, with Ctrl the same all along the cable.",
   split: "Click where one cable should become two.",
   join: "Click two cables one after the other.",
   delete: "Click a cable, an area or a branch-point to remove it.",
@@ -49,15 +50,18 @@ let known = { view: null, mask: null }; // picture and size, and probability, th
 
 // Opening ----------------------------------------------------------------------------------------------------------
 
-async function open(files) {
+const open = (files) => opened(() => listed(files));
+
+/** What `list()` gives, `{ path, blob() }`; labels are saved in the folder `root`, if there is one. */
+async function opened(list, root = null) {
   showProblem(null);
   try {
-    const { pictures, labels, refused } = await sorted(await listed(files));
+    const { pictures, labels, refused } = await sorted(await list());
     if (refused.length) notice(t("No labels: {names}", { names: refused.slice(0, 3).join(", ") }));
     const paths = pictures.map(({ path }) => path);
     for (const [index, { path, blob }] of pictures.entries()) {
       byId("hint").textContent = t("{name}: reading {n} of {m} …", { name: path, n: index + 1, m: pictures.length });
-      await take(path, await blob(), labels, paths);
+      await take(path, await blob(), labels, paths, root);
     }
     const lost = labels.filter(({ used }) => !used).length;
     if (lost) notice(t("{n} labels have no picture here with the same bytes", { n: lost }));
@@ -67,13 +71,14 @@ async function open(files) {
   byId("hint").textContent = t(HINTS[tools.tool]);
 }
 
-async function take(path, blob, labels, paths) {
+async function take(path, blob, labels, paths, root = null) {
   const file = new File([blob], path.split("/").at(-1), { type: blob.type });
   const sha256 = await api.digest(file);
   const found = labelFor(labels, { sha256, path }, paths);
   for (const other of labels) if (found && other.label.name === found.label.name) other.used = true;
   const known = bench.pictures.length;
-  const picture = bench.add({ name: path, sha256, file, confirmed: found?.confirmed }, found?.label);
+  const place = root ? { disk: root, name: found?.label.name ?? path } : { name: path };
+  const picture = bench.add({ ...place, sha256, file, confirmed: found?.confirmed }, found?.label);
   if (bench.pictures.length === known) notice(t("{name} is here already, with the same bytes", { name: path }));
   else if (!found) queue.add([picture]);
   if (!bench.shown) await show(picture);
@@ -99,6 +104,25 @@ async function openFolder(folder) {
   if (!bench.shown && bench.pictures.length) await show(bench.pictures[0]);
 }
 
+async function openDisk() {
+  const found = await disk.chosen();
+  if (!found) return;
+  await opened(async () => found.entries, found.root);
+  await offerDisk();
+  sync.rest();
+}
+
+/** After a reload the browser asks again before a page may save in a folder, and only when somebody clicks. */
+async function offerDisk() {
+  const roots = new Map(bench.pictures.filter((picture) => picture.disk).map((picture) => [picture.disk.name, picture.disk]));
+  let closed = null;
+  for (const root of roots.values()) if (!(await disk.allowed(root))) closed ??= root;
+  byId("reopen").hidden = !closed;
+  if (!closed) return;
+  byId("reopen").textContent = t("Go on saving in {name}", closed);
+  byId("reopen").onclick = () => disk.allow(closed).then(offerDisk).then(() => sync.rest()).catch(report);
+}
+
 async function openUnsure() {
   for (const { id } of await unsurePictures()) {
     const file = await unsurePicture(id);
@@ -119,7 +143,7 @@ async function show(picture) {
     const bitmap = await decoded.bitmap;
     if (!bitmap) throw new Error(t("{name} cannot be shown here", picture));
     await bench.load(picture);
-    if (picture.folder && picture.at === 0 && picture.synced !== false) await fetchLabel(picture);
+    if (placeOf(picture) && picture.at === 0 && picture.synced !== false) await fetchLabel(picture);
     if (!bench.label(picture)) bench.blank(picture, bitmap);
     if (bench.shown !== picture) return;
     const size = bench.label(picture);
@@ -138,9 +162,11 @@ async function show(picture) {
 }
 
 async function fetchLabel(picture) {
-  const { label, etag } = await labelOf(picture.folder, picture.name);
-  picture.etag = etag;
-  bench.begin(picture, label, label.origin === "corrected");
+  if (picture.disk && !(await disk.allowed(picture.disk))) return;
+  const { kind, at } = placeOf(picture);
+  const { label, etag } = await kind.labelOf(at, picture.name);
+  bench.note(picture, { etag });
+  if (label) bench.begin(picture, label, label.origin === "corrected");
 }
 
 /** The network's probability, by which lines snap better than by color alone. */
@@ -229,7 +255,8 @@ async function save() {
 }
 
 async function clear() {
-  const unsaved = bench.pictures.filter((picture) => !picture.folder && stateOf(picture) !== "new").length;
+  const own = (picture) => !placeOf(picture) || picture.synced === false;
+  const unsaved = bench.pictures.filter((picture) => own(picture) && stateOf(picture) !== "new").length;
   if (unsaved && !window.confirm(t("{n} pictures have changes that are only in this browser. Remove them?", { n: unsaved }))) return;
   bench.pictures.forEach((picture) => queue.cancel(picture));
   await bench.remove([...bench.pictures]);
@@ -269,6 +296,8 @@ function listen() {
   addEventListener("beforeunload", (event) => bench.unkept && event.preventDefault());
   byId("file").addEventListener("change", (event) => open([...event.target.files]));
   byId("directory").addEventListener("change", (event) => open([...event.target.files]));
+  byId("disk").addEventListener("click", () => openDisk().catch(report));
+  byId(disk.canWrite() ? "disk" : "no-disk").hidden = false;
   byId("folder").addEventListener("change", (event) => openFolder(event.target.value).catch(report));
   byId("unsure").addEventListener("click", () => openUnsure().catch(report));
   byId("undo").addEventListener("click", () => bench.go(-1));
@@ -316,5 +345,6 @@ await bench.restore().catch(report);
 await show(bench.pictures.find((picture) => stateOf(picture) !== "confirmed") ?? bench.pictures[0]);
 queue.add(bench.pictures.filter(({ file, seen, at }) => file && !seen && at === 0));
 await offerFolders();
+await offerDisk();
 sync.rest();
 document.body.dataset.ready = "yes";

@@ -1,18 +1,19 @@
 """Simulated clicks on real photographs: how many a cable needs on the viewer's label bench.
 
-    python -m tests.benchmarks.bench_clicks ../shared [--limit N] [--hand PX]
+    python -m tests.benchmarks.bench_clicks ../shared [--limit N] [--hand PX] [--rendered] [--weights JSON]
 
 A person who sees the true cable (``clicking.py``) clicks its two ends; while the IoU of the drawn cable is below 90 %,
 one more click or drag goes where the error is largest, 20 at most (counted as 20 where that is not enough). Pixels
 that belong to another cable (one that passes over) count neither way. Beside it the same person in practice, before
 the cables that the service has found (``corrected``): what is right is left, the rest is dragged to where it should be.
 What answers is the page's own code; the probability is the one that the page gets: of the shipped network, settled. All
-cables of the set count. The page's weights were set on rendered scenes (``SceneParams((360, 640), (0.011, 0.036),
-max_cables=4, empty_share=0)``, seeds [7741, k]), and ``rim``, ``shade``, ``color`` and ``kinds`` on every third picture
-here: the others are stated apart. ``spread`` follows from the errors along the edges of all cables here; ``whole`` and
-``smooth`` were varied here, and taken because they are better on renders whose labels lie beside the cables, too.
-The hand-made labels of the first category lie .8 px (median) above the picture's own edges, so the person often drags
-a cable as a whole. Needs node.
+cables of the set count.
+
+``ewd`` only measures. Weights are chosen with ``--rendered``: renders with labels that a hand could have drawn
+(``drawn_labels.py``), on the even ones of them; the odd ones are stated apart. ``--weights '{"smooth": 2}'`` tries
+others than the page's own. Of the page's weights ``rim``, ``shade``, ``color`` and ``kinds`` were set on every third
+picture of ``ewd`` long ago, which is stated apart too, and ``spread`` follows from errors along all its cables.
+Needs node.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +34,17 @@ import numpy as np
 from models.geometry.arrays import BoolArray, ByteArray
 from models.instances.scene import Scene
 from models.library.perception import instances, segment
+from tests.benchmarks import drawn_labels
 from tests.benchmarks.clicking import Person
 
 MOST = 20
 GOAL = 0.90
 KEPT = 0.7
 """A cable of the service that overlaps less with the true one is drawn anew."""
-TUNED_ON = 3
-"""Every so many pictures some of the page's weights were set on."""
+RENDERS = 80
+"""Pictures of ``--rendered``, 188 cables."""
+Labelled = Iterable[tuple[str, ByteArray, np.ndarray]]
+"""Name, picture (H, W, 3) and labels (H, W): of each cable its number, negative where it is not measured."""
 
 
 class Page:
@@ -112,8 +117,8 @@ def corrected(
     return person.actions + removed, steps
 
 
-def pictures(folder: Path) -> Iterator[tuple[str, ByteArray, np.ndarray]]:
-    """Name, picture (H, W, 3) and labels (H, W) of a set as in the folder ``ewd``."""
+def photographs(folder: Path) -> Iterator[tuple[str, ByteArray, np.ndarray]]:
+    """Those of a set as in the folder ``ewd``."""
     for file in sorted((folder / "labels").rglob("*.png")):
         image = cv2.imread(str(next((folder / "imgs").rglob(f"{file.stem}.*"))))[:, :, ::-1]
         labels = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
@@ -122,24 +127,25 @@ def pictures(folder: Path) -> Iterator[tuple[str, ByteArray, np.ndarray]]:
         yield file.stem, np.ascontiguousarray(image), labels
 
 
-def measure(folder: Path, limit: int | None = None, hand_px: float = 0.0) -> dict[str, Any]:
+def measure(
+    pictures: Labelled, *, every: int, hand_px: float = 0.0, weights: dict[str, float] | None = None
+) -> dict[str, Any]:
+    """Of all cables, and of those of pictures ``aside``: on every ``every``-th some of the weights were set."""
     rows: list[dict[str, Any]] = []
     page = Page()
     with tempfile.TemporaryDirectory() as scratch:
-        for index, (name, image, labels) in enumerate(pictures(folder)):
-            if limit is not None and index >= limit:
-                break
-            request = asked(Path(scratch) / name, image)
+        for index, (name, image, labels) in enumerate(pictures):
+            request = {**asked(Path(scratch) / name, image), "weights": weights or {}}
             scene = instances(image)
             for number in np.unique(labels[labels > 0]):
                 mask = labels == number
                 first, second = (
-                    Person(mask, (labels > 0) & ~mask, hand_px, np.random.default_rng([index, int(number)]))
+                    Person(mask, (labels != 0) & ~mask, hand_px, np.random.default_rng([index, int(number)]))
                     for _ in range(2)
                 )
                 clicked = needed(page, request, first)
                 given = corrected(page, request, second, scene, clicked)
-                row = {"picture": name, "cable": int(number), "tuned": index % TUNED_ON == 0}
+                row = {"picture": name, "cable": int(number), "tuned": index % every == 0}
                 rows.append({**row, "clicked": clicked, "given": given})
                 print(name, number, clicked[0], given[0], file=sys.stderr, flush=True)
     page.close()
@@ -184,11 +190,16 @@ def main() -> int:
     parser.add_argument("--limit", type=int, help="pictures")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     parser.add_argument("--hand", type=float, default=0.0, help="standard deviation of the hand, px")
+    parser.add_argument("--rendered", action="store_true", help="renders with labels as a hand draws them, not ewd")
+    parser.add_argument("--weights", type=json.loads, default={}, help="of the outline, others than the page's own")
     args = parser.parse_args()
-    result = measure(args.shared / "data" / "ewd", args.limit, args.hand)
+    renders = drawn_labels.pictures(args.limit or RENDERS)
+    pictures = renders if args.rendered else islice(photographs(args.shared / "data" / "ewd"), args.limit)
+    result = measure(pictures, every=2 if args.rendered else 3, hand_px=args.hand, weights=args.weights)
     print(json.dumps(result["summaries"], indent=1))
     args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "clicks.json").write_text(json.dumps(result))
+    name = f"clicks{'_rendered' if args.rendered else ''}{f'_hand{args.hand:g}' if args.hand else ''}.json"
+    (args.out / name).write_text(json.dumps(result))
     return 0
 
 

@@ -139,7 +139,7 @@ class Person:
         return True
 
     def _carry(self, normals: FloatArray, low: FloatArray, high: FloatArray) -> bool:
-        """Drags the whole cable, or its width, where the edges' errors (n,) are alike all along."""
+        """Drags the whole cable, its width or one of its edges where the errors (n,) are alike all along."""
         known = (low != 0) & (high != 0)
         if not known.any():
             return False
@@ -147,9 +147,12 @@ class Person:
         by = np.linalg.lstsq(normals, (low + high) / 2, rcond=None)[0] + self._shaken(np.zeros(2))
         wider = float(np.median(high - low) / 2)
         along = normals @ by
+        ends = float(np.median(low)), float(np.median(high))
         ways: list[tuple[float, float, dict[str, Any]]] = [
             (_sum(low - along, high - along), float(np.abs(along).max()), {"by": by.tolist(), "wider": 0.0}),
-            (_sum(low + wider, high - wider), abs(wider), {"by": [0.0, 0.0], "wider": wider}),
+            (_sum(low + wider, high - wider), abs(wider), _out(wider)),
+            (_sum(low - ends[0], high), abs(ends[0]), _out(-ends[0], -1)),
+            (_sum(low, high - ends[1]), abs(ends[1]), _out(ends[1], 1)),
         ]
         left, size, way = min(ways, key=lambda one: one[0])
         if size < SEEN_PX or left > WHOLE_LEAVES * _sum(low, high):
@@ -170,6 +173,10 @@ class Person:
 
     def _shaken(self, xy: FloatArray) -> FloatArray:
         return np.asarray(xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64)
+
+
+def _out(wider: float, side: int = 0) -> dict[str, Any]:
+    return {"by": [0.0, 0.0], "wider": wider, "side": side}
 
 
 def _sum(low: FloatArray, high: FloatArray) -> float:

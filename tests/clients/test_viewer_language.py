@@ -33,7 +33,7 @@ def url() -> Iterator[str]:
 
 def test_a_german_page_is_not_seen_before_its_texts_are_there(german: Any, url: str) -> None:
     held: list[Any] = []
-    german.route(TEXTS, lambda route: held.append(route))  # noqa: PLW0108  (Playwright writes on what it is given)
+    german.route(TEXTS, lambda route: held.append(route))
     german.goto(f"{url}/viewer/jobs.html", wait_until="commit")
     german.wait_for_selector("h2", state="attached")
     assert german.evaluate(SEEN) == "hidden"
