@@ -60,11 +60,12 @@ class Firefox:
         self._process.wait()
 
     def call(self, method: str, **params: Any) -> Any:
-        """The result of a command; raises AssertionError with what Firefox says."""
+        """The result of a command; raises AssertionError with what Firefox says, TimeoutError where it says nothing."""
         number = next(self._ids)
+        until = time.monotonic() + _WITHIN_S
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
-            message = json.loads(self._socket.recv(timeout=_WITHIN_S))
+            message = json.loads(self._socket.recv(timeout=max(0.0, until - time.monotonic())))
             self._note(message.get("method"), message.get("params", {}))
             if message.get("id") == number:
                 assert message["type"] == "success", message

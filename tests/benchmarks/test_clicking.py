@@ -160,6 +160,10 @@ def test_what_moves_the_whole_cable_comes_after_what_the_picture_shows(page: Pag
     again = page.draw({**question, "clicks": wide["clicks"], "pulls": wide["pulls"]})
     assert np.allclose(again["line"], wide["line"])
     assert np.allclose(again["high"], wide["high"])
+    low = page.draw({**question, "clicks": wide["clicks"], "whole": {"by": [0, 0], "wider": wider, "side": -1}})
+    assert np.allclose(low["low"], np.array(wide["low"]) - wider)
+    assert np.allclose(low["high"], wide["high"]), "the other edge stays"
+    page.draw({**question, "clicks": wide["clicks"], "pulls": wide["pulls"]})
     i = len(wide["line"]) // 2
     at = np.array(wide["line"][i]) + (wide["high"][i] + 1.0) * np.array(wide["normals"][i])
     pulls = [*wide["pulls"], {"at": at.tolist(), "side": 1}]
@@ -186,6 +190,17 @@ def test_the_person_drags_the_whole_cable_where_it_is_off_alike_all_along(page: 
     assert count == 3
     assert [set(one) for one in person.pulls] == [{"by", "wider"}]
     assert person.pulls[0]["by"] == pytest.approx([1, -2], abs=0.4)
+
+
+def test_the_person_drags_one_edge_where_only_that_one_is_off(page: Page, tmp_path: Path) -> None:
+    mask, _ = wave(10, 10)
+    label = mask | np.roll(mask, 3, 0)
+    person = Person(label, NOTHING)
+    count, ious = needed(page, request(tmp_path, mask, mask, np.random.default_rng(8)), person)
+    assert ious[0] < 0.85
+    assert count == 3
+    (pull,) = person.pulls
+    assert (abs(pull["side"]), pull["wider"]) == (1, pytest.approx(2.5, abs=0.6))
 
 
 def found(line: FloatArray) -> dict[str, object]:

@@ -262,6 +262,20 @@ def test_with_control_a_drag_moves_the_whole_cable_and_what_follows_keeps_that(p
     assert [across(saved(page, tmp_path).instances[2], x) for x in columns] == before
 
 
+def test_with_control_a_drag_of_an_edge_moves_it_all_along(page: Any, tmp_path: Path) -> None:
+    """It moved the whole cable: a label that is wider on one side took two drags."""
+    click(page, 17, 99)
+    click(page, 147, 98)
+    press(page, "Enter")
+    columns = (60, 115)
+    before = [across(saved(page, tmp_path).instances[2], x) for x in columns]
+    tool(page, "move")
+    drag(page, (115, before[1][1]), (115, before[1][1] + 4), "Control")
+    moved = [across(saved(page, tmp_path).instances[2], x) for x in columns]
+    for (top, bottom), then in zip(before, moved, strict=True):
+        assert then == (pytest.approx(top, abs=1), pytest.approx(bottom + 4, abs=1))
+
+
 def test_coco_from_the_page_is_read_like_any_other(page: Any, tmp_path: Path) -> None:
     with page.expect_download() as download:
         page.select_option("#format", "coco")

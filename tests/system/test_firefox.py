@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from dlo_client.labelling.formats import READERS
+from PIL import Image
 
 from services.page_frame import PAGES
 from tests.firefox import NEEDS_FIREFOX, Firefox, firefox
@@ -15,6 +17,9 @@ from tests.processes import ROOT, running_service
 pytestmark = NEEDS_FIREFOX
 PICTURE = ROOT / "tests" / "samples" / "plain.jpg"
 CABLES = "document.querySelectorAll('#instances button').length"
+SHOWN = "document.querySelector('#canvas').getAttribute('aria-label')"
+SCALE = "Number(document.querySelector('#canvas').dataset.scale)"
+ANSWERED = "document.querySelector('#pictures').textContent.includes('certainty')"
 KEPT = "document.querySelector('#saved').textContent.includes('Every step is kept')"
 READY = "document.body?.dataset.ready === 'yes'"
 IDLE = "document.querySelector('#drop').getAttribute('aria-busy') !== 'true'"
@@ -88,6 +93,70 @@ def test_a_line_of_clicks_survives_a_reload_and_is_undone_and_saved(page: Firefo
     page.click("#confirm")
     page.wait_for("document.querySelector('#pictures .confirmed') !== null")
     page.wait_for(KEPT)
+
+
+@pytest.fixture
+def alone(tmp_path: Path) -> Iterator[Firefox]:
+    """A tab in a Firefox that keeps nothing yet; what goes wrong in it fails the test."""
+    with firefox(tmp_path) as tab:
+        yield tab
+        assert tab.errors == []
+
+
+def test_gray_of_16_bits_is_shown_by_the_service_and_drawn_in(alone: Firefox, address: str, tmp_path: Path) -> None:
+    """No browser decodes such a TIFF."""
+    gray = np.asarray(Image.open(PICTURE).convert("L"), np.uint16)
+    file = tmp_path / "gray.tif"
+    Image.fromarray(16 * gray).save(file)  # 12 bits in 16: almost black as it is
+    alone.open(address)
+    alone.upload("#file", file)
+    alone.wait_for(f"{CABLES} >= 3 && {BRIGHT}")
+    alone.open(f"{address}/viewer/label.html")
+    alone.wait_for(READY)
+    alone.upload("#file", file)
+    alone.wait_for(f"{SHOWN} === 'gray.tif' && {CABLES} >= 3 && {IDLE} && {KEPT} && {BRIGHT}")
+    count = alone.evaluate(CABLES)
+    alone.click_picture(376, 12)
+    alone.click_picture(399, 345)
+    alone.press("Enter")
+    alone.wait_for(f"{CABLES} === {count + 1} && {IDLE} && {KEPT}")
+
+
+def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(alone: Firefox, address: str, tmp_path: Path) -> None:
+    wide, high, width = 4000, 3000, 24
+    pixels = np.full((high, wide), 60, np.uint8)
+    pixels[1500 - width // 2 : 1500 + width // 2, 200:3800] = 220
+    file = tmp_path / "large.png"
+    Image.fromarray(pixels).save(file, compress_level=1)
+    alone.open(f"{address}/viewer/label.html")
+    alone.wait_for(READY)
+    alone.upload("#file", file)
+    alone.wait_for(f"{SHOWN} === 'large.png' && 0 < {SCALE} && {SCALE} < 0.5 && {ANSWERED} && {IDLE}")
+    count = alone.evaluate(CABLES)
+    fitted = alone.evaluate(SCALE)
+    alone.evaluate("document.querySelector('#canvas').focus()")
+    alone.press("1")
+    alone.wait_for(f"{SCALE} > 2 * {fitted}")
+    alone.press("0")
+    alone.wait_for(f"Math.abs({SCALE} - {fitted}) < 0.01")
+    alone.click_picture(1000, 1500)
+    alone.click_picture(3000, 1502)
+    alone.press("Enter")
+    alone.wait_for(f"{CABLES} === {count + 1} && {IDLE} && {KEPT}")
+    alone.reload()
+    alone.wait_for(f"{READY} && {CABLES} === {count + 1}")
+    alone.click("#save")
+    cable = read(alone.downloaded("labels.jsonl")).instances[-1]
+    assert cable.width_px == pytest.approx(width, rel=0.15)
+    assert max(abs(y - 1500) for _, y in cable.centerline_xy) < 4
+    assert cable.mask_rle.size == (high, wide)
+
+
+def test_the_bench_says_that_firefox_does_not_save_in_folders(page: Firefox, address: str) -> None:
+    page.open(f"{address}/viewer/label.html")
+    page.wait_for(READY)
+    assert page.evaluate("document.querySelector('#no-disk').checkVisibility()")
+    assert not page.evaluate("document.querySelector('#disk').checkVisibility()")
 
 
 def test_a_crash_of_the_browser_loses_nothing(address: str, tmp_path: Path) -> None:
