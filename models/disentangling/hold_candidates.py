@@ -29,6 +29,8 @@ _USUAL_PICK = 5
 """Places to pick, as shares of what is beyond the crossing, and the one that is taken where room does not decide."""
 _ENOUGH_ROOM = 0.8
 """With so much of the room that a hand needs beyond the crossing, other places need not be looked at."""
+_OFF_BRANCH = (2.5, 0.75)
+"""Widths and hands from a branch-point within which a gripper takes the bundle, not the strand."""
 _LEAST_CERTAINTY = 0.1
 """A piece that is more probably under something is left alone: it would drag that along."""
 
@@ -93,14 +95,17 @@ def _branch_pivots(topology: Topology, k: int) -> list[Pivot]:
 
 
 def _inner_pivots(topology: Topology, k: int) -> list[Pivot]:
-    """Places along a section for the piece on either side: between every two crossings on it, and beyond them."""
+    """Places along a section for the piece on either side: between every two crossings on it, and beyond them; not so
+    near to a branch-point that this would be held."""
     section = topology.sections[k]
     if section.closed:
         return []
     passes = [(a, b) for c in topology.crossings for a, b in ((c.over, c.under), (c.under, c.over)) if a.section == k]
     stops = sorted((a.u * section.length, _gap(topology, a, b)) for a, b in passes)
     pivots = []
-    for (start, before), (end, after) in pairwise([(0.0, 0.0), *stops, (section.length, 0.0)]):
+    near = float(allowance(section.width, *_OFF_BRANCH))
+    first, last = (near if branch >= 0 else 0.0 for branch in section.branches)
+    for (start, before), (end, after) in pairwise([(0.0, first), *stops, (section.length, last)]):
         free = end - start - before - after
         if free <= 0:
             continue

@@ -99,7 +99,8 @@ _LIKELY = 0.4
 _STUCK = 0.02
 """Chance of going on where no turn leaves fewer crossings."""
 _OUT_OF_VIEW = 4
-"""A piece of which a tenth leaves the view is worth a third less."""
+"""Where crossings are left, a piece of which a tenth leaves the view is worth a third less: they have to be seen again.
+After the last one it is worth a tenth less."""
 _TOUCHES = 0.2
 """How often a joint that closes a ring turns out to be a mere touch."""
 _MOST_SUPPOSED = 6
@@ -214,7 +215,7 @@ class Search:
         for turn, weighed in zip(turns, self._weighed(turns).tolist(), strict=True):
             score = min(weighed, turn.held.certainty)
             moves = before / (before - turn.after) if turn.after < before else before + 1
-            found.append(Option(turn, score, score**moves * turn.in_view**_OUT_OF_VIEW))
+            found.append(Option(turn, score, score**moves * _seen_again(turn)))
         return sorted(found, key=lambda o: -o.chance)
 
     def _weighed(self, turns: list[Turn]) -> FloatArray:
@@ -225,12 +226,17 @@ class Search:
 
     def with_what_follows(self, scene: Topology, option: Option) -> Option:
         """The option with its chance looked up in the scene that it leaves."""
-        chance = option.score * option.turn.in_view**_OUT_OF_VIEW
+        chance = option.score * _seen_again(option.turn)
         left = after_turn(scene, option.turn)
         if left.crossings:
             following = self.options(left, 1, _MOST_HOLDS_AHEAD)
             chance *= following[0].chance if following else _STUCK
         return replace(option, chance=chance)
+
+
+def _seen_again(turn: Turn) -> float:
+    """Chance that what the turn leaves can be planned for from the next picture."""
+    return turn.in_view ** (_OUT_OF_VIEW if turn.after else 1)
 
 
 def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) -> Action:

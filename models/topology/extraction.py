@@ -85,7 +85,8 @@ def _extract(
     with watch.step("networks"):
         predictions = predict(graph, network)
     with watch.step("solver"):
-        solution = solve(graph, predictions, classifiers, None if image is None else _tint(image))
+        depths = [s for s in surfaces if s.is_depth]
+        solution = solve(graph, predictions, classifiers, None if image is None else _tint(image), depths)
         walks = walk_all(solution)
         sections = sections_of(walks, solution, graph)
     with watch.step("output"):

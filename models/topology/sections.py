@@ -44,19 +44,22 @@ def walk_all(solution: Solution) -> list[Walk]:
     for k, passage in enumerate(solution.passages):
         for one, other in passage.pairs:
             onward[one], onward[other] = (other, k), (one, k)
+    tips = {end: k for k, passage in enumerate(solution.passages) for end in passage.tips}
     middles = {p.site.middle for p in solution.passages if p.site.middle is not None}
     left = {k for k in range(len(solution.web.strands)) if k not in middles}
     starts = [(k, e) for k in sorted(left) for e in (0, 1) if (k, e) not in onward]
     rings = [(k, 0) for k in sorted(left)]
     # A walk takes what it passes out of ``left``, so that no strand is walked twice.
-    return [_walk(start, solution, onward, left) for start in [*starts, *rings] if start[0] in left]
+    return [_walk(start, solution, onward, tips, left) for start in [*starts, *rings] if start[0] in left]
 
 
-def _walk(start: End, solution: Solution, onward: dict[End, tuple[End, int]], left: set[int]) -> Walk:
+def _walk(
+    start: End, solution: Solution, onward: dict[End, tuple[End, int]], tips: dict[End, int], left: set[int]
+) -> Walk:
     web = solution.web
     pieces: list[FloatArray] = []
     radii: list[FloatArray] = []
-    passed: list[tuple[int, int, float]] = []
+    passed = [(tips[start], 0, 0.0)] if start in tips else []
     length, here, closed = 0.0, start, False
     first = web.strands[start[0]].a if start[1] == 0 else web.strands[start[0]].b
     while True:
@@ -67,6 +70,7 @@ def _walk(start: End, solution: Solution, onward: dict[End, tuple[End, int]], le
         length += seen.length
         away = (here[0], 1 - here[1])
         if away not in onward:
+            passed += [(tips[away], 0, length)] if away in tips else []
             closed = seen.a == seen.b and here == start and len(ends_at(web)[seen.a]) == 2
             return _finished(pieces, radii, (first, seen.b), closed, passed)
         there, k = onward[away]

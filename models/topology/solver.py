@@ -7,7 +7,7 @@ through a crossing and ends at a branch-point or a free end. One walk may pass a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,8 @@ from models.geometry.arrays import FloatArray
 from models.strands.graph import Web
 from models.topology.classifiers import Classifiers, probabilities_of
 from models.topology.graph import Graph
+from models.topology.heights import raised_odds, touching
+from models.topology.order import Surface
 from models.topology.repair import repaired
 from models.topology.scene import Predictions
 from models.topology.sites import Reading, Site, bend, crossing_sites, ends_at, evidence, measure_arm
@@ -31,12 +33,14 @@ _MOST_ARMS = 8
 @dataclass(frozen=True, eq=False)
 class Passage:
     """Strands that go on through a site: the pairs of strand ends that it joins, the probability of this reading, and
-    every place where they cross: how far along the site's middle strand (0 to 1), and ``(2,)``."""
+    every place where they cross: how far along the site's middle strand (0 to 1), and ``(2,)``. ``tips``: strand ends
+    that lie upon or under what goes on there, and end."""
 
     site: Site
     pairs: tuple[tuple[End, End], ...]
     score: float
     crossed: tuple[tuple[float, FloatArray], ...]
+    tips: tuple[End, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +53,20 @@ class Solution:
 
 
 def solve(
-    graph: Graph, predictions: Predictions, classifiers: Classifiers, tint: Callable[[Site], float] | None = None
+    graph: Graph,
+    predictions: Predictions,
+    classifiers: Classifiers,
+    tint: Callable[[Site], float] | None = None,
+    depths: Sequence[Surface] = (),
 ) -> Solution:
     """Which joints of the graph are crossings and which are branch-points.
 
-    ``tint``: log odds in favor of a crossing by the colors along a site's arms.
+    ``tint``: log odds in favor of a crossing by the colors along a site's arms. ``depths``: show where strands lie upon
+    one another.
     """
     web = repaired(graph, predictions, classifiers)
     sites = crossing_sites(web)
-    scores = _scores(sites, web, graph, predictions, classifiers, tint)
+    scores = _scores(sites, web, graph, predictions, classifiers, tint, depths)
     passages: list[Passage] = []
     taken: set[int] = set()
     for k in np.argsort(scores[:, Reading.BRANCH_POINTS], kind="stable"):
@@ -70,6 +79,8 @@ def solve(
         if knot in taken or len(ends) < 3:
             continue
         passage, left = _many_arms(web, knot, ends) if 4 < len(ends) <= _MOST_ARMS else (None, len(ends))
+        if len(ends) == 3:
+            passage, left = _touched(web, knot, ends, depths)
         if passage is not None:
             passages.append(passage)
         if left:
@@ -79,7 +90,7 @@ def solve(
 
 def _scores(
     sites: list[Site], web: Web, graph: Graph, predictions: Predictions, classifiers: Classifiers,
-    tint: Callable[[Site], float] | None,
+    tint: Callable[[Site], float] | None, depths: Sequence[Surface],
 ) -> FloatArray:  # fmt: skip
     """``(n, 3)`` probabilities of the readings of every site."""
     scores = probabilities_of(classifiers.crossing, [evidence(s, web, graph.xy, predictions) for s in sites]).reshape(
@@ -88,6 +99,7 @@ def _scores(
     scores[[s.middle is None for s in sites], Reading.LENS] = 0.0
     if tint is not None:
         scores[:, Reading.CROSSING] *= np.exp([tint(s) for s in sites])
+    scores[:, Reading.CROSSING] *= np.exp([raised_odds(depths, web, s) for s in sites])
     return scores / scores.sum(axis=1, keepdims=True)
 
 
@@ -121,6 +133,18 @@ def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, in
     xy = web.knots_xy[knot]
     site = Site((knot,), tuple(arms), None, xy, ((0, 1), (0, 1)), ((0, 1), (0, 1)))
     return Passage(site, tuple(pairs), 0.5, ((0.5, xy),)), len(left)
+
+
+def _touched(web: Web, knot: int, ends: list[End], depths: Sequence[Surface]) -> tuple[Passage | None, int]:
+    """A joint of three arms of which one only lies upon, or under, the strand of the others; or all three left."""
+    arms = [measure_arm(web, s, e) for s, e in ends] if depths else []
+    found = touching(depths, web, arms) if depths else None
+    if found is None:
+        return None, len(ends)
+    stem, score = found
+    xy = web.knots_xy[knot]
+    site = Site((knot,), tuple(arms), None, xy, ((0, 1), (0, 1)), ((0, 1), (0, 1)))
+    return Passage(site, ((ends[stem - 1], ends[stem - 2]),), score, ((0.5, xy),), (ends[stem],)), 0
 
 
 def _branch_score(

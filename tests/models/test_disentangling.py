@@ -207,9 +207,11 @@ def test_each_crossing_that_goes_is_worth_a_move_of_its_own():
     assert {round(o.chance, 6): o.turn.after for o in options_of(twice_crossed())} == {0.9: 0, 0.81: 1}
 
 
-def test_a_piece_that_leaves_the_picture_is_worth_less():
-    part = next(o for o in options_of(twice_crossed(), 0.0) if o.turn.in_view < 0.9)
-    assert part.chance < 0.66 * 0.9
+def test_a_piece_that_leaves_the_picture_is_worth_less_and_least_where_crossings_are_left():
+    found = [o for o in options_of(twice_crossed(), 0.0) if o.turn.in_view < 0.9]
+    left, done = (next(o for o in found if o.turn.after == n) for n in (1, 0))
+    assert left.chance == pytest.approx(0.9**2 * left.turn.in_view**4)
+    assert done.chance == pytest.approx(0.9 * done.turn.in_view)
 
 
 def test_what_a_turn_leaves_counts_too():

@@ -1,0 +1,69 @@
+"""Whether strands lie upon one another where they meet: seen in depth, whatever the outlines look like.
+
+Where a harness branches, a bundle runs on into one of its branches at one height. Where a strand lies upon another one,
+the place they share is nearer to the camera than either of the strands some widths away: also where a free end hardly
+passes the other strand, which a mask shows as a branch-point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from models.geometry.polylines import arc_lengths, point_at
+from models.strands.graph import Web
+from models.topology.order import Surface
+from models.topology.sites import Arm, Site, bend
+
+_AWAY = np.linspace(2.5, 4.5, 5)
+"""Where along an arm its own height is read, in widths of the widest one: beyond what the other lifts …"""
+_BESIDE = np.linspace(0.0, 0.75, 4)[:, None] + np.linspace(-0.15, 0.15, 3)
+"""… and ``(4, 3)`` where that of the joint is: a mask's joint is up to half a width beside the place where they cross.
+The median of every three counts."""
+_LEAST = 3.0
+"""Standard deviations of a depth by which a joint that is raised stands out."""
+_MOST_ODDS = 3.0
+
+
+def raised_odds(depths: Sequence[Surface], web: Web, site: Site) -> float:
+    """Log odds for a crossing, 0 to 3: one of the strands that would cross comes down from the site both ways."""
+    odds = 0.0
+    for depth in depths:
+        drops = _drops(depth, web, site.arms)
+        odds = max(odds, _odds(max(min(drops[i], drops[j]) for i, j in site.pairs), drops, depth))
+    return odds
+
+
+def touching(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> tuple[int, float] | None:
+    """Of three arms that meet the one that lies upon or under the strand of the two others, and the probability that it
+    does; None where no depth shows it."""
+    stem = max(range(3), key=lambda k: -bend(arms[k - 1], arms[k - 2]))
+    odds = 0.0
+    for depth in depths:
+        drops = _drops(depth, web, arms)
+        odds = max(odds, _odds(min(drops[stem - 1], drops[stem - 2]), drops, depth))
+    return (stem, 1 / (1 + float(np.exp(-odds)))) if odds > 0 else None
+
+
+def _odds(raised: float, drops: Sequence[float], depth: Surface) -> float:
+    """``raised``: m that the place stands out; no arm may rise from it, as beside another crossing one does."""
+    if not min(drops) > -depth.noise:
+        return 0.0
+    return float(np.clip(raised / depth.noise - _LEAST, 0.0, _MOST_ODDS))
+
+
+def _drops(depth: Surface, web: Web, arms: Sequence[Arm]) -> list[float]:
+    """By how much each arm is farther from the camera some widths away than where they meet, m; all NaN where that is
+    not known of one."""
+    reach = max(a.width for a in arms)
+    lines = [s.xy if a.end == 0 else s.xy[::-1] for a in arms for s in (web.strands[a.strand],)]
+    lengths = [arc_lengths(line) for line in lines]
+    near = np.stack([depth.read(point_at(line, at, np.clip(_BESIDE * reach, 0, at[-1]).ravel()))
+                     for line, at in zip(lines, lengths, strict=True)]).reshape(-1, _BESIDE.shape[1])  # fmt: skip
+    far = np.stack([depth.read(point_at(line, at, np.minimum(_AWAY * reach, at[-1])))[..., 0]
+                    for line, at in zip(lines, lengths, strict=True)])  # fmt: skip
+    known = np.isfinite(near).all(axis=1)
+    if not known.any() or np.isnan(far).all(axis=1).any() or min(at[-1] for at in lengths) < _AWAY[0] * reach:
+        return [float("nan")] * len(arms)
+    return (np.nanmedian(far, axis=1) - np.median(near[known], axis=1).min()).tolist()
