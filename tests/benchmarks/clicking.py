@@ -131,10 +131,10 @@ class Person:
         if max(np.abs(drag)) < SEEN_PX:
             return False
         self._drags += 1
-        shake = self.rng.normal(0, self.hand_px) if self.hand_px else 0.0
+        shake = self._shake()
         for edge, side, by in zip(edges, (-1, 1), drag, strict=True):
             if by:
-                at = line[i] + (edge[i] + by + shake) * normals[i]
+                at = line[i] + (edge[i] + by + shake * np.sign(by)) * normals[i]
                 self.pulls.append({"at": at.tolist(), "side": side})
         return True
 
@@ -144,7 +144,7 @@ class Person:
         if not known.any():
             return False
         normals, low, high = normals[known], low[known], high[known]
-        by = np.linalg.lstsq(normals, (low + high) / 2, rcond=None)[0] + self._shaken(np.zeros(2))
+        by = np.linalg.lstsq(normals, (low + high) / 2, rcond=None)[0].astype(np.float64)
         wider = float(np.median(high - low) / 2)
         along = normals @ by
         ends = float(np.median(low)), float(np.median(high))
@@ -157,7 +157,8 @@ class Person:
         left, size, way = min(ways, key=lambda one: one[0])
         if size < SEEN_PX or left > WHOLE_LEAVES * _sum(low, high):
             return False
-        self.whole = way
+        moves = any(way["by"])
+        self.whole = way | ({"by": self._shaken(by).tolist()} if moves else {"wider": way["wider"] + self._shake()})
         self._drags += 1
         return True
 
@@ -170,6 +171,9 @@ class Person:
         weight = gaussian_filter1d(known.astype(float), _NEAR, mode="constant")
         average = gaussian_filter1d(missing, _NEAR, mode="constant") / np.maximum(weight, 0.2)
         return np.asarray(np.where(known, average, 0), np.float64)
+
+    def _shake(self) -> float:
+        return float(self.rng.normal(0, self.hand_px)) if self.hand_px else 0.0
 
     def _shaken(self, xy: FloatArray) -> FloatArray:
         return np.asarray(xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64)

@@ -192,6 +192,23 @@ def test_the_person_drags_the_whole_cable_where_it_is_off_alike_all_along(page: 
     assert person.pulls[0]["by"] == pytest.approx([1, -2], abs=0.4)
 
 
+@pytest.mark.parametrize("rows", [-2, 3], ids=["moved", "one edge"])
+def test_a_hand_that_shakes_shakes_in_every_drag(page: Page, tmp_path: Path, rows: int) -> None:
+    """A drag that changed the width, or one edge all along, was always exact."""
+    mask, _ = wave(10, 10)
+    label = np.roll(mask, rows, 0) | (mask if rows > 0 else NOTHING)
+    question = request(tmp_path, mask, mask, np.random.default_rng(8))
+    drawn = page.draw({**question, "clicks": Person(mask, NOTHING).clicks, "pulls": []})
+    drags = []
+    for hand_px in (0.0, 0.0, 1.5):
+        person = Person(label, NOTHING, hand_px)
+        assert person.act(drawn)
+        assert person.whole
+        drags.append([*person.whole["by"], person.whole["wider"]])
+    assert drags[0] == drags[1]
+    assert 0.1 < np.abs(np.subtract(drags[2], drags[0])).max() < 5
+
+
 def test_the_person_drags_one_edge_where_only_that_one_is_off(page: Page, tmp_path: Path) -> None:
     mask, _ = wave(10, 10)
     label = mask | np.roll(mask, 3, 0)
