@@ -60,6 +60,7 @@ export class Space {
       if (this.shown.has("uncertainty")) this.#drawUncertainty(curve);
       this.#drawLine(curve.points_m, curve.color, Math.max(2, 2 * (curve.radius_m ?? 0) * this.#scale()));
     });
+    this.#writeNames();
   }
 
   #axes() {
@@ -96,9 +97,17 @@ export class Space {
     const [x, y] = this.place(centerOf(camera));
     const covered = this.#named.some(([a, b]) => Math.abs(a - x) < 60 && Math.abs(b - y) < 14);
     if (!camera.name || (covered && camera !== this.highlighted)) return;
-    this.#named.push([x, y]);
-    Object.assign(this.context, { fillStyle: getComputedStyle(this.canvas).color, font: "12px system-ui, sans-serif" });
-    this.context.fillText(camera.name, x + 6, y - 6);
+    this.#named.push([x, y, camera.name]);
+  }
+
+  /** Over all that is drawn, and legible there. */
+  #writeNames() {
+    const { color, backgroundColor } = getComputedStyle(this.canvas);
+    Object.assign(this.context, { fillStyle: color, strokeStyle: backgroundColor, lineWidth: 4, lineJoin: "round", font: "12px system-ui, sans-serif" });
+    for (const [x, y, name] of this.#named) {
+      this.context.strokeText(name, x + 6, y - 6);
+      this.context.fillText(name, x + 6, y - 6);
+    }
   }
 
   #say(text) {

@@ -20,6 +20,7 @@ OUT = Path("build/bench")
 def commands(shared: Path) -> dict[str, list[str]]:
     """Module and arguments of each benchmark, by name."""
     instances = ["tests.benchmarks.bench_instances", str(shared)]
+    clicks = ["tests.benchmarks.bench_clicks", str(shared)]
     return {
         "http": ["tests.benchmarks.bench_http"],
         "plant": ["tests.benchmarks.bench_plant"],
@@ -54,7 +55,10 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "depth": ["tests.benchmarks.bench_depth"],
         "harness_depth": ["tests.benchmarks.bench_harness_depth", "--sheet", "build/sheets/harness_depth.png"],
         "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
-        "clicks": ["tests.benchmarks.bench_clicks", str(shared)],
+        "clicks": clicks,
+        "clicks_hand1": [*clicks, "--hand", "1"],
+        "clicks_rendered": [*clicks, "--rendered"],
+        "clicks_rendered_hand1": [*clicks, "--rendered", "--hand", "1"],
         "pages": ["tests.benchmarks.bench_pages"],
         "border": ["tests.benchmarks.bench_border"],
         "files": ["tests.benchmarks.bench_files"],

@@ -198,8 +198,8 @@ def main() -> int:
     result = measure(pictures, every=2 if args.rendered else 3, hand_px=args.hand, weights=args.weights)
     print(json.dumps(result["summaries"], indent=1))
     args.out.mkdir(parents=True, exist_ok=True)
-    name = f"clicks{'_rendered' if args.rendered else ''}{f'_hand{args.hand:g}' if args.hand else ''}.json"
-    (args.out / name).write_text(json.dumps(result))
+    shown = {"tried": args.weights, "clicks": True, "rendered": args.rendered, f"hand{args.hand:g}": args.hand}
+    (args.out / f"{'_'.join(part for part, given in shown.items() if given)}.json").write_text(json.dumps(result))
     return 0
 
 

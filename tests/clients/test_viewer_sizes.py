@@ -21,6 +21,27 @@ CUT = """(written) => [...document.querySelectorAll(written)].filter((one) => (
 )).map((one) => one.outerHTML.slice(0, 120))"""
 
 
+CHOSEN_CUT = """() => [...document.querySelectorAll("main select")].filter((one) => {
+    const style = getComputedStyle(one), context = document.createElement("canvas").getContext("2d");
+    context.font = style.font;
+    const room = one.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight) - 18; // of the arrow
+    return one.clientWidth > 1 && context.measureText(one.selectedOptions[0]?.text ?? "").width > room;
+}).map((one) => `${one.id}: ${one.selectedOptions[0].text}`)"""
+
+
+@pytest.mark.parametrize("language", ["de-DE", "en-US"])
+@pytest.mark.parametrize("width", [1024, 1440])
+def test_what_is_chosen_can_be_read(browser: Chromium, language: str, width: int) -> None:
+    """*Section matc…* and *no other met…* on a desktop, *What is there, and what t…* on a tablet."""
+    page = browser.new_page(viewport={"width": width, "height": 768}, locale=language, has_touch=width < 1100)
+    with served(FakeService().app()) as url:
+        for name in PAGES:
+            page.goto(f"{url}/viewer/{name}.html")
+            page.wait_for_selector("#service")
+            assert (name, page.evaluate(CHOSEN_CUT)) == (name, [])
+    browser.put_away(page.context)
+
+
 @pytest.mark.parametrize("language", ["de-DE", "en-US"])
 def test_nothing_sticks_out_of_its_card_on_a_tablet(browser: Chromium, language: str) -> None:
     """The button *Als nächste Version sichern* did."""

@@ -11,6 +11,7 @@ from typing import get_args
 
 import pytest
 from dlo_client.contracts import Reason
+from dlo_client.contracts.submission import Queue
 
 from services.page_frame import PAGES, document
 
@@ -114,6 +115,11 @@ def test_every_reason_of_the_contract_has_words() -> None:
     words = dict(re.findall(r'(\w+): "([^"]+)"', rest.partition("}")[0]))
     assert words.keys() == set(get_args(Reason))
     assert set(words.values()) <= german().keys()
+
+
+def test_every_queue_is_named_in_german() -> None:
+    """The operators' page said `interactive` and `training` in German, too."""
+    assert set(get_args(Queue)) <= german().keys()
 
 
 def codes_in(place: Path) -> set[str]:
