@@ -7,7 +7,7 @@ any piece are assigned to one another, at least cost of length, width, color and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +21,13 @@ from models.tracking.ownership import Run, Samples, costs_of, runs
 from models.tracking.placing import Piece, piece_at, placed
 from models.tracking.regrouping import Kept, cuts, extended
 from models.tracking.sliding import slid
-from models.tracking.state import NODES, Observation, TrackedCable
+from models.tracking.state import MOST_SPREAD_WIDTHS, NODES, Observation, TrackedCable
 from models.tracking.tails import claimed
 
 _ROUNDS, _FORBIDDEN = 3, 1e3
 """So often owners are found anew, without those that contradict one another."""
+_FEWEST_ALONE, _CERTAIN = 2, 1.5
+"""So many samples at least are alone in a run that is certainly a cable's, and so much cheaper than another cable's."""
 _INDEPENDENT = 4.0
 """Neighboring samples err alike: so many count as one."""
 _REACH_WIDTHS, _REACH_MISSED, _MOST_REACH_WIDTHS = 8.0, 2.0, 60.0
@@ -57,6 +59,49 @@ def assign(
     """Matches by index of the cable, the runs that belong to none, and cables that should be cut first."""
     if samples is None:
         return {}, [], {}
+    found, own, refused = _owned(cables, expected, observations, samples)
+    changed, joined = cuts(found, own, cables)
+    taken, on = extended(found, own, cables)
+    nobodys = [k for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
+    taken |= claimed(found, nobodys, own, cables, expected)
+    matches = {}
+    for i, pieces in own.items():
+        goes_on = (i, 0) in on, (i, 1) in on
+        matches[i] = _match(i, pieces, found, cables, expected)._replace(goes_on=goes_on, joined=i in joined)
+    left = [found[k] for k in nobodys if k not in taken]
+    return matches, _found_again(cables, expected, matches, left), changed
+
+
+def assign_certain(
+    cables: Sequence[TrackedCable],
+    expected: Sequence[FloatArray],
+    observations: Sequence[Observation],
+    samples: Samples | None,
+) -> tuple[dict[int, Match], list[Run]]:
+    """Matches by index of the cable, of those pieces alone that no other cable may own, and runs that are so far from
+    all cables that they are none of them: for pictures in which something covers a part of the cables."""
+    if samples is None:
+        return {}, []
+    found, own, _ = _owned(cables, expected, observations, samples)
+    certain = {i: {k: piece for k, piece in pieces.items() if _certain(found[k], i)} for i, pieces in own.items()}
+    matches = {i: _match(i, pieces, found, cables, expected) for i, pieces in certain.items() if pieces}
+    nodes = np.concatenate([np.zeros((0, 2)), *expected])
+    return matches, [run for run in found if run.cable < 0 and _far(run, nodes)]
+
+
+def _far(run: Run, nodes: FloatArray) -> bool:
+    """Whether a run is farther from all ``nodes`` (n, 2) than any of them may be from where it is expected."""
+    away = run.xy[:, None] - nodes
+    return bool((np.hypot(away[..., 0], away[..., 1]) > MOST_SPREAD_WIDTHS * run.observed.width_px).all())
+
+
+def _owned(
+    cables: Sequence[TrackedCable],
+    expected: Sequence[FloatArray],
+    observations: Sequence[Observation],
+    samples: Samples,
+) -> tuple[list[Run], dict[int, dict[int, Piece]], list[int]]:
+    """All runs, the pieces by index of the cable and number of the run, and numbers of runs that contradict them."""
     costs, places = costs_of(samples, observations, cables, expected)
     for _ in range(_ROUNDS):
         found = runs(samples, observations, cables, costs, places)
@@ -68,18 +113,26 @@ def assign(
         for k in refused:
             costs[found[k].first : found[k].stop, found[k].cable] = _FORBIDDEN
     own = {i: {k: piece for k, piece in pieces.items() if k not in refused} for i, pieces in own.items()}
-    changed, joined = cuts(found, own, cables)
-    taken, on = extended(found, own, cables)
-    nobodys = [k for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
-    taken |= claimed(found, nobodys, own, cables, expected)
-    matches = {}
-    for i, pieces in own.items():
-        of_it = recognised(slid(list(pieces.values()), cables[i], expected[i]), cables[i], expected[i])
-        longest = sorted(of_it, key=lambda piece: -piece.length_px)
-        sure, goes_on = _probability(i, [found[k] for k in pieces]), ((i, 0) in on, (i, 1) in on)
-        matches[i] = Match(tuple(longest), sure, goes_on, i in joined)
-    left = [found[k] for k in nobodys if k not in taken]
-    return matches, _found_again(cables, expected, matches, left), changed
+    return found, own, refused
+
+
+def _match(
+    i: int, pieces: Mapping[int, Piece], found: Sequence[Run], cables: Sequence[TrackedCable],
+    expected: Sequence[FloatArray],
+) -> Match:  # fmt: skip
+    """Of the cable of index ``i`` with its ``pieces`` by the number of the run."""
+    of_it = recognised(slid(list(pieces.values()), cables[i], expected[i]), cables[i], expected[i])
+    longest = sorted(of_it, key=lambda piece: -piece.length_px)
+    return Match(tuple(longest), _probability(i, [found[k] for k in pieces]))
+
+
+def _certain(run: Run, i: int) -> bool:
+    """Whether a run is of the cable of index ``i`` and clearly of no other one, where its strand is alone."""
+    alone = run.cost[run.trust >= 1]
+    if len(alone) < _FEWEST_ALONE:
+        return False
+    others = np.delete(alone, (i, -1), axis=1).min(1, initial=np.inf)
+    return float(np.minimum(others - alone[:, i], _FORBIDDEN).mean()) >= _CERTAIN
 
 
 def _placed(found: Sequence[Run], cables: Sequence[TrackedCable]) -> dict[int, dict[int, Piece]]:

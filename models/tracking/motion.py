@@ -19,7 +19,7 @@ from models.tracking.extent import revised
 from models.tracking.nodes import between, middle
 from models.tracking.placing import Piece, end_kind, shows_all
 from models.tracking.sliding import precision, waves
-from models.tracking.state import NODES, TrackedCable
+from models.tracking.state import MOST_SPREAD_WIDTHS, NODES, TrackedCable
 
 _GAIN = 0.6
 """Share of what a prediction was off that corrects the velocity."""
@@ -31,8 +31,8 @@ _LENGTH_GAIN, _LENGTH_CHANGE = 0.1, 0.002
 """Share of a measured length that replaces the known one; by which share this grows or shrinks in a frame, at most."""
 _WHOLE = 0.93
 """A cable of which this share is in view counts as seen."""
-_SPREAD_WIDTHS, _SPREAD_SPEED, _MOST_SPREAD_WIDTHS = 0.1, 0.3, 12.0
-"""By what a node out of view may be further off every frame: in widths, and as a share of its speed; at most."""
+_SPREAD_WIDTHS, _SPREAD_SPEED = 0.1, 0.3
+"""By what a node out of view may be further off every frame: in widths, and as a share of its speed."""
 _ADRIFT_WIDTHS, _MOST_ADRIFT_WIDTHS = 0.25, 12.0
 """By which a cable of which no end is in view may have slid along itself, more every frame; at most."""
 _AT_AN_END = 0.2
@@ -64,10 +64,13 @@ def moved(
     pieces: Sequence[Piece],
     goes_on: tuple[bool, bool] = (False, False),
     frames: float = 1.0,
+    covered: bool = False,
 ) -> TrackedCable:
     """The cable after ``pieces`` of it were seen, so many usual frames later: it was ``predicted`` (NODES, 2) by its
-    velocity, and is ``on`` the strands of the picture; ``goes_on`` as of :func:`models.tracking.extent.revised`."""
-    cable, predicted, on, pieces = _lengthened(cable, predicted, on, pieces)
+    velocity, and is ``on`` the strands of the picture; ``goes_on`` as of :func:`models.tracking.extent.revised`. In a
+    picture where something covers the cables (``covered``) nothing is learned of its ends."""
+    if not covered:
+        cable, predicted, on, pieces = _lengthened(cable, predicted, on, pieces)
     xy, seen, firm, alone = _laid(cable, on, pieces)
     known = cable.spread <= _KNOWN_WIDTHS * cable.width_px
     weight = np.where(alone, 1.0, np.where(seen, _OF_TANGLED, np.where(known, _OF_SHARED, _OF_UNKNOWN)))
@@ -85,7 +88,7 @@ def moved(
     after = replace(
         cable,
         xy=xy,
-        ends=_ends(cable, pieces),
+        ends=cable.ends if covered else _ends(cable, pieces),
         length_px=_length(cable, pieces),
         velocity=velocity,
         seen=seen,
@@ -97,7 +100,7 @@ def moved(
         missed=0,
         met=cable.met + 1,
     )
-    return revised(after, pieces, goes_on)
+    return after if covered else revised(after, pieces, goes_on)
 
 
 def adrift(cable: TrackedCable, pieces: Sequence[Piece] = ()) -> float:
@@ -112,7 +115,7 @@ def adrift(cable: TrackedCable, pieces: Sequence[Piece] = ()) -> float:
 def wider(cable: TrackedCable, seen: BoolArray) -> FloatArray:
     """(NODES,) px by which nodes may be elsewhere: nothing where they were ``seen``, else more than before."""
     more = _SPREAD_WIDTHS * cable.width_px + _SPREAD_SPEED * np.hypot(*cable.velocity.T)
-    return np.where(seen, 0.0, np.minimum(cable.spread + more, _MOST_SPREAD_WIDTHS * cable.width_px))
+    return np.where(seen, 0.0, np.minimum(cable.spread + more, MOST_SPREAD_WIDTHS * cable.width_px))
 
 
 def _laid(

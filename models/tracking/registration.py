@@ -32,7 +32,7 @@ _KNOWN_WIDTHS = 1.5
 _FRESH = 4
 _OF_TANGLED = 0.1
 """Weight of a strand in a tangle: which of those there is the cable's is not known."""
-_NEAREST = 24
+_NEAREST = 12
 """Samples that a node looks at."""
 _WAVES = waves(np.linspace(0.0, 1.0, NODES))
 
@@ -50,10 +50,13 @@ class _Cables(NamedTuple):
 
 
 class _Near(NamedTuple):
-    """The samples near each node: ``xy``, ``direction`` (C, NODES, K, 2), ``trust`` (C, NODES, K)."""
+    """The samples near each node, (C, NODES, K) each: where they are, in which direction the strand runs there, and
+    its ``trust``."""
 
-    xy: FloatArray
-    direction: FloatArray
+    x: FloatArray
+    y: FloatArray
+    dx: FloatArray
+    dy: FloatArray
     trust: FloatArray
 
 
@@ -127,22 +130,22 @@ def _near(xy: FloatArray, samples: Samples) -> _Near:
     count = min(_NEAREST, len(samples.xy))
     _, index = samples.tree.query(xy.reshape(-1, 2), k=np.arange(1, count + 1))
     index = index.reshape(*xy.shape[:2], count)
-    return _Near(samples.xy[index], samples.direction[index], samples.trust[index])
+    return _Near(*(values[index] for values in (*samples.xy.T, *samples.direction.T, samples.trust)))
 
 
 def _to_strands(xy: FloatArray, near: _Near, gate_widths: float, cables: _Cables) -> _Strands:
-    tangent = directions(xy)[:, :, None]
-    away = near.xy - xy[:, :, None]
-    along = np.abs(away[..., 0] * tangent[..., 0] + away[..., 1] * tangent[..., 1])
-    across = np.abs(away[..., 1] * tangent[..., 0] - away[..., 0] * tangent[..., 1])
-    turned = np.abs(near.direction[..., 1] * tangent[..., 0] - near.direction[..., 0] * tangent[..., 1])
+    tangent = directions(xy)
+    tx, ty = tangent[..., :1], tangent[..., 1:]
+    away_x, away_y = near.x - xy[..., :1], near.y - xy[..., 1:]
+    along = np.abs(away_x * tx + away_y * ty)
+    across = np.abs(away_y * tx - away_x * ty)
+    turned = np.abs(near.dy * tx - near.dx * ty)
     gate = gate_widths * cables.width_px[:, None, None]
     meets = (along < cables.reach_px[:, None, None]) & (across < gate) & (turned < _TURNED)
     cost = np.where(meets, across + 0.5 * along, np.inf)
-    best = cost.argmin(2)[..., None]
-    direction = np.take_along_axis(near.direction, best[..., None], 2)[:, :, 0]
-    away = np.take_along_axis(away, best[..., None], 2)[:, :, 0]
-    off = away[..., 1] * direction[..., 0] - away[..., 0] * direction[..., 1]
-    normal = np.stack([-direction[..., 1], direction[..., 0]], axis=2)
-    found = np.isfinite(np.take_along_axis(cost, best, 2)[..., 0])
-    return _Strands(off, normal, found, np.take_along_axis(near.trust, best, 2)[..., 0])
+    count = cost.shape[2]
+    best = cost.argmin(2) + count * np.arange(cost.size // count).reshape(cost.shape[:2])
+    x, y, dx, dy, least, trust = (
+        values.reshape(-1)[best] for values in (away_x, away_y, near.dx, near.dy, cost, near.trust)
+    )
+    return _Strands(y * dx - x * dy, np.stack([-dy, dx], axis=2), np.isfinite(least), trust)

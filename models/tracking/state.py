@@ -13,6 +13,9 @@ from models.instances.scene import EndpointKind
 NODES = 48
 """Points of a tracked cable at equal arc length: node k stays the same place on the cable."""
 
+MOST_SPREAD_WIDTHS = 12.0
+"""Widths by which a node out of view may be off, at most."""
+
 CableState = Literal["seen", "partly_covered", "lost", "new"]
 
 
@@ -105,10 +108,19 @@ class CrossingOrder(NamedTuple):
         return float(1.0 / (1.0 + np.exp(-self.evidence)))
 
 
+@dataclass(frozen=True)
+class Cover:
+    """``shown_px``: length of all strands in view, the most of late; ``covered``: something lies over a part of them
+    now."""
+
+    shown_px: float = 0.0
+    covered: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Track:
     """All cables met so far that may come back; ``next_id`` goes to the next new one. ``time_s`` of the last frame and
-    ``step_s``, the usual time between two, where times are known."""
+    ``step_s``, the usual time between two, where times are known; ``cover``: whether something lies over them."""
 
     frame: int = 0
     cables: tuple[TrackedCable, ...] = ()
@@ -116,3 +128,4 @@ class Track:
     next_id: int = 1
     time_s: float | None = None
     step_s: float | None = None
+    cover: Cover = Cover()

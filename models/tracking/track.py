@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -14,11 +14,12 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray
 from models.geometry.colors import LAB_OF_A_LEVEL
 from models.geometry.polylines import resample
 from models.instances.scene import EndpointKind, Instance, Scene
-from models.tracking.assignment import Match, assign
+from models.tracking.assignment import Match, assign, assign_certain
 from models.tracking.course import course_of
+from models.tracking.covering import cover_after
 from models.tracking.crossings import Place, Places, carried_on
 from models.tracking.motion import DAMPING, adrift, expected_xy, moved, wider
-from models.tracking.ownership import Run, sample
+from models.tracking.ownership import Run, Samples, sample
 from models.tracking.registration import registered
 from models.tracking.regrouping import cut
 from models.tracking.state import NODES, Observation, Track, TrackedCable
@@ -28,6 +29,8 @@ T = TypeVar("T", BoolArray, ByteArray, FloatArray)
 _COLOR_INERTIA = 0.9
 _LEFT_OVER = 0.7
 """A stretch that nobody owns is a new cable if it is so much of its observation: shorter ones are parts of others."""
+_COLORED = 64
+"""So many points of an observation, or up to twice as many, tell its color."""
 _WIDTH_INERTIA = 0.8
 _BORDER_WIDTHS = 1.5
 """An end so near to the picture's border may be at it."""
@@ -72,7 +75,40 @@ def follow(
     observations = observe(scene, image, mask)
     frames, step_s = _elapsed(track, time_s)
     samples = sample(observations) if observations else None
-    before = list(track.cables)
+    predicted = [expected_xy(cable, frames) for cable in track.cables]
+    cover = cover_after(track, observations, samples, predicted, scene.labels.shape[:2])
+    given = _given_certain if cover.covered else _given
+    shared = given(track.cables, frames, observations, samples)
+    cables = [
+        _met(cable, shared.predicted[i], shared.expected[i], shared.matches[i], frames, params, cover.covered)
+        if i in shared.matches
+        else _missed(cable, shared.expected[i], params)
+        for i, cable in enumerate(shared.cables)
+    ]
+    cables = [cable for cable in cables if cable.missed <= min(params.keep_frames, _patience(cable))]
+    new = [_new(track.next_id + k, run) for k, run in enumerate(run for run in shared.left if _worth(run, params))]
+    known = tuple(sorted((*cables, *new), key=lambda cable: cable.missed)[: params.most_cables])
+    known = tuple(sorted(known, key=lambda cable: cable.id))
+    crossings = carried_on(track.crossings, scene, known, _places(shared.matches, shared.cables, new))
+    return Track(track.frame + 1, known, crossings, track.next_id + len(new), time_s, step_s, cover)
+
+
+class _Shared(NamedTuple):
+    """Which of the ``cables``, ``predicted`` and ``expected`` (NODES, 2) each, are where in the picture: ``matches`` by
+    index; ``left`` what is none of them."""
+
+    cables: Sequence[TrackedCable]
+    predicted: Sequence[FloatArray]
+    expected: Sequence[FloatArray]
+    matches: dict[int, Match]
+    left: Sequence[Run]
+
+
+def _given(
+    cables: Sequence[TrackedCable], frames: float, observations: Sequence[Observation], samples: Samples | None
+) -> _Shared:
+    """All that the picture shows is given to the cables, so many usual frames later."""
+    before = list(cables)
     for rounds in range(_REGROUPED, 0, -1):
         predicted = [expected_xy(cable, frames) for cable in before]
         expected = registered(before, predicted, samples)
@@ -84,19 +120,18 @@ def follow(
             for i, cable in enumerate(before)
             if (kept := changed.get(i, (0.0, 0.0))) is not None
         ]
-    cables = [
-        _met(cable, predicted[i], expected[i], matches[i], frames, params)
-        if i in matches
-        else _missed(cable, expected[i], params)
-        for i, cable in enumerate(before)
-    ]
-    cables = [cable for cable in cables if cable.missed <= min(params.keep_frames, _patience(cable))]
-    new = [_new(track.next_id + k, run) for k, run in enumerate(run for run in left if _worth(run, params))]
-    known = tuple(sorted((*cables, *new), key=lambda cable: cable.missed)[: params.most_cables])
-    known = tuple(sorted(known, key=lambda cable: cable.id))
-    places = _places(matches, before, new)
-    crossings = carried_on(track.crossings, scene, known, places)
-    return Track(track.frame + 1, known, crossings, track.next_id + len(new), time_s, step_s)
+    return _Shared(before, predicted, expected, matches, left)
+
+
+def _given_certain(
+    cables: Sequence[TrackedCable], frames: float, observations: Sequence[Observation], samples: Samples | None
+) -> _Shared:
+    """The same in a picture where something covers the cables: only what is certainly theirs, and new is only what is
+    far from all of them."""
+    predicted = [expected_xy(cable, frames) for cable in cables]
+    expected = registered(cables, predicted, samples)
+    matches, left = assign_certain(cables, expected, observations, samples)
+    return _Shared(cables, predicted, expected, matches, left)
 
 
 def _elapsed(track: Track, time_s: float | None) -> tuple[float, float | None]:
@@ -167,7 +202,8 @@ def _at_border(item: Instance, size: tuple[int, ...]) -> BoolArray:
 
 def _color(image: ByteArray, xy: FloatArray) -> tuple[FloatArray, float]:
     """Mean CIE Lab at ``xy`` (n, 2), and how far from it its pixels usually are."""
-    lab = cv2.cvtColor(_looked_up(image, xy)[None], cv2.COLOR_RGB2LAB)[0]
+    some = xy[:: max(len(xy) // _COLORED, 1)]
+    lab = cv2.cvtColor(_looked_up(image, some)[None], cv2.COLOR_RGB2LAB)[0]
     # OpenCV stretches lightness to 0 … 255 and shifts a and b by 128.
     values = lab * LAB_OF_A_LEVEL - (0, 128, 128)
     mean = values.mean(0)
@@ -181,11 +217,13 @@ def _looked_up(picture: T, xy: FloatArray) -> T:
 
 
 def _met(
-    cable: TrackedCable, predicted: FloatArray, on: FloatArray, match: Match, frames: float, params: TrackParams
-) -> TrackedCable:
-    """The cable after a frame that showed it; one whose pieces are all shorter than its nodes are apart was missed."""
+    cable: TrackedCable, predicted: FloatArray, on: FloatArray, match: Match, frames: float, params: TrackParams,
+    covered: bool,
+) -> TrackedCable:  # fmt: skip
+    """The cable after a frame that showed it, ``covered`` as of :func:`models.tracking.motion.moved`; one whose pieces
+    are all shorter than its nodes are apart was missed."""
     main = match.pieces[0].observed
-    after = moved(cable, predicted, on, match.pieces, match.goes_on, frames)
+    after = moved(cable, predicted, on, match.pieces, match.goes_on, frames, covered)
     if not after.seen.any():
         return _missed(cable, on, params)
     color = main.color

@@ -49,13 +49,14 @@ def test_a_strand_that_comes_out_where_a_tail_went_in_is_the_tail() -> None:
     """It came out elsewhere than it was supposed to: it became a new cable, and its own had no tail for ever."""
     whole, moved = turned(0.0), turned(0.5)
     frames = [scene(instance(whole))] * 10 + [scene(left_half(whole))] * 12
-    frames += [scene(left_half(moved), instance(moved[115:], ("hidden", "free")))] * 3
+    # As long as what is missing may be under an arm, a track waits; then the picture is as usual.
+    frames += [scene(left_half(moved), instance(moved[115:], ("hidden", "free")))] * 20
     cables = run(frames)[-1].cables
     assert [cable.id for cable in cables] == [1]
     assert np.abs(cables[0].xy - resample(moved, NODES)).max() < 2 * WIDTH
 
 
-@pytest.mark.parametrize("line", [turned(0.5)[115:] + np.array([0.0, -150.0]), wave(320)])
+@pytest.mark.parametrize("line", [turned(-0.5)[115:] + np.array([0.0, -150.0]), wave(320)])
 def test_a_strand_that_is_no_tail_is_a_new_cable(line: np.ndarray) -> None:
     """Too far from where the tail went in, or longer than it."""
     whole = turned(0.0)

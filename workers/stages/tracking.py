@@ -62,6 +62,7 @@ def decode(track: TrackState) -> state.Track:
         next_id=track.next_id,
         time_s=track.time_s,
         step_s=track.step_s,
+        cover=state.Cover(track.shown_px, track.covered),
     )
 
 
@@ -71,6 +72,8 @@ def encode(track: state.Track) -> TrackState:
         next_id=track.next_id,
         time_s=track.time_s,
         step_s=track.step_s,
+        shown_px=round(track.cover.shown_px, 1),
+        covered=track.cover.covered,
         cables=[_nodes_out(cable) for cable in track.cables],
         crossings=[
             TrackOrder(**order._asdict() | {"xy": as_point(order.xy), "evidence": round(order.evidence, 3)})

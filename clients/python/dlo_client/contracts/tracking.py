@@ -89,6 +89,14 @@ class TrackState(Taken):
     next_id: CableId = Field(default=1, description="id of the next new cable")
     time_s: TimeSeconds | None = Field(default=None, description="of the last frame, if it was given")
     step_s: TimeSeconds | None = Field(default=None, description="running mean of the time between two frames")
+    shown_px: float = Field(
+        default=0.0, ge=0, le=1e9, description="length of all strands in view, the most of late, pixels"
+    )
+    covered: bool = Field(
+        default=False,
+        description="whether something lies over a part of the cables, an arm or a hand: until it is gone, only what "
+        "is certainly a cable's is given to it, and new is only what is far from all of them",
+    )
     cables: list[TrackNodes] = Field(default_factory=list, max_length=MOST_CABLES, description="met so far")
     crossings: list[TrackOrder] = Field(default_factory=list, max_length=1000, description="met so far")
 
