@@ -197,7 +197,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--labelled", dest="photographs", type=Path, help="folder with imgs/ and masks/")
     parser.add_argument("--empty-pictures", type=Path, help="folder of photographs without cables")
     parser.add_argument("--pretrained", type=Path, help="published ImageNet weights of the encoder to begin from")
-    parser.add_argument("--initial", type=Path, help="exported network of the same kind to begin from")
+    parser.add_argument("--initial", type=Path, help="exported network, or checkpoint, of the same kind to begin from")
     parser.add_argument("--validate", type=int, default=64, help="rendered pictures to measure on at the end")
     parser.add_argument("--threads", type=int, default=1)
     for name, default in asdict(CampaignParams()).items():

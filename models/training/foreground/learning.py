@@ -135,10 +135,12 @@ class Learning:
 
     def begin(self, pretrained: Path | None, exported: Path | None, pictures: Iterable[Tensor]) -> None:
         """From published weights of the encoder, or from an exported network of the same kind, whose normalizations
-        take their statistics from ``pictures``, normalized."""
+        take their statistics from ``pictures``, normalized, or from another checkpoint of it (``.pt``)."""
         if pretrained is not None:
             self.network.load_encoder(torch.load(pretrained, map_location="cpu", weights_only=True))
-        if exported is not None:
+        if exported is not None and exported.suffix == ".pt":
+            self.network.load_state_dict(torch.load(exported, map_location="cpu", weights_only=True)["average"])
+        elif exported is not None:
             unfold(exported, self.network, pictures)
         self.course.average.load_state_dict(self.network.state_dict())
 
