@@ -20,14 +20,15 @@ export async function chosen() {
   });
   if (!picked) return null;
   const entries = [];
-  const roots = [];
+  const roots = new Map();
   for await (const { path, folder, handle } of within(picked, "")) {
     const part = path.split("/").at(-1);
     if (handle.kind === "file") entries.push({ path, blob: () => handle.getFile() });
-    if (part === LEDGER || (handle.kind === "directory" && NEWEST_FIRST.includes(part))) roots.push({ folder, depth: path.split("/").length });
+    const marks = part === LEDGER || (handle.kind === "directory" && NEWEST_FIRST.includes(part));
+    if (marks && !NEWEST_FIRST.includes(folder.name)) roots.set(path.slice(0, -part.length), folder);
   }
-  roots.sort((a, b) => a.depth - b.depth);
-  return { root: roots[0]?.folder ?? picked, entries };
+  if (roots.size > 1) throw new Error(t("There are several label folders in it ({names}): choose one of them and its pictures", { names: [...roots.keys()].sort().join(", ") }));
+  return { root: [...roots.values()][0] ?? picked, entries };
 }
 
 async function* within(folder, path) {
@@ -39,21 +40,20 @@ async function* within(folder, path) {
 }
 
 /** Whether the page may still write there: after a reload somebody has to allow it once more. */
-export const allowed = async (root) => (await root.queryPermission?.(WRITE)) !== "prompt";
+export const allowed = async (root) => (await root.queryPermission(WRITE)) === "granted";
 
 export const allow = async (root) => (await root.requestPermission(WRITE)) === "granted";
 
-/** `{ label, etag }` of a picture as it is there now; null and "" where there is none. */
-export async function labelOf(root, name) {
+/** `{ label, etag }` of a picture as it is there now; null and "" where there is none. Throws where it cannot be read, or
+ *  is of a picture with other bytes. */
+export async function labelOf(root, name, sha256) {
   await reached(root);
   const file = await newest(root, name);
   if (!file) return { label: null, etag: "" };
-  const etag = await api.digest(file);
-  try {
-    return { label: JSON.parse(await file.text()), etag };
-  } catch {
-    throw new Error(t("{name}: its label in the folder cannot be read", { name }));
-  }
+  const label = await file.text().then(JSON.parse).catch(() => null);
+  if (!label) throw new Error(t("{name}: its label in the folder cannot be read", { name }));
+  if (label.sha256 && label.sha256 !== sha256) throw new Error(t("{name}: the label in the folder is of a picture with other bytes", { name }));
+  return { label, etag: await api.digest(file) };
 }
 
 /** Saves a label as a draft, or where its origin is `corrected` as a correction; gives its new tag. Throws a ProblemError

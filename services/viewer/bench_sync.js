@@ -62,7 +62,7 @@ export class Sync {
 
   async #settle(picture) {
     const { kind, at } = placeOf(picture);
-    const theirs = await kind.labelOf(at, picture.name);
+    const theirs = await kind.labelOf(at, picture.name, picture.sha256);
     const choice = theirs.label ? await this.conflict(picture, theirs.label) : "mine"; // theirs was removed
     this.bench.note(picture, { etag: theirs.etag });
     if (choice === "mine") return this.#save(picture);

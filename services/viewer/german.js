@@ -86,6 +86,8 @@ export const GERMAN = {
   "This browser reads folders but cannot save in them: take a file out below, or use Chrome or Edge.": "Dieser Browser liest Ordner, kann aber nicht darin sichern: unten eine Datei herausnehmen, oder Chrome oder Edge verwenden.",
   "The browser asks again before the page may save in this folder: see Open": "Der Browser fragt noch einmal, bevor die Seite in diesem Ordner sichern darf: siehe Öffnen",
   "{name}: its label in the folder cannot be read": "{name}: das Label im Ordner ist nicht lesbar",
+  "{name}: the label in the folder is of a picture with other bytes": "{name}: das Label im Ordner gehört zu einem Bild mit anderen Bytes",
+  "There are several label folders in it ({names}): choose one of them and its pictures": "Darin sind mehrere Label-Ordner ({names}): einen davon mit seinen Bildern wählen",
   "somebody else saved this label meanwhile": "jemand anderes hat dieses Label inzwischen gesichert",
   "Click where one cable should become two.": "Anklicken, wo aus einem Kabel zwei werden.", "Click two cables one after the other.": "Zwei Kabel nacheinander anklicken.",
   "Click a cable, an area or a branch-point to remove it.": "Ein Kabel, eine Fläche oder einen Abzweig anklicken, um es zu entfernen.", "Click a crossing to put the other cable on top.": "Eine Kreuzung anklicken, um das andere Kabel nach oben zu legen.",

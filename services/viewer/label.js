@@ -164,7 +164,7 @@ async function show(picture) {
 async function fetchLabel(picture) {
   if (picture.disk && !(await disk.allowed(picture.disk))) return;
   const { kind, at } = placeOf(picture);
-  const { label, etag } = await kind.labelOf(at, picture.name);
+  const { label, etag } = await kind.labelOf(at, picture.name, picture.sha256);
   bench.note(picture, { etag });
   if (label) bench.begin(picture, label, label.origin === "corrected");
 }

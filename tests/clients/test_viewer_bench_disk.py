@@ -161,12 +161,33 @@ def test_a_label_that_cannot_be_read_is_named(page: Any) -> None:
     assert page.evaluate(READ, f"out/drafts/{NAME}.json") == "{"
 
 
-def test_pictures_without_labels_get_them_beside_them(page: Any) -> None:
-    page.evaluate("folder().then((all) => all.removeEntry('out', { recursive: true }))")
+def again(page: Any) -> None:
+    """Opens the folder once more on an empty bench."""
     page.evaluate("window.confirm = () => true")
     page.click("#clear")
     page.wait_for_selector(".invitation", state="visible")
     page.click("#disk")
+
+
+def test_a_label_of_other_bytes_is_neither_shown_nor_replaced(page: Any) -> None:
+    """A picture that was exchanged since got the label of the one before it."""
+    other = label().model_copy(update={"sha256": "0" * 64}).model_dump_json()
+    page.evaluate("folder().then((all) => all.removeEntry('out', { recursive: true }))")
+    write(page, "drafts/pictures/left/shelf.png.json", other.encode())
+    again(page)
+    page.wait_for_selector("#error >> text=of a picture with other bytes")
+    assert page.evaluate(READ, "drafts/pictures/left/shelf.png.json") == other
+
+
+def test_of_several_label_folders_somebody_chooses_one(page: Any) -> None:
+    write(page, "second/ledger.sqlite", b"")
+    again(page)
+    page.wait_for_selector("#error >> text=several label folders in it (out/, second/)")
+
+
+def test_pictures_without_labels_get_them_beside_them(page: Any) -> None:
+    page.evaluate("folder().then((all) => all.removeEntry('out', { recursive: true }))")
+    again(page)
     page.wait_for_selector("#instances button")
     remove_a_cable(page)
     settled(page)
