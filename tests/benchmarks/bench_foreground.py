@@ -197,7 +197,17 @@ def main() -> None:
     parser.add_argument("--sheets", type=Path, help="folder for the worst pictures")
     parser.add_argument("--empty", type=int, default=200, help="pictures without cables")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
+    parser.add_argument(
+        "--others", action="store_true", help="only the other networks anew, in the report that is there"
+    )
     args = parser.parse_args()
+    if args.others:
+        others_anew(args.shared / "data" / "ewd", args.out / "foreground.json")
+    else:
+        measure(args)
+
+
+def measure(args: argparse.Namespace) -> None:
     network = load(args.network or default_name("foreground"), Runtime(threads=2))
     seeing = load(eight_bit(network.spec.name), Runtime(threads=2))  # what looks unless it is to look thoroughly
     settings = ForegroundInput.from_manifest(network.spec.preprocess)
@@ -243,6 +253,14 @@ def main() -> None:
         print(name, json.dumps(report[name]))
 
 
+def others_anew(folder: Path, file: Path) -> None:
+    """Measure the table of the other networks again, in the report of an earlier run."""
+    report = json.loads(file.read_text())
+    report["others"] = measure_others(folder, report["network"])
+    file.write_text(json.dumps(report, indent=1))
+    print("others", json.dumps(report["others"]))
+
+
 def measure_others(folder: Path, but: str) -> dict[str, dict[str, float]]:
     """Dice on ``ewd``, alone and with the clean-up, and time of the manifest's other foreground networks, in the same
     run."""
@@ -254,14 +272,16 @@ def measure_others(folder: Path, but: str) -> dict[str, dict[str, float]]:
         def probability(image: np.ndarray, net: Network = network, s: ForegroundInput = settings) -> np.ndarray:
             return segment(image, net, s)
 
-        def cleaned(image: np.ndarray, net: Network = network, s: ForegroundInput = settings) -> np.ndarray:
-            return foreground_mask(segment(image, net, s), s).astype(np.float32)
-
-        alone, clean = (
-            measure_set(folder, "labels", way, settings.threshold, None)["groups"] for way in (probability, cleaned)
-        )
-        found[name] = {g: scores["dice"] for g, scores in alone.items()} | measure_time(probability)
-        found[name]["cleaned"] = clean["all"]["dice"]
+        rows = []
+        for picture, image, true in pictures(folder, "labels"):
+            seen = probability(image)
+            alone, clean = (
+                score(mask, true)["dice"] for mask in (seen >= settings.threshold, foreground_mask(seen, settings))
+            )
+            rows.append({"name": picture, "dice": alone, "cleaned": clean})
+        groups = {"all": rows} | _by_prefix(rows)
+        found[name] = {g: _percent(r, "dice") for g, r in groups.items()} | measure_time(probability)
+        found[name]["cleaned"] = _percent(rows, "cleaned")
     return found
 
 
