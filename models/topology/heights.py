@@ -1,8 +1,8 @@
 """Whether strands lie upon one another where they meet: seen in depth, whatever the outlines look like.
 
-Where a harness branches, a bundle runs on into one of its branches at one height. Where a strand lies upon another one,
-the place they share is nearer to the camera than either of the strands some widths away: also where a free end hardly
-passes the other strand, which a mask shows as a branch-point.
+Where a harness branches, its bundle is as high as the joint. Where a strand lies upon another one, the place they share
+is nearer to the camera than all arms some widths away: also where a free end hardly passes the other strand, which a mask shows as a
+branch-point.
 """
 
 from __future__ import annotations
@@ -14,43 +14,36 @@ import numpy as np
 from models.geometry.polylines import arc_lengths, point_at
 from models.strands.graph import Web
 from models.topology.order import Surface
-from models.topology.sites import Arm, Site, bend
+from models.topology.sites import Arm, bend
 
 _AWAY = np.linspace(2.5, 4.5, 5)
 """Where along an arm its own height is read, in widths of the widest one: beyond what the other lifts …"""
 _BESIDE = np.linspace(0.0, 0.75, 4)[:, None] + np.linspace(-0.15, 0.15, 3)
 """… and ``(4, 3)`` where that of the joint is: a mask's joint is up to half a width beside the place where they cross.
 The median of every three counts."""
-_LEAST = 3.0
+_LEAST = 5.0
 """Standard deviations of a depth by which a joint that is raised stands out."""
 _MOST_ODDS = 3.0
 
 
-def raised_odds(depths: Sequence[Surface], web: Web, site: Site) -> float:
-    """Log odds for a crossing, 0 to 3: one of the strands that would cross comes down from the site both ways."""
-    odds = 0.0
-    for depth in depths:
-        drops = _drops(depth, web, site.arms)
-        odds = max(odds, _odds(max(min(drops[i], drops[j]) for i, j in site.pairs), drops, depth))
-    return odds
+def raised_odds(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> float:
+    """Log odds for strands that lie upon one another, 0 to 3, where all arms come down from the place they meet."""
+    return max((_odds(_drops(depth, web, arms), depth) for depth in depths), default=0.0)
 
 
 def touching(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> tuple[int, float] | None:
     """Of three arms that meet the one that lies upon or under the strand of the two others, and the probability that it
     does; None where no depth shows it."""
+    odds = raised_odds(depths, web, arms)
     stem = max(range(3), key=lambda k: -bend(arms[k - 1], arms[k - 2]))
-    odds = 0.0
-    for depth in depths:
-        drops = _drops(depth, web, arms)
-        odds = max(odds, _odds(min(drops[stem - 1], drops[stem - 2]), drops, depth))
     return (stem, 1 / (1 + float(np.exp(-odds)))) if odds > 0 else None
 
 
-def _odds(raised: float, drops: Sequence[float], depth: Surface) -> float:
-    """``raised``: m that the place stands out; no arm may rise from it, as beside another crossing one does."""
-    if not min(drops) > -depth.noise:
-        return 0.0
-    return float(np.clip(raised / depth.noise - _LEAST, 0.0, _MOST_ODDS))
+def _odds(drops: Sequence[float], depth: Surface) -> float:
+    """All arms must come down: a bundle stays as high as where it branches, and a strand may go over another one
+    farther on."""
+    lowest = min(drops)
+    return float(np.clip(lowest / depth.noise - _LEAST, 0.0, _MOST_ODDS)) if np.isfinite(lowest) else 0.0
 
 
 def _drops(depth: Surface, web: Web, arms: Sequence[Arm]) -> list[float]:

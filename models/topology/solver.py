@@ -99,7 +99,7 @@ def _scores(
     scores[[s.middle is None for s in sites], Reading.LENS] = 0.0
     if tint is not None:
         scores[:, Reading.CROSSING] *= np.exp([tint(s) for s in sites])
-    scores[:, Reading.CROSSING] *= np.exp([raised_odds(depths, web, s) for s in sites])
+    scores[:, Reading.CROSSING] *= np.exp([raised_odds(depths, web, s.arms) for s in sites])
     return scores / scores.sum(axis=1, keepdims=True)
 
 
