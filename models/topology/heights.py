@@ -1,8 +1,8 @@
 """Whether strands lie upon one another where they meet: seen in depth, whatever the outlines look like.
 
 Where a harness branches, its bundle is as high as the joint. Where a strand lies upon another one, the place they share
-is nearer to the camera than all arms some widths away: also where a free end hardly passes the other strand, which a mask shows as a
-branch-point.
+is nearer to the camera than all arms some widths away: also where a free end hardly passes the other strand, which a
+mask shows as a branch-point.
 """
 
 from __future__ import annotations
