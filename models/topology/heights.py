@@ -23,12 +23,17 @@ _BESIDE = np.linspace(0.0, 0.75, 4)[:, None] + np.linspace(-0.15, 0.15, 3)
 The median of every three counts."""
 _LEAST = 5.0
 """Standard deviations of a depth by which a joint that is raised stands out."""
+_HALF, _SUNK, _UNSURE = 0.5, 0.8, 0.2
+"""Of the thickness of the thinnest arm: by which a joint stands out at least, by which a strand upon another one
+usually does, and the standard deviation of that."""
 _MOST_ODDS = 3.0
 
 
 def raised_odds(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> float:
-    """Log odds for strands that lie upon one another, 0 to 3, where all arms come down from the place they meet."""
-    return max((_odds(_drops(depth, web, arms), depth) for depth in depths), default=0.0)
+    """Log odds, -3 to 3, for strands that lie upon one another: above 0 where all arms come down from the place they
+    meet; below 0 where none of those that go on through it does, by what they are thick."""
+    odds = [_odds(_drops(depth, web, arms), _thickness(depth, web, arms), depth) for depth in depths]
+    return max(odds, default=0.0, key=abs)
 
 
 def touching(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> tuple[int, float] | None:
@@ -39,11 +44,26 @@ def touching(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> tuple[
     return (stem, 1 / (1 + float(np.exp(-odds)))) if odds > 0 else None
 
 
-def _odds(drops: Sequence[float], depth: Surface) -> float:
-    """All arms must come down: a bundle stays as high as where it branches, and a strand may go over another one
-    farther on."""
-    lowest = min(drops)
-    return float(np.clip(lowest / depth.noise - _LEAST, 0.0, _MOST_ODDS)) if np.isfinite(lowest) else 0.0
+def _odds(drops: Sequence[float], thickness: float, depth: Surface) -> float:
+    """All arms must come down, by half of what the thinnest is thick: a bundle stays as high as where it branches, and
+    a strand may go over another one farther on. Of a strand upon another one two come down by nearly all of that."""
+    lowest, second = min(drops), sorted(drops)[-2]
+    if not np.isfinite(lowest):
+        return 0.0
+    raised = (lowest - max(_LEAST * depth.noise, _HALF * thickness)) / depth.noise
+    usual, spread = _SUNK * thickness, np.hypot(depth.noise, _UNSURE * thickness)
+    flat = (2 * second * usual - usual**2) / (2 * spread**2)
+    return float(np.clip(raised, 0.0, _MOST_ODDS) if raised > 0 else np.clip(flat, -_MOST_ODDS, 0.0))
+
+
+def _thickness(depth: Surface, web: Web, arms: Sequence[Arm]) -> float:
+    """M of the thinnest arm; 0 where it is not known."""
+    if depth.focal_px is None:
+        return 0.0
+    places = np.concatenate([web.strands[a.strand].xy for a in arms])
+    away = depth.read(places)
+    known = away[np.isfinite(away)]
+    return min(a.width for a in arms) * float(np.median(known)) / depth.focal_px if len(known) else 0.0
 
 
 def _drops(depth: Surface, web: Web, arms: Sequence[Arm]) -> list[float]:

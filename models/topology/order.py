@@ -42,11 +42,13 @@ class Stretch(Protocol):
 @dataclass(frozen=True)
 class Surface:
     """Something seen over the picture: ``read`` takes ``(…, 2)`` places to ``(…, C)`` values, NaN where nothing is
-    known; ``noise`` is a standard deviation that means nothing; ``is_depth``: what is nearer also speaks for on top."""
+    known; ``noise`` is a standard deviation that means nothing; ``is_depth``: what is nearer also speaks for on top;
+    ``focal_px`` of the camera of a depth, where it is known: how thick strands are then follows from their widths."""
 
     read: Callable[[FloatArray], FloatArray]
     noise: float
     is_depth: bool = False
+    focal_px: float | None = None
 
 
 def picture(image: ByteArray) -> Surface:
@@ -54,14 +56,14 @@ def picture(image: ByteArray) -> Surface:
     return Surface(lambda places: read_nearest(image, places), _IMAGE_NOISE)
 
 
-def depth_map(depth_m: Float32Array) -> Surface:
-    """``(H, W)`` meters to the camera; 0 and NaN are unknown."""
+def depth_map(depth_m: Float32Array, focal_px: float | None = None) -> Surface:
+    """``(H, W)`` meters to the camera; 0 and NaN are unknown. ``focal_px`` of the camera, where it is known."""
 
     def read(places: FloatArray) -> FloatArray:
         values = read_nearest(depth_m, places)
         return np.where(values > 0, values, np.nan)[..., None]
 
-    return Surface(read, _DEPTH_NOISE_M, is_depth=True)
+    return Surface(read, _DEPTH_NOISE_M, is_depth=True, focal_px=focal_px)
 
 
 def points(xy: FloatArray, depth_m: FloatArray, reach_px: float = 6.0) -> Surface:

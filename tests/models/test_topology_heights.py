@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from models.strands.graph import Strand, Web
 from models.topology import order
 from models.topology.classifiers import Classifiers
 from models.topology.extraction import extract
+from models.topology.heights import raised_odds
 from models.topology.scene import Topology
+from models.topology.sites import Arm
 from models.weights.inference import Network
 from tests.models.drawn_masks import drawn
 from tests.models.harnesses import shipped
@@ -24,10 +27,16 @@ def networks() -> tuple[Network, Classifiers]:
     return shipped()
 
 
-def seen(networks: tuple[Network, Classifiers], height_m: np.ndarray, noise_m: float = 0.0005) -> Topology:
+def seen(
+    networks: tuple[Network, Classifiers],
+    height_m: np.ndarray,
+    noise_m: float = 0.0005,
+    focal_px: float | None = None,
+    mask: np.ndarray = MASK,
+) -> Topology:
     """The topology of the mask with a table 0.6 m away on which the strands are so high."""
-    noise = np.random.default_rng(3).normal(0, noise_m, MASK.shape)
-    return extract(MASK, *networks, surfaces=[order.depth_map((0.6 - height_m + noise).astype(np.float32))])
+    noise = np.random.default_rng(3).normal(0, noise_m, mask.shape)
+    return extract(mask, *networks, surfaces=[order.depth_map((0.6 - height_m + noise).astype(np.float32), focal_px)])
 
 
 def bump(x: float, y: float, height_m: float, reach_px: float) -> np.ndarray:
@@ -68,3 +77,32 @@ def test_a_strand_that_rises_beside_a_branch_leaves_it_one(networks):
 def test_what_a_sensor_does_not_tell_apart_changes_nothing(networks):
     assert counts(seen(networks, bump(161, 120, 0.002, 15))) == (3, 1, 0)
     assert counts(seen(networks, np.full(MASK.shape, np.nan))) == (3, 1, 0)
+
+
+def test_what_rises_by_less_than_half_a_thickness_is_no_strand_upon_another_one(networks):
+    """10 px at 0.6 m are 15 mm with 400 px of focal length, 5 mm with 1200. A bundle that sagged was a crossing."""
+    raised = bump(161, 120, 0.0055, 15)
+    assert counts(seen(networks, raised, 0.0001, focal_px=1200)) == (2, 0, 1)
+    assert counts(seen(networks, raised, 0.0001, focal_px=400)) == (3, 1, 0)
+
+
+def strand(end: tuple[float, float]) -> Strand:
+    """From a joint at (160, 120), 10 px wide."""
+    xy = np.linspace((160.0, 120.0), end, 100)
+    return Strand(0, 1, xy, np.full(100, 5.0))
+
+
+def test_flat_depth_under_thick_strands_speaks_against_a_crossing():
+    """Two branch-points near one another look like a crossing."""
+    strands = tuple(strand(end) for end in ((80, 60), (240, 60), (80, 180), (240, 180)))
+    web = Web(np.array([[160.0, 120.0]]), strands)
+    arms = [Arm(k, 0, 0, s.xy[8], s.xy[9] - s.xy[8], 10.0) for k, s in enumerate(strands)]
+    flat, raised = (0.6 - bump(160, 120, height, 15) for height in (0.0, 0.01))
+
+    def odds(depth_m: np.ndarray, focal_px: float | None) -> float:
+        return raised_odds([order.depth_map(depth_m.astype(np.float32), focal_px)], web, arms)
+
+    assert odds(flat, 600) == pytest.approx(-3.0, abs=1.0)
+    assert odds(flat, 6000) == pytest.approx(0.0, abs=0.5), "1 mm thick: the sensor does not tell"
+    assert odds(flat, None) == 0
+    assert odds(raised, 600) == pytest.approx(3.0, abs=1.0)

@@ -56,7 +56,9 @@ def topology_networks(tools: Tools) -> tuple[Network, list[Network]]:
 
 
 def _surfaces(request: TopologyRequest | DisentangleRequest, depth: SeenDepth | None) -> list[Surface]:
-    surfaces = [] if depth is None else [depth_map(depth.depth_m)]
+    surfaces = []
+    if depth is not None:
+        surfaces.append(depth_map(depth.depth_m, None if depth.camera is None else depth.camera.focal_px))
     if request.points:
         xy = np.array([p.xy for p in request.points])
         surfaces.append(points(xy, np.array([p.depth_m for p in request.points])))
