@@ -103,6 +103,6 @@ def test_flat_depth_under_thick_strands_speaks_against_a_crossing():
         return raised_odds([order.depth_map(depth_m.astype(np.float32), focal_px)], web, arms)
 
     assert odds(flat, 600) == pytest.approx(-3.0, abs=1.0)
-    assert odds(flat, 6000) == pytest.approx(0.0, abs=0.5), "1 mm thick: the sensor does not tell"
+    assert -1 < odds(flat, 6000) <= 0, "1 mm thick: the sensor hardly tells"
     assert odds(flat, None) == 0
     assert odds(raised, 600) == pytest.approx(3.0, abs=1.0)
