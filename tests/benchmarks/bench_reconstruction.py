@@ -191,7 +191,7 @@ def scans(held: Tools, cables: int, keep: Callable[[Rows], None]) -> Rows:
 
 
 def _scan_all(held: Tools, cables: int, diameter_mm: float, options: ScanOptions) -> Rows:
-    forth, back, reprojection, counts = [], [], [], []
+    forth, back, reprojection, counts, thicker = [], [], [], [], []
     for seed in range(cables):
         scene = cell.cable_scene(seed, diameter_mm / 1000)
         truth = scene.cables[0].points_m
@@ -202,9 +202,12 @@ def _scan_all(held: Tools, cables: int, diameter_mm: float, options: ScanOptions
         back.append(1000 * distances(truth[::5], points).mean())
         reprojection.append(np.mean([s.result.reprojection_px for s in result.sections]))
         counts.append(len(result.sections))
+        radii = [s.result.curve.radius_m for s in result.sections if s.result.curve.radius_m is not None]
+        thicker.append(2000 * np.median(radii) / diameter_mm - 1)
     quartiles = np.percentile(np.concatenate(forth), [25, 75])
     means = {"error_mm": np.mean([e.mean() for e in forth]), "q1_mm": quartiles[0], "q3_mm": quartiles[1]}
     means |= {"missing_mm": np.mean(back), "reprojection_px": np.mean(reprojection), "sections": np.mean(counts)}
+    means["thicker"] = np.mean(thicker)
     return rounded(means | {"n": cables, "whole": int(np.sum(np.array(back) < 2))})
 
 

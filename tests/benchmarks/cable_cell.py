@@ -48,14 +48,12 @@ class InProcess:
             refs = [ImageRef(id=self._tools.blobs.put(data)) for data in image]
             views = [v.model_copy(update={"image": ref}) for v, ref in zip(request.views, refs, strict=True)]
             request = request.model_copy(update={"views": views, "files": []})
-        common = {"id": "0" * 32, "kind": request.kind, "priority": "interactive", "created_at": datetime.now(UTC)}
         try:
-            result = stages.run(request, self._tools).result
+            return stages.run(request, self._tools).result
         except InvalidInput as error:
             problem = Problem(title="", status=422, detail=str(error), code=error.code)
-            job = AnyJob(**common, state="failed", progress=1, problem=problem)
-            raise JobFailed(job, problem) from error
-        return AnyJob(**common, state="succeeded", progress=1, result=result)
+            common = {"id": "0" * 32, "kind": request.kind, "priority": "interactive", "created_at": datetime.now(UTC)}
+            raise JobFailed(AnyJob(**common, state="failed", progress=1, problem=problem), problem) from error
 
 
 def cable_scene(seed: int, diameter_m: float = 0.0035, texture: np.ndarray | None = None) -> Scene3D:
