@@ -16,6 +16,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from dlo_client.errors import JobFailed
 from dlo_client.scan import Scan, ScanOptions
 from scipy.spatial import cKDTree
 
@@ -192,11 +193,16 @@ def scans(held: Tools, cables: int, keep: Callable[[Rows], None]) -> Rows:
 
 def _scan_all(held: Tools, cables: int, diameter_mm: float, options: ScanOptions) -> Rows:
     forth, back, reprojection, counts, thicker = [], [], [], [], []
+    failed = 0
     for seed in range(cables):
         scene = cell.cable_scene(seed, diameter_mm / 1000)
         truth = scene.cables[0].points_m
         arm = SimulatedArm(scene, camera_above(truth[len(truth) // 2, :2], 0.3), np.random.default_rng(seed))
-        result = Scan(cell.InProcess(held), arm, options).run()
+        try:
+            result = Scan(cell.InProcess(held), arm, options).run()
+        except JobFailed:
+            failed += 1
+            continue
         points = np.array(result.curve.points_m)
         forth.append(1000 * distances(points, cell.dense(truth)))
         back.append(1000 * distances(truth[::5], points).mean())
@@ -204,11 +210,13 @@ def _scan_all(held: Tools, cables: int, diameter_mm: float, options: ScanOptions
         counts.append(len(result.sections))
         radii = [s.result.curve.radius_m for s in result.sections if s.result.curve.radius_m is not None]
         thicker.append(2000 * np.median(radii) / diameter_mm - 1)
+    if not forth:
+        return {"n": cables, "failed": failed, "whole": 0}
     quartiles = np.percentile(np.concatenate(forth), [25, 75])
     means = {"error_mm": np.mean([e.mean() for e in forth]), "q1_mm": quartiles[0], "q3_mm": quartiles[1]}
     means |= {"missing_mm": np.mean(back), "reprojection_px": np.mean(reprojection), "sections": np.mean(counts)}
     means["thicker"] = np.mean(thicker)
-    return rounded(means | {"n": cables, "whole": int(np.sum(np.array(back) < 2))})
+    return rounded(means | {"n": cables, "failed": failed, "whole": int(np.sum(np.array(back) < 2))})
 
 
 def rigs(held: Tools, cables: int) -> Rows:
