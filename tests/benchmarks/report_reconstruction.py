@@ -88,8 +88,9 @@ def _scans(part: dict[str, Any]) -> str:
     return (
         "### Whole cables of 0.8 m with `Scan`\n\nOne parameter at a time around the defaults of section 4.6.1 (3.5 "
         "mm, 3 views, 50 % overlap). `q1_mm`, `q3_mm`: quartiles over all points (Fig. 4.7); `missing_mm`: mean "
-        "distance of the true curve's points to the estimate; `whole`: cables followed from end to end; `failed`: those whose scan "
-        "ended with an error; `thicker`: by which share they are measured too thick, the median of their sections.\n\n" + _rows(part, columns)
+        "distance of the true curve's points to the estimate; `failed`: scans that ended with an error; `whole`: "
+        "cables followed from end to end; `thicker`: by which share they are measured too thick, the median of their "
+        "sections.\n\n" + _rows(part, columns)
     )
 
 
