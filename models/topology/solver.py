@@ -137,8 +137,10 @@ def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, in
 
 def _touched(web: Web, knot: int, ends: list[End], depths: Sequence[Surface]) -> tuple[Passage | None, int]:
     """A joint of three arms of which one only lies upon, or under, the strand of the others; or all three left."""
-    arms = [measure_arm(web, s, e) for s, e in ends] if depths else []
-    found = touching(depths, web, arms) if depths else None
+    if not depths:
+        return None, len(ends)
+    arms = [measure_arm(web, s, e) for s, e in ends]
+    found = touching(depths, web, arms)
     if found is None:
         return None, len(ends)
     stem, score = found

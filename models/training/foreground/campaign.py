@@ -36,7 +36,7 @@ _DATA = (
     "models.synthesis scenes over permissively licensed textures and photographs, and hand-marked photographs of open "
     "hardware projects (NOTICE names them)"
 )
-_CALIBRATION_BATCHES = 12
+CALIBRATION_BATCHES = 12
 """From which the statistics of a network that begins from an export are taken."""
 _FIRST_SCENES = 200
 """That must be there before the first step, or half of the slots: else the first ones are seen over and over."""
@@ -190,12 +190,17 @@ def _check(
         file.write(json.dumps(line) + "\n")
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.campaign", description=__doc__)
-    parser.add_argument("folder", type=Path, help="checkpoint folder; goes on from last.pt when it is there")
+def picture_arguments(parser: argparse.ArgumentParser) -> None:
+    """Where a training takes its pictures from: ``textures``, ``photographs``, ``empty_pictures``."""
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
     parser.add_argument("--labelled", dest="photographs", type=Path, help="folder with imgs/ and masks/")
     parser.add_argument("--empty-pictures", type=Path, help="folder of photographs without cables")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.campaign", description=__doc__)
+    parser.add_argument("folder", type=Path, help="checkpoint folder; goes on from last.pt when it is there")
+    picture_arguments(parser)
     parser.add_argument("--pretrained", type=Path, help="published ImageNet weights of the encoder to begin from")
     parser.add_argument("--initial", type=Path, help="exported network, or checkpoint, of the same kind to begin from")
     parser.add_argument("--validate", type=int, default=64, help="rendered pictures to measure on at the end")
@@ -234,7 +239,7 @@ def _train(args: argparse.Namespace, params: CampaignParams) -> None:
     scenes, sheet = replace(WORKSHOP, size=(params.height, params.width)), args.folder / "validation.png"
     pool = load_pool(args.textures)
     with mixed(params, pool, args.photographs, args.empty_pictures) as mixture:
-        batches = (normalize(mixture.batch()[0]) for _ in range(_CALIBRATION_BATCHES))
+        batches = (normalize(mixture.batch()[0]) for _ in range(CALIBRATION_BATCHES))
         learning = begin(params, args.folder, args.pretrained, args.initial, batches)
         run(learning, params, mixture, args.folder, lambda net: validate(net, sheet, pool, scenes, args.validate))
 

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
 from models.synthesis.textures import load_pool
-from models.training.foreground.campaign import CampaignParams, mixed
+from models.training.foreground.campaign import CampaignParams, mixed, picture_arguments
 from models.training.foreground.initial import refold, unfold
 from models.training.foreground.learning import normalize
 from models.training.foreground.network_compact import InvertedResidual
@@ -91,9 +91,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m models.training.foreground.rounded", description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--network", default="foreground_compact", help="of the manifest")
-    parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
-    parser.add_argument("--labelled", dest="photographs", type=Path, help="folder with imgs/ and masks/")
-    parser.add_argument("--empty-pictures", type=Path, help="folder of photographs without cables")
+    picture_arguments(parser)
     parser.add_argument("--minutes", type=float, default=40.0)
     parser.add_argument("--rate", type=float, default=2e-5)
     parser.add_argument("--slots", type=int, default=400)

@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 
 from models.synthesis.textures import load_pool
-from models.training.foreground.campaign import CampaignParams, Mixture, mixed
+from models.training.foreground.campaign import CALIBRATION_BATCHES, CampaignParams, Mixture, mixed, picture_arguments
 from models.training.foreground.initial import unfold
 from models.training.foreground.learning import normalize
 from models.training.foreground.network_convnext import ConvNeXt
@@ -31,8 +31,6 @@ from models.training.foreground.network_swin import Swin
 from models.training.foreground.networks import build
 from models.training.state import Course
 from models.weights.inference import WEIGHTS, spec_of
-
-_CALIBRATION_BATCHES = 12
 
 
 class Pair(NamedTuple):
@@ -48,23 +46,23 @@ def paired(network: str, slim: int, teacher: str, pictures: Sequence[Tensor]) ->
     the same width."""
     spec = spec_of(teacher)
     student = build(network, slim)
-    shown = build(str(spec.training["network"]), int(spec.training["slim"]))
+    taken_from = build(str(spec.training["network"]), int(spec.training["slim"]))
     if not (isinstance(student, DeepLab) and isinstance(student.features, Swin)):
         raise ValueError(f"network is {network!r}; a Swin learns stage by stage")
-    if not (isinstance(shown, DeepLab) and isinstance(shown.features, ConvNeXt)):
+    if not (isinstance(taken_from, DeepLab) and isinstance(taken_from.features, ConvNeXt)):
         raise ValueError(f"teacher is {teacher!r}; a Swin learns its stages from a ConvNeXt")
-    if student.features.channels != shown.features.channels:
+    if student.features.channels != taken_from.features.channels:
         raise ValueError(f"slim is {slim}, of the teacher {spec.training['slim']}")
-    unfold(WEIGHTS / spec.file, shown, pictures)
-    shown.eval().requires_grad_(False)
-    decoder = {k: v for k, v in shown.state_dict().items() if not k.startswith("features.")}
+    unfold(WEIGHTS / spec.file, taken_from, pictures)
+    taken_from.eval().requires_grad_(False)
+    decoder = {k: v for k, v in taken_from.state_dict().items() if not k.startswith("features.")}
     student.load_state_dict(decoder, strict=False)
-    embedding, stem = student.features.patch_embed, shown.features.downsample_layers[0]
+    embedding, stem = student.features.patch_embed, taken_from.features.downsample_layers[0]
     assert isinstance(stem, nn.Sequential)
     for own, taken in zip((embedding.proj, embedding.norm), stem, strict=True):
         own.load_state_dict(taken.state_dict())
-    student.features.norm.load_state_dict(shown.features.norm.state_dict())
-    return Pair(student, shown)
+    student.features.norm.load_state_dict(taken_from.features.norm.state_dict())
+    return Pair(student, taken_from)
 
 
 @torch.no_grad()
@@ -130,9 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--teacher", default="foreground_deeplab_convnext_t", help="a shipped network")
     parser.add_argument("--network", default="deeplab_swin_t")
     parser.add_argument("--slim", type=int, default=4)
-    parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
-    parser.add_argument("--labelled", dest="photographs", type=Path, help="folder with imgs/ and masks/")
-    parser.add_argument("--empty-pictures", type=Path, help="folder of photographs without cables")
+    picture_arguments(parser)
     parser.add_argument("--minutes", type=float, default=40.0)
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=21)
@@ -145,7 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args.folder.mkdir(parents=True, exist_ok=True)
     try:
         with mixed(params, load_pool(args.textures), args.photographs, args.empty_pictures) as mixture:
-            pictures = [normalize(mixture.batch()[0]) for _ in range(_CALIBRATION_BATCHES)]
+            pictures = [normalize(mixture.batch()[0]) for _ in range(CALIBRATION_BATCHES)]
             pair = paired(args.network, args.slim, args.teacher, pictures)
             learn(pair, mixture, params, args.folder)
     except ValueError as error:
