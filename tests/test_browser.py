@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import psutil
 import pytest
 
@@ -10,6 +12,23 @@ from tests.browser import NEEDS_BROWSER, Chromium, started_playwright
 
 sync_api = pytest.importorskip("playwright.sync_api")
 pytestmark = [*NEEDS_BROWSER, pytest.mark.timeout(60)]
+
+
+def ended(processes: list[psutil.Process], within_s: float = 10.0) -> bool:
+    """Whether all end in time. A killed process is there for a moment, and as a zombie until its parent asks for it."""
+    until = time.monotonic() + within_s
+    while time.monotonic() < until:
+        if not any(_alive(process) for process in processes):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def _alive(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def test_a_browser_that_hangs_is_started_anew_and_reported() -> None:
@@ -24,7 +43,7 @@ def test_a_browser_that_hangs_is_started_anew_and_reported() -> None:
         assert page.evaluate("1 + 1") == 2
         assert chromium.processes
         assert not set(hung) & set(chromium.processes)
-        assert not any(process.is_running() for process in hung)
+        assert ended(hung)
         chromium.close()
 
 
@@ -57,4 +76,4 @@ def test_a_driver_that_hangs_is_ended(monkeypatch) -> None:
     with started_playwright():
         (driver,) = set(psutil.Process().children()) - others
         driver.suspend()
-    assert not driver.is_running()
+    assert ended([driver])
