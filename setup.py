@@ -1,8 +1,9 @@
 """Builds the library `dlo` from `models/`: `pip install .`
 
-The sources import one another as `models.…`, which is too common a name to install. While the wheel is built, the
-package is renamed: `models/library` becomes `dlo`, everything else below `models` becomes `dlo._models`, and the import
-statements follow. Training and synthesis, which need torch or draw pictures, are left out.
+The sources import one another as `models.…`, which is too common a name to install. While the wheel
+is built, the package is renamed: `models/library` becomes `dlo`, everything else below `models`
+becomes `dlo._models`, and the import statements follow. Training and synthesis, which need torch or
+draw pictures, are left out.
 """
 
 import ast
@@ -34,7 +35,9 @@ def renamed(text: str, name: str) -> str:
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
         if any(n.split(".")[0] == "models" for n in names):
-            raise SystemExit(f"{name}:{node.lineno} imports `models` in a way that setup.py does not rename")
+            raise SystemExit(
+                f"{name}:{node.lineno} imports `models` in a way that setup.py does not rename"
+            )
     return text
 
 
@@ -52,7 +55,9 @@ class BuildLibrary(build_py):
             made = target.joinpath(*inner.parts[1:]) if library else target / "_models" / inner
             made.parent.mkdir(parents=True, exist_ok=True)
             data = path.read_bytes()
-            made.write_bytes(renamed(data.decode(), str(path)).encode() if path.suffix == ".py" else data)
+            made.write_bytes(
+                renamed(data.decode(), str(path)).encode() if path.suffix == ".py" else data
+            )
         (target / "py.typed").touch()
 
 
@@ -60,7 +65,9 @@ class NoEditable(editable_wheel):
     """In a clone the package is `models`; there is nothing to link."""
 
     def run(self) -> None:
-        raise SystemExit("dlo cannot be installed editable; in a clone use models.library from the clone's folder")
+        raise SystemExit(
+            "dlo cannot be installed editable; in a clone use models.library from the clone's folder"
+        )
 
 
 setup(

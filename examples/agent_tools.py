@@ -1,7 +1,9 @@
-"""The service as tools of an agent: a server of the Model Context Protocol over standard input and output.
+"""The service as tools of an agent: a server of the Model Context Protocol over standard input and
+output.
 
-Register ``python examples/agent_tools.py`` with an agent. Arguments of a tool are checked by the schema that the
-service's own OpenAPI document gives; nothing is described twice. JSON-RPC 2.0, one message a line.
+Register ``python examples/agent_tools.py`` with an agent. Arguments of a tool are checked by the
+schema that the service's own OpenAPI document gives; nothing is described twice. JSON-RPC 2.0, one
+message a line.
 """
 
 from __future__ import annotations
@@ -50,8 +52,11 @@ def read_harness(client: Client, given: dict[str, Any]) -> Any:
 
 
 def plan_shape(client: Client, given: dict[str, Any]) -> Any:
-    """The pick-and-place that brings a rope on a table closest to a target shape; points in meters."""
-    return client.run(PlanShapeRequest.model_validate(given)).model_dump(mode="json", exclude={"alternatives"})
+    """The pick-and-place that brings a rope on a table closest to a target shape; points in
+    meters."""
+    return client.run(PlanShapeRequest.model_validate(given)).model_dump(
+        mode="json", exclude={"alternatives"}
+    )
 
 
 TOOLS: dict[str, tuple[Tool, dict[str, Any]]] = {
@@ -69,7 +74,13 @@ def answer(client: Client, message: dict[str, Any]) -> dict[str, Any] | None:
     match message.get("method"):
         case "initialize":
             about = {"name": "dlo-perception", "version": __version__}
-            return reply | {"result": {"protocolVersion": PROTOCOL, "capabilities": {"tools": {}}, "serverInfo": about}}
+            return reply | {
+                "result": {
+                    "protocolVersion": PROTOCOL,
+                    "capabilities": {"tools": {}},
+                    "serverInfo": about,
+                }
+            }
         case "ping":
             return reply | {"result": {}}
         case "tools/list":
@@ -88,7 +99,9 @@ def called(client: Client, params: dict[str, Any]) -> dict[str, Any]:
     """A tool's content; an error is content too, so that the agent can mend its arguments."""
     try:
         if params.get("name") not in TOOLS:
-            raise ValueError(f"there is no tool {params.get('name')!r}; there are: {', '.join(TOOLS)}")
+            raise ValueError(
+                f"there is no tool {params.get('name')!r}; there are: {', '.join(TOOLS)}"
+            )
         tool, _ = TOOLS[params["name"]]
         text = json.dumps(tool(client, params.get("arguments", {})))
         return {"content": [{"type": "text", "text": text}], "isError": False}
@@ -108,13 +121,19 @@ def serve(client: Client, incoming: TextIO, outgoing: TextIO) -> None:
         try:
             reply = answer(client, json.loads(line))
         except json.JSONDecodeError as error:
-            reply = {"jsonrpc": "2.0", "id": None, "error": {"code": -32700, "message": f"no JSON: {error}"}}
+            reply = {
+                "jsonrpc": "2.0",
+                "id": None,
+                "error": {"code": -32700, "message": f"no JSON: {error}"},
+            }
         if reply is not None:
             outgoing.write(json.dumps(reply) + "\n")
             outgoing.flush()
 
 
-def main(arguments: list[str] | None = None, incoming: TextIO = sys.stdin, outgoing: TextIO = sys.stdout) -> None:
+def main(
+    arguments: list[str] | None = None, incoming: TextIO = sys.stdin, outgoing: TextIO = sys.stdout
+) -> None:
     """Serve one agent."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url")

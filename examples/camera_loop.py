@@ -33,7 +33,9 @@ def main(arguments: list[str] | None = None) -> list[int]:
             result = client.run(InstancesRequest(files=[], effort="fast"), picture)
             took_ms = 1000 * (time.monotonic() - began)
             unsure = ", look at it" if result.status.code == "unsure" else ""
-            print(f"{len(result.instances)} cables, {len(result.crossings)} crossings in {took_ms:.0f} ms{unsure}")
+            print(
+                f"{len(result.instances)} cables, {len(result.crossings)} crossings in {took_ms:.0f} ms{unsure}"
+            )
             counts.append(len(result.instances))
     return counts
 

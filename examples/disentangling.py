@@ -1,6 +1,7 @@
 """Take crossings out of a harness, one action after the other, on a simulated table.
 
-The table holds strands as lines; an action turns the moved strand's part beyond the held place, as two arms would.
+The table holds strands as lines; an action turns the moved strand's part beyond the held place, as
+two arms would.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ def main(arguments: list[str] | None = None) -> list[int]:
             if plan.status not in ("planned", "unsure") or len(counts) > options.actions:
                 break
             best = plan.actions[0]
-            print(f"  hold {best.hold.xy}, turn {math.degrees(best.turn_rad):.0f} degrees: {best.why}")
+            print(
+                f"  hold {best.hold.xy}, turn {math.degrees(best.turn_rad):.0f} degrees: {best.why}"
+            )
             turn(strands, best)
     return counts
 
@@ -65,8 +68,11 @@ def mask_of(strands: list[Line]) -> Image.Image:
 
 
 def turn(strands: list[Line], action: DisentangleAction) -> None:
-    """The part of the strand nearest to the pick that is beyond the held place turns about that place."""
-    moved = min(strands, key=lambda strand: min(math.dist(point, action.pick.xy) for point in strand))
+    """The part of the strand nearest to the pick that is beyond the held place turns about that
+    place."""
+    moved = min(
+        strands, key=lambda strand: min(math.dist(point, action.pick.xy) for point in strand)
+    )
     held = nearest(moved, action.hold.xy)
     picked = nearest(moved, action.pick.xy)
     part = range(held, len(moved)) if picked >= held else range(held + 1)

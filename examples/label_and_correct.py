@@ -1,7 +1,8 @@
-"""Label a folder, put a person's corrections over it, and make a training set of what they made right.
-With ``--adapt NAME`` the service learns from it, some minutes.
+"""Label a folder, put a person's corrections over it, and make a training set of what they made
+right. With ``--adapt NAME`` the service learns from it, some minutes.
 
-The corrections stand for an export of CVAT, COCO or Label Studio (``--tool``); docs/labelling.md has the commands.
+The corrections stand for an export of CVAT, COCO or Label Studio (``--tool``); docs/labelling.md
+has the commands.
 """
 
 from __future__ import annotations
@@ -20,7 +21,11 @@ def main(arguments: list[str] | None = None) -> list[str]:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url", help="default: DLO_URL, or port 8000 of this machine")
     parser.add_argument("--pictures", type=Path, default=SAMPLES)
-    parser.add_argument("--adapt", metavar="NAME", help="also adapt the default network to the labels, under this name")
+    parser.add_argument(
+        "--adapt",
+        metavar="NAME",
+        help="also adapt the default network to the labels, under this name",
+    )
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         labels, dataset = Path(folder, "labels"), Path(folder, "dataset")
@@ -32,13 +37,21 @@ def main(arguments: list[str] | None = None) -> list[str]:
         dlo(options.url, "label-dataset", str(labels), str(options.pictures), str(dataset))
         if options.adapt:
             dlo(options.url, "adapt", str(labels), "--name", options.adapt, "--all")
-        return sorted(str(path.relative_to(dataset)) for path in dataset.rglob("*") if path.is_file())
+        return sorted(
+            str(path.relative_to(dataset)) for path in dataset.rglob("*") if path.is_file()
+        )
 
 
 def dlo(url: str | None, *arguments: str) -> None:
     """The command of that name; a failure ends the script."""
     where = ["--url", url] if url else []
-    command = [sys.executable, "-c", "from dlo_client.commands.cli import main; main()", *where, *arguments]
+    command = [
+        sys.executable,
+        "-c",
+        "from dlo_client.commands.cli import main; main()",
+        *where,
+        *arguments,
+    ]
     if subprocess.run(command, check=False).returncode:
         sys.exit(f"dlo {arguments[0]} did not work")
 

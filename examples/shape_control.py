@@ -1,6 +1,7 @@
 """Bring a rope into a U: plan, act, look, learn (thesis Algorithm 5), on a simulated table.
 
-Replace ``SimulatedTable`` by a class with the same two methods, ``observe`` and ``execute``, for a real cell.
+Replace ``SimulatedTable`` by a class with the same two methods, ``observe`` and ``execute``, for a
+real cell.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Follow cables from picture to picture: each keeps the id that it got when it was first seen.
 
-The pictures are one photograph that moves; give ``Track.frame`` those of a camera or a video instead.
+The pictures are one photograph that moves; give ``Track.frame`` those of a camera or a video
+instead.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ def main(arguments: list[str] | None = None) -> list[list[int]]:
             moved = picture.rotate(0, translate=(4 * number, 2 * number), fillcolor=GRAY)
             result = track.frame(moved, time_s=number / 10)
             ids.append(sorted(cable.id for cable in result.cables if cable.state != "lost"))
-            print(f"picture {result.frame}: " + ", ".join(f"{cable.id} {cable.state}" for cable in result.cables))
+            print(
+                f"picture {result.frame}: "
+                + ", ".join(f"{cable.id} {cable.state}" for cable in result.cables)
+            )
     return ids
 
 

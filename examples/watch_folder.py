@@ -34,15 +34,21 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def waiting(folder: Path) -> list[Path]:
-    """Pictures without an answer; one that is still being written has changed within the last half second."""
+    """Pictures without an answer; one that is still being written has changed within the last half
+    second."""
     now = time.time()
     pictures = (path for path in sorted(folder.iterdir()) if path.suffix.lower() in SUFFIXES)
     found = (path for path in pictures if ".overlay" not in path.name)
-    return [path for path in found if not beside(path, ".json").exists() and now - path.stat().st_mtime > 0.5]
+    return [
+        path
+        for path in found
+        if not beside(path, ".json").exists() and now - path.stat().st_mtime > 0.5
+    ]
 
 
 def answer(client: Client, picture: Path) -> int:
-    """1 if it was answered; a picture that is none gets its problem as an answer, so that it is not tried again."""
+    """1 if it was answered; a picture that is none gets its problem as an answer, so that it is not
+    tried again."""
     try:
         job = client.run_job(InstancesRequest(files=["overlay"]), picture)
     except DLOError as error:

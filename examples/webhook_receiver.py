@@ -1,4 +1,5 @@
-"""Receive the ended job instead of waiting for it. The service must allow the host and share the secret:
+"""Receive the ended job instead of waiting for it. The service must allow the host and share the
+secret:
 
 DLO_WEBHOOK_HOSTS=127.0.0.1 DLO_WEBHOOK_SECRET=at-least-16-characters make serve
 DLO_WEBHOOK_SECRET=at-least-16-characters python examples/webhook_receiver.py
@@ -34,7 +35,9 @@ def main(arguments: list[str] | None = None) -> AnyJob:
     address = f"http://127.0.0.1:{server.server_address[1]}/jobs"
     try:
         with Client(options.url) as client:
-            submitted = client.submit(InstancesRequest(webhook_url=address, files=[], timeout_s=120), SAMPLE)
+            submitted = client.submit(
+                InstancesRequest(webhook_url=address, files=[], timeout_s=120), SAMPLE
+            )
             try:
                 job = delivered.get(timeout=150)
             except queue.Empty:
@@ -48,7 +51,8 @@ def main(arguments: list[str] | None = None) -> AnyJob:
 
 
 def receiver(delivered: queue.Queue[AnyJob], secret: str) -> type[BaseHTTPRequestHandler]:
-    """Answers 204 to what is genuine and fresh, 400 to anything else. Remember ids: one may come twice."""
+    """Answers 204 to what is genuine and fresh, 400 to anything else. Remember ids: one may come
+    twice."""
     seen: set[str] = set()
 
     class Receiver(BaseHTTPRequestHandler):

@@ -50,7 +50,10 @@ def main() -> int:
         return serve(settings, then)
     except ValidationError as error:
         for problem in error.errors():
-            print(f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}".lstrip(": "), file=sys.stderr)
+            print(
+                f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}".lstrip(": "),
+                file=sys.stderr,
+            )
     except CannotServeError as error:
         print(error, file=sys.stderr)
     return 2

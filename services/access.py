@@ -1,4 +1,5 @@
-"""What the routes are given, by type, and who may call. (Async throughout: these need no threads.)"""
+"""What the routes are given, by type, and who may call. (Async throughout: these need no
+threads.)"""
 
 from __future__ import annotations
 
@@ -56,7 +57,9 @@ async def _backend(request: Request) -> Backend:
 
 BackendDep = Annotated[Backend, Depends(_backend)]
 
-_bearer = HTTPBearer(auto_error=False, description="An API key; not asked for when the service has none.")
+_bearer = HTTPBearer(
+    auto_error=False, description="An API key; not asked for when the service has none."
+)
 
 
 @dataclass(frozen=True)
@@ -104,10 +107,12 @@ class Caller:
 
 
 def _needs(scope: Scope) -> Callable[..., AsyncIterator[Caller]]:
-    """A dependency that lets only holders of a key with ``scope`` through, within the limits of their key."""
+    """A dependency that lets only holders of a key with ``scope`` through, within the limits of
+    their key."""
 
     async def authorize(
-        backend: BackendDep, bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+        backend: BackendDep,
+        bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     ) -> AsyncIterator[Caller]:
         async with _let_in(backend, bearer.credentials if bearer else None, scope) as caller:
             yield caller
@@ -136,7 +141,9 @@ async def _let_in(backend: Backend, presented: str | None, scope: Scope) -> Asyn
 
 
 @asynccontextmanager
-async def streaming_caller(socket: WebSocket, backend: Backend, scope: Scope) -> AsyncIterator[Caller]:
+async def streaming_caller(
+    socket: WebSocket, backend: Backend, scope: Scope
+) -> AsyncIterator[Caller]:
     """Who opens a WebSocket, by the same header; raises ProblemError before it is accepted."""
     scheme, _, presented = socket.headers.get("authorization", "").partition(" ")
     async with _let_in(backend, presented if scheme.lower() == "bearer" else None, scope) as caller:
@@ -146,12 +153,18 @@ async def streaming_caller(socket: WebSocket, backend: Backend, scope: Scope) ->
 async def _check_pace(backend: Backend, key: Key) -> None:
     if key.requests_at_once and backend.under_way[key.name] >= key.requests_at_once:
         raise _too_many("too many requests of this API key are under way", 1.0)
-    if key.requests_per_minute and (wait_s := await backend.waiting.pace(key.name, key.requests_per_minute)):
-        raise _too_many(f"this API key may send {key.requests_per_minute} requests a minute", wait_s)
+    if key.requests_per_minute and (
+        wait_s := await backend.waiting.pace(key.name, key.requests_per_minute)
+    ):
+        raise _too_many(
+            f"this API key may send {key.requests_per_minute} requests a minute", wait_s
+        )
 
 
 def _too_many(detail: str, after_s: float) -> ProblemError:
-    return ProblemError(429, "too_many_requests", detail, headers={"Retry-After": str(max(1, round(after_s)))})
+    return ProblemError(
+        429, "too_many_requests", detail, headers={"Retry-After": str(max(1, round(after_s)))}
+    )
 
 
 Reader = Annotated[Caller, Depends(_needs("read"))]
@@ -160,6 +173,6 @@ Admin = Annotated[Caller, Depends(_needs("admin"))]
 
 
 def has_form_of_id(text: str) -> bool:
-    """Whether a text could be the id of a job or of a track; they are looked up only then, for they become part of
-    keys."""
+    """Whether a text could be the id of a job or of a track; they are looked up only then, for they
+    become part of keys."""
     return len(text) == 32 and set(text) <= set("0123456789abcdef")

@@ -68,7 +68,8 @@ log = structlog.get_logger(__name__)
 
 
 def create_app(settings: ServiceSettings | None = None) -> FastAPI:
-    """The application; without ``settings``, with those of the environment, and logs as these ask for."""
+    """The application; without ``settings``, with those of the environment, and logs as these ask
+    for."""
     if settings is None:  # started by a server of its own, not by a program that has done this
         settings = ServiceSettings()
         logs.configure(settings.log_level)
@@ -123,7 +124,10 @@ def _assemble(settings: ServiceSettings) -> Backend:
         unsure=UnsureStore.of(settings),
         uploads=uploads,
         submissions=Submissions(
-            settings, uploads, validation.limiter(), ForegroundNames(queue.foreground_networks, networks)
+            settings,
+            uploads,
+            validation.limiter(),
+            ForegroundNames(queue.foreground_networks, networks),
         ),
         previews=Previews(),
         registry=observed,
@@ -156,7 +160,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 async def _stop_if_exposed() -> None:
-    """End a server that listens to a network although there are no keys; by then it has begun to listen."""
+    """End a server that listens to a network although there are no keys; by then it has begun to
+    listen."""
     await asyncio.sleep(_LISTENS_AFTER_S)
     if addresses := exposed():
         log.error("refusing to listen to a network without API keys", addresses=addresses)
@@ -164,7 +169,8 @@ async def _stop_if_exposed() -> None:
 
 
 async def _reap_forever(queue: JobQueue) -> None:
-    """Workers do this as well; with the last of them gone, nobody else would say that its job is lost."""
+    """Workers do this as well; with the last of them gone, nobody else would say that its job is
+    lost."""
     while True:
         await asyncio.sleep(_REAP_EVERY_S)
         with suppress(redis.RedisError, OSError):  # /readyz names it

@@ -16,7 +16,9 @@ JSON = "application/json"
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
-async def read(request: Request, model: type[ModelT], max_bytes: int, field: str = "body") -> ModelT:
+async def read(
+    request: Request, model: type[ModelT], max_bytes: int, field: str = "body"
+) -> ModelT:
     """The body as ``model``. Raises ProblemError."""
     if (kind := media_type(request)) != JSON:
         detail = f"send {JSON}, not {kind or 'a body without a content type'}"

@@ -1,7 +1,8 @@
-"""Calibration files to intrinsics: ROS's ``camera_info`` YAML, OpenCV's FileStorage, Kalibr's camchain.
+"""Calibration files to intrinsics: ROS's ``camera_info`` YAML, OpenCV's FileStorage, Kalibr's
+camchain.
 
-Raises ValueError naming what is missing. Files are read without objects, anchors or aliases: none of the three
-formats has them.
+Raises ValueError naming what is missing. Files are read without objects, anchors or aliases: none
+of the three formats has them.
 """
 
 from __future__ import annotations
@@ -16,7 +17,11 @@ from pydantic import ValidationError
 LARGEST_BYTES = 64 * 1024
 _OPENCV_MATRIX = "tag:yaml.org,2002:opencv-matrix"
 _KALIBR_LENSES = {"radtan": "plumb_bob", "equidistant": "equidistant", "none": "plumb_bob"}
-_OPENCV_SIZES = (("image_width", "image_height"), ("width", "height"), ("imageWidth", "imageHeight"))
+_OPENCV_SIZES = (
+    ("image_width", "image_height"),
+    ("width", "height"),
+    ("imageWidth", "imageHeight"),
+)
 _OPENCV_MATRICES = ("camera_matrix", "cameraMatrix", "K", "M1")
 _OPENCV_LENSES = ("distortion_coefficients", "distCoeffs", "D", "D1")
 
@@ -30,7 +35,9 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # the package has no type
         return super().compose_node(parent, index)
 
 
-_Loader.add_constructor(_OPENCV_MATRIX, lambda loader, node: loader.construct_mapping(node, deep=True))
+_Loader.add_constructor(
+    _OPENCV_MATRIX, lambda loader, node: loader.construct_mapping(node, deep=True)
+)
 
 
 def intrinsics_of(text: str, camera: str = "cam0") -> AnyIntrinsics:
@@ -77,9 +84,11 @@ def _opencv(found: dict[str, Any]) -> PinholeIntrinsics:
     lens = _data(found, _OPENCV_LENSES)
     fisheye = str(found.get("fisheye_model", "0")) in ("1", "True", "true")
     return _pinhole(
-        (found[size[0]], found[size[1]]), (matrix[0], matrix[4], matrix[2], matrix[5]), lens,
+        (found[size[0]], found[size[1]]),
+        (matrix[0], matrix[4], matrix[2], matrix[5]),
+        lens,
         "equidistant" if fisheye else None,
-    )  # fmt: skip
+    )
 
 
 def _kalibr(found: dict[str, Any], camera: str) -> PinholeIntrinsics:
@@ -95,7 +104,10 @@ def _kalibr(found: dict[str, Any], camera: str) -> PinholeIntrinsics:
     if len(one["intrinsics"]) != 4 or len(one.get("resolution", ())) != 2:
         raise ValueError("intrinsics are fu fv pu pv, resolution is width and height")
     return _pinhole(
-        tuple(one["resolution"]), tuple(one["intrinsics"]), one.get("distortion_coeffs", []), _KALIBR_LENSES[lens]
+        tuple(one["resolution"]),
+        tuple(one["intrinsics"]),
+        one.get("distortion_coeffs", []),
+        _KALIBR_LENSES[lens],
     )
 
 
@@ -103,7 +115,15 @@ def _pinhole(
     size: tuple[Any, ...], focal_and_center: tuple[Any, ...], lens: list[Any], model: str | None
 ) -> PinholeIntrinsics:
     fx, fy, cx, cy = focal_and_center
-    fields = {"width": size[0], "height": size[1], "fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": lens}
+    fields = {
+        "width": size[0],
+        "height": size[1],
+        "fx": fx,
+        "fy": fy,
+        "cx": cx,
+        "cy": cy,
+        "distortion": lens,
+    }
     return PinholeIntrinsics.model_validate(fields | ({"distortion_model": model} if model else {}))
 
 

@@ -11,7 +11,8 @@ from prometheus_client.registry import Collector
 
 
 class DiskCollector(Collector):
-    """Looks when asked; a folder that is not there yet will be on the disk of the nearest one that is."""
+    """Looks when asked; a folder that is not there yet will be on the disk of the nearest one that
+    is."""
 
     def __init__(self, folder: Path, reserve_bytes: int) -> None:
         self._folder = folder

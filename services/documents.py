@@ -1,4 +1,5 @@
-"""What the routes cannot say to OpenAPI by their types: problems, and bodies that FastAPI does not parse."""
+"""What the routes cannot say to OpenAPI by their types: problems, and bodies that FastAPI does not
+parse."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ SUBMISSION: dict[str, Any] = {
                         "items": _PICTURE,
                         "description": "In order: what `{part: n}` counts, and what fills the images left out",
                     },
-                    # An array, because documentation pages send an empty part for a file that nobody chose.
+                    # An array, because documentation pages send an empty part for a file that
+                    # nobody chose.
                     "mask": {
                         "type": "array",
                         "maxItems": 1,
@@ -89,7 +91,10 @@ NETWORK: dict[str, Any] = {
 LABELS: dict[str, Any] = {
     "required": True,
     "description": "A ZIP archive of `NAME.jpg` or `NAME.png`, and `NAME_ids.png` beside it: 0 background, else cable",
-    "content": {"application/zip": {"schema": _PICTURE}, "application/octet-stream": {"schema": _PICTURE}},
+    "content": {
+        "application/zip": {"schema": _PICTURE},
+        "application/octet-stream": {"schema": _PICTURE},
+    },
 }
 """Body of ``POST /v1/labels``."""
 
@@ -105,7 +110,8 @@ FRAME: dict[str, Any] = {
                 "properties": {
                     "image": _PICTURE | {"description": "the picture"},
                     "mask": _PICTURE | {"description": "its foreground; no network looks then"},
-                    "depth": _PICTURE | {"description": "its depth map, as in an `instances` request"},
+                    "depth": _PICTURE
+                    | {"description": "its depth map, as in an `instances` request"},
                 },
                 "additionalProperties": False,
             }
@@ -130,7 +136,12 @@ RUN: dict[str, Any] = {
                 "type": "object",
                 "properties": {
                     "image": {"type": "array", "items": _PICTURE, "description": "In order"},
-                    "mask": {"type": "array", "maxItems": 1, "items": _PICTURE, "description": "Foreground"},
+                    "mask": {
+                        "type": "array",
+                        "maxItems": 1,
+                        "items": _PICTURE,
+                        "description": "Foreground",
+                    },
                     "depth": {
                         "type": "array",
                         "maxItems": 1,
@@ -152,7 +163,9 @@ RUN: dict[str, Any] = {
 
 RECIPE_BODY: dict[str, Any] = {
     "required": True,
-    "content": {"application/json": {"schema": {"$ref": f"{_SCHEMAS}RecipeBody"}, "example": RECIPE}},
+    "content": {
+        "application/json": {"schema": {"$ref": f"{_SCHEMAS}RecipeBody"}, "example": RECIPE}
+    },
 }
 """Body of ``PUT /v1/recipes/{number}``."""
 
@@ -168,7 +181,8 @@ CALIBRATION: dict[str, Any] = {
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The ``responses`` of a route that may answer with these problems, or with those that any route may."""
+    """The ``responses`` of a route that may answer with these problems, or with those that any
+    route may."""
     return {
         status: {"description": HTTPStatus(status).phrase, "content": _PROBLEM}
         for status in sorted({*statuses, 401, 403, 421, 422, 429, 500, 503})
@@ -180,7 +194,9 @@ def describe(app: FastAPI) -> None:
     of_routes = app.openapi
 
     def document() -> dict[str, Any]:
-        made: dict[str, Any] = json.loads(json.dumps(of_routes()).replace(_generic_name(AnyJob), "Job"))
+        made: dict[str, Any] = json.loads(
+            json.dumps(of_routes()).replace(_generic_name(AnyJob), "Job")
+        )
         requests = REQUEST.json_schema(ref_template=_SCHEMAS + "{model}")
         made["components"]["schemas"] |= requests.pop("$defs") | {"AnyRequest": requests}
         _as_3_1(made)
@@ -193,13 +209,17 @@ def describe(app: FastAPI) -> None:
 
 
 def _as_3_1(document: dict[str, Any]) -> None:
-    """FastAPI describes an event stream by ``itemSchema``, which OpenAPI 3.2 has and 3.1 has not."""
+    """FastAPI describes an event stream by ``itemSchema``, which OpenAPI 3.2 has and 3.1 has
+    not."""
     for methods in document["paths"].values():
         for operation in methods.values():
             for response in operation["responses"].values():
                 for media in response.get("content", {}).values():
                     if media.pop("itemSchema", None) is not None:
-                        media["schema"] = {"type": "string", "description": "Server-sent events, as they happen"}
+                        media["schema"] = {
+                            "type": "string",
+                            "description": "Server-sent events, as they happen",
+                        }
 
 
 def _generic_name(model: type[BaseModel]) -> str:

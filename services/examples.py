@@ -1,7 +1,8 @@
-"""One request of every kind that works as it stands, for the documentation page and for a first try.
+"""One request of every kind that works as it stands, for the documentation page and for a first
+try.
 
-The pictures are drawn (a blue cable on a speckled table, seen from three places) and come with the service: their
-ids are known without an upload.
+The pictures are drawn (a blue cable on a speckled table, seen from three places) and come with the
+service: their ids are known without an upload.
 """
 
 from __future__ import annotations
@@ -17,12 +18,18 @@ _STEP_M = 0.03
 _LEFTMOST_M = (-0.06845, -0.00098, 0.3)
 _INTRINSICS = {"width": 640, "height": 480, "fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5}
 _CABLE_M = [
-    [-0.0723, -0.0890, 0.0323], [-0.0623, -0.0577, 0.0315], [-0.0504, -0.0272, 0.0289], [-0.0367, 0.0026, 0.0244],
-    [-0.0214, 0.0316, 0.0187], [-0.0049, 0.0600, 0.0129], [0.0118, 0.0882, 0.0081],
-]  # fmt: skip
+    [-0.0723, -0.0890, 0.0323],
+    [-0.0623, -0.0577, 0.0315],
+    [-0.0504, -0.0272, 0.0289],
+    [-0.0367, 0.0026, 0.0244],
+    [-0.0214, 0.0316, 0.0187],
+    [-0.0049, 0.0600, 0.0129],
+    [0.0118, 0.0882, 0.0081],
+]
 
 PICTURES = {
-    hashlib.sha256(data).hexdigest(): data for data in (path.read_bytes() for path in sorted(_FOLDER.glob("*.jpg")))
+    hashlib.sha256(data).hexdigest(): data
+    for data in (path.read_bytes() for path in sorted(_FOLDER.glob("*.jpg")))
 }
 """Of the examples, by the id under which the service knows them."""
 
@@ -33,7 +40,12 @@ UPLOADS = {hashlib.sha256(data).hexdigest(): data for data in (_LABELS, _NETWORK
 
 def _view(index: int) -> dict[str, Any]:
     x, y, z = _LEFTMOST_M
-    pose = [[1.0, 0.0, 0.0, x + index * _STEP_M], [0.0, -1.0, 0.0, y], [0.0, 0.0, -1.0, z], [0.0, 0.0, 0.0, 1.0]]
+    pose = [
+        [1.0, 0.0, 0.0, x + index * _STEP_M],
+        [0.0, -1.0, 0.0, y],
+        [0.0, 0.0, -1.0, z],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
     return {"intrinsics": _INTRINSICS, "T_world_camera": pose}
 
 
@@ -84,7 +96,11 @@ EXAMPLES: dict[str, dict[str, Any]] = {
         "history": [{"before": _LINE_M, "action": _LIFTED, "after": _BENT_M}],
         "object": _CABLE,
     },
-    "adapt": {"name": "drawn-table", "labels": {"id": hashlib.sha256(_LABELS).hexdigest()}, "minutes": 1},
+    "adapt": {
+        "name": "drawn-table",
+        "labels": {"id": hashlib.sha256(_LABELS).hexdigest()},
+        "minutes": 1,
+    },
     "import_network": {"name": "brightness", "file": {"id": hashlib.sha256(_NETWORK).hexdigest()}},
     "noop": {"hold_s": 0.5},
 }
@@ -104,4 +120,7 @@ RECIPE: dict[str, Any] = {
 
 def documented() -> dict[str, dict[str, Any]]:
     """As OpenAPI lists the examples of a body."""
-    return {kind: {"summary": kind, "value": {"kind": kind, **fields}} for kind, fields in EXAMPLES.items()}
+    return {
+        kind: {"summary": kind, "value": {"kind": kind, **fields}}
+        for kind, fields in EXAMPLES.items()
+    }

@@ -1,4 +1,5 @@
-"""Pydantic's errors in the names that the user wrote: ``params.neighbors``, without ``instances.`` before."""
+"""Pydantic's errors in the names that the user wrote: ``params.neighbors``, without ``instances.``
+before."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ Step = str | int
 
 
 class _Place(NamedTuple):
-    """Where an error is: the user's own path, and the union and its member that pydantic tried there."""
+    """Where an error is: the user's own path, and the union and its member that pydantic tried
+    there."""
 
     path: tuple[Step, ...]
     union: tuple[Step, ...] | None
@@ -24,17 +26,21 @@ class _Place(NamedTuple):
 
 
 def parameter_problems(errors: Iterable[Error]) -> list[FieldProblem]:
-    """Problems of path, query and header parameters; the first step of a place says only which of these."""
-    return [_problem(error, _Place(error["loc"][1:], None, None, {}), whole="request") for error in errors]
+    """Problems of path, query and header parameters; the first step of a place says only which of
+    these."""
+    return [
+        _problem(error, _Place(error["loc"][1:], None, None, {}), whole="request")
+        for error in errors
+    ]
 
 
 def body_problems(errors: Iterable[Error], given: object, *, whole: str) -> list[FieldProblem]:
     """Problems of a JSON body.
 
-    ``given`` is the parsed body: it tells the user's names from those of union members, which pydantic mixes
-    into an error's place. Of a union's members only the nearest is reported: the one with the fewest errors, where
-    what is missing counts twice: what is there names the member that was meant.
-    ``whole`` names the body itself, for errors of no single field.
+    ``given`` is the parsed body: it tells the user's names from those of union members, which
+    pydantic mixes into an error's place. Of a union's members only the nearest is reported: the one
+    with the fewest errors, where what is missing counts twice: what is there names the member that
+    was meant. ``whole`` names the body itself, for errors of no single field.
     """
     placed = [(error, _place(error, given)) for error in errors]
     counts: Counter[tuple[tuple[Step, ...] | None, Step | None]] = Counter()
@@ -52,9 +58,11 @@ def body_problems(errors: Iterable[Error], given: object, *, whole: str) -> list
 
 
 def _place(error: Error, given: object) -> _Place:
-    """Follow the error's place through the body: a step that is not there is the name of a union's member.
+    """Follow the error's place through the body: a step that is not there is the name of a union's
+    member.
 
-    Except the first, the tag of the request's ``kind``, and the last of an error about a missing field.
+    Except the first, the tag of the request's ``kind``, and the last of an error about a missing
+    field.
     """
     steps = error["loc"]
     if steps and isinstance(given, dict) and steps[0] == given.get("kind"):
@@ -76,14 +84,17 @@ def _place(error: Error, given: object) -> _Place:
 
 def _is_there(step: Step, here: object) -> bool:
     if isinstance(here, list):
-        return isinstance(step, int) and step < len(here)  # of a list of fixed length the end may be missing
+        return isinstance(step, int) and step < len(
+            here
+        )  # of a list of fixed length the end may be missing
     return isinstance(here, dict) and step in here
 
 
 def _problem(error: Error, place: _Place, *, whole: str) -> FieldProblem:
     """One error as a field and a message.
 
-    An error of a whole object (a rule between fields) names its field first in its message, in backticks.
+    An error of a whole object (a rule between fields) names its field first in its message, in
+    backticks.
     """
     path, message = place.path, error["msg"].removeprefix("Value error, ")
     match error["type"]:
@@ -94,7 +105,9 @@ def _problem(error: Error, place: _Place, *, whole: str) -> FieldProblem:
             message = f"Should be one of {error['ctx']['expected_tags']}"
         case "model_type":
             message = "Input should be an object"
-        case "value_error" if (named := re.match(r"`(\w+)`", message)) and (not path or place.names):
+        case "value_error" if (named := re.match(r"`(\w+)`", message)) and (
+            not path or place.names
+        ):
             path = (*path, place.names.get(named[1].lower(), named[1]))
     return FieldProblem(field=".".join(map(str, path)) or whole, message=message)
 

@@ -1,8 +1,10 @@
-"""Frames of a track over a WebSocket: the newest picture is looked at, older ones that wait are dropped.
+"""Frames of a track over a WebSocket: the newest picture is looked at, older ones that wait are
+dropped.
 
-A client sends a picture as a binary message; a text message before it, ``{"time_s": 12.5, "number": 7}``, tells when it
-was taken, and a number that its answer repeats. Each answer is a text message: a frame result with ``dropped``, the
-pictures passed over since the answer before; or ``{"problem": {…}}``, an RFC 9457 problem, and the stream goes on.
+A client sends a picture as a binary message; a text message before it, ``{"time_s": 12.5, "number":
+7}``, tells when it was taken, and a number that its answer repeats. Each answer is a text message:
+a frame result with ``dropped``, the pictures passed over since the answer before; or ``{"problem":
+{…}}``, an RFC 9457 problem, and the stream goes on.
 """
 
 from __future__ import annotations
@@ -80,8 +82,12 @@ async def serve(socket: WebSocket, backend: Backend, caller: Caller, track_id: s
         while (taken := await newest.take()) is not None:
             number = taken.about.number
             try:
-                frame = await frames.answer(backend, caller, track_id, {"image": taken.picture}, taken.about.time_s)
-                answer = StreamedFrame(**dict(frame), number=number, dropped=taken.dropped).model_dump_json()
+                frame = await frames.answer(
+                    backend, caller, track_id, {"image": taken.picture}, taken.about.time_s
+                )
+                answer = StreamedFrame(
+                    **dict(frame), number=number, dropped=taken.dropped
+                ).model_dump_json()
             except TrackUnknown as error:
                 await socket.send_text(_problem(error, number))
                 await socket.close(_GOING_AWAY)
@@ -115,7 +121,9 @@ async def _read(socket: WebSocket, newest: _Newest, most_bytes: int) -> None:
                 if len(picture) <= most_bytes:
                     newest.put(picture, sent)
                     continue
-                fault = field_error("image", f"is larger than {most_bytes} bytes", code="too_large", status=413)
+                fault = field_error(
+                    "image", f"is larger than {most_bytes} bytes", code="too_large", status=413
+                )
                 await socket.send_text(_problem(fault, sent.number))
             except ProblemError as error:
                 await socket.send_text(_problem(error))

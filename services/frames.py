@@ -8,7 +8,14 @@ from datetime import UTC, datetime
 from functools import partial
 
 from anyio import to_thread
-from dlo_client.contracts import FrameResult, ImageRef, InstancesRequest, InstancesResult, TrackInfo, TrackOptions
+from dlo_client.contracts import (
+    FrameResult,
+    ImageRef,
+    InstancesRequest,
+    InstancesResult,
+    TrackInfo,
+    TrackOptions,
+)
 from pydantic import ValidationError
 from pydantic_core import from_json
 
@@ -46,7 +53,11 @@ def described(record: TrackRecord) -> TrackInfo:
 
 
 async def answer(
-    backend: Backend, caller: Caller, track_id: str, pictures: dict[str, bytes], time_s: float | None
+    backend: Backend,
+    caller: Caller,
+    track_id: str,
+    pictures: dict[str, bytes],
+    time_s: float | None,
 ) -> FrameResult:
     """What the ``pictures`` (``image``, ``mask``, ``depth``) of the next frame show.
 
@@ -60,7 +71,9 @@ async def answer(
     try:
         record = await backend.tracks.get(track_id)
         async with _staged(backend, pictures) as staged:
-            request = _request(caller, options, record, {name: one.blob_id for name, one in staged.items()}, time_s)
+            request = _request(
+                caller, options, record, {name: one.blob_id for name, one in staged.items()}, time_s
+            )
             job = await _run(backend, caller, request, list(staged.values()))
             result = _result(job)
         frame = _frame(result, time_s)
@@ -92,7 +105,11 @@ async def _staged(backend: Backend, pictures: dict[str, bytes]) -> AsyncIterator
 
 
 def _request(
-    caller: Caller, options: TrackOptions, record: TrackRecord, ids: dict[str, str], time_s: float | None
+    caller: Caller,
+    options: TrackOptions,
+    record: TrackRecord,
+    ids: dict[str, str],
+    time_s: float | None,
 ) -> InstancesRequest:
     given = options.model_dump(exclude_none=True, exclude={"label"})
     if "mask" in ids:
@@ -109,11 +126,15 @@ def _request(
     try:
         return InstancesRequest.model_validate(fields)
     except ValidationError as error:
-        found = body_problems(error.errors(include_url=False, include_input=False), fields, whole="frame")
+        found = body_problems(
+            error.errors(include_url=False, include_input=False), fields, whole="frame"
+        )
         raise fields_error(found, len(found)) from None
 
 
-async def _run(backend: Backend, caller: Caller, request: InstancesRequest, staged: list[Staged]) -> JobRecord:
+async def _run(
+    backend: Backend, caller: Caller, request: InstancesRequest, staged: list[Staged]
+) -> JobRecord:
     """The ended job of a frame."""
 
     def keep() -> None:
@@ -121,7 +142,11 @@ async def _run(backend: Backend, caller: Caller, request: InstancesRequest, stag
             one.keep()
 
     put = partial(
-        backend.queue.put, Entry.of(request), keep=keep, origin=origin(caller.owner), most_jobs=caller.most_jobs
+        backend.queue.put,
+        Entry.of(request),
+        keep=keep,
+        origin=origin(caller.owner),
+        most_jobs=caller.most_jobs,
     )
     job_id, _ = await to_thread.run_sync(put)
     try:
@@ -142,7 +167,11 @@ def _result(record: JobRecord) -> InstancesResult:
         if problem is None:
             raise ProblemError(409, "frame_cancelled", "the job of this frame was cancelled")
         raise ProblemError(
-            problem.status, problem.code, problem.detail, errors=problem.errors, incident=problem.incident
+            problem.status,
+            problem.code,
+            problem.detail,
+            errors=problem.errors,
+            incident=problem.incident,
         )
     return InstancesResult.model_validate_json(record.result)
 

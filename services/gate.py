@@ -1,8 +1,9 @@
 """Before any route: who may reach this service at all, and how slowly a body may come.
 
-Strategy: without API keys everybody who reaches the service may use it. So then only this machine may: by the
-address that the connection came in on, however the server was started; and a web page that somebody on this
-machine looks at may not, neither by naming us (``Origin``) nor by a name of its own that leads here (``Host``).
+Strategy: without API keys everybody who reaches the service may use it. So then only this machine
+may: by the address that the connection came in on, however the server was started; and a web page
+that somebody on this machine looks at may not, neither by naming us (``Origin``) nor by a name of
+its own that leads here (``Host``).
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ class Gate:
         if self._settings.has_keys and not allowed:
             return
         if not _names_us(host, allowed):
-            detail = f"this service does not answer for the host {host[:100]!r}; see DLO_ALLOWED_HOSTS"
+            detail = (
+                f"this service does not answer for the host {host[:100]!r}; see DLO_ALLOWED_HOSTS"
+            )
             raise ProblemError(421, "foreign_host", detail)
 
     def _check_origin(self, headers: Headers, method: str) -> None:
@@ -57,8 +60,12 @@ class Gate:
         origin, host = headers.get("origin"), headers.get("host", "")
         own = origin is None or _is_ours(origin, host, self._settings.allowed_hosts)
         followed = headers.get("sec-fetch-mode") == "navigate" and method in _SAFE_METHODS
-        if not own or (headers.get("sec-fetch-site") == "cross-site" and origin is None and not followed):
-            raise ProblemError(403, "foreign_origin", "a web page from elsewhere may not use this service")
+        if not own or (
+            headers.get("sec-fetch-site") == "cross-site" and origin is None and not followed
+        ):
+            raise ProblemError(
+                403, "foreign_origin", "a web page from elsewhere may not use this service"
+            )
 
 
 class _Paced:
@@ -80,17 +87,23 @@ class _Paced:
             raise _too_slow() from None
         self._bytes += len(message.get("body", b""))
         self._whole = not message.get("more_body", False)
-        if not self._whole and time.monotonic() - self._started > _GRACE_S + self._bytes / _SLOWEST_BYTES_S:
+        if (
+            not self._whole
+            and time.monotonic() - self._started > _GRACE_S + self._bytes / _SLOWEST_BYTES_S
+        ):
             raise _too_slow()
         return message
 
 
 def _too_slow() -> ProblemError:
-    return ProblemError(408, "too_slow", "the body came too slowly", headers={"Connection": "close"})
+    return ProblemError(
+        408, "too_slow", "the body came too slowly", headers={"Connection": "close"}
+    )
 
 
 def _check_network(scope: Scope) -> None:
-    """``server`` is the address that the connection came in on; a name there is a test's, a path a socket's."""
+    """``server`` is the address that the connection came in on; a name there is a test's, a path a
+    socket's."""
     address, _ = scope.get("server") or ("", None)
     if _leads_elsewhere(address):
         detail = "without API keys this service answers its own machine only; see DLO_API_KEYS_FILE"

@@ -11,7 +11,8 @@ _OWN = (
 _ALWAYS = "base-uri 'self'; frame-ancestors 'none'"
 _VIEWER = f"{_OWN}; script-src 'self'; style-src 'self'; {_ALWAYS}"
 _DOCUMENTATION = (
-    f"{_OWN}; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; worker-src blob:; {_ALWAYS}"
+    f"{_OWN}; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; "
+    f"worker-src blob:; {_ALWAYS}"
 )
 """Its pages, which FastAPI writes, hold a script."""
 

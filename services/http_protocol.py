@@ -16,8 +16,8 @@ from services.problems import ProblemError, response_of
 
 HEADERS_WITHIN_S = 15.0
 KEEP_ALIVE_S = 20
-"""An idle connection stays for longer than clients use it again (httpx for 5 s, as uvicorn does, aiohttp for 15): a
-request would now and then meet its closing."""
+"""An idle connection stays for longer than clients use it again (httpx for 5 s, as uvicorn does,
+aiohttp for 15): a request would now and then meet its closing."""
 REST_WITHIN_S = 10.0
 """For the rest of a body whose request is already answered."""
 
@@ -27,7 +27,8 @@ _DESCRIPTORS_EACH = 2  # a request that waits holds a connection to the queue as
 
 
 def connection_limit(asked: int) -> int:
-    """What was asked for, but never more than there are descriptors for; raises their limit if it can."""
+    """What was asked for, but never more than there are descriptors for; raises their limit if it
+    can."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = _DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, _DESCRIPTORS)
     if soft < most:
@@ -37,7 +38,8 @@ def connection_limit(asked: int) -> int:
 
 
 class BoundedHttp(HttpToolsProtocol):
-    """uvicorn's protocol with a limit on connections and on the time for headers and left-over bodies."""
+    """uvicorn's protocol with a limit on connections and on the time for headers and left-over
+    bodies."""
 
     most = sys.maxsize
     """Set by :func:`limit_connections`."""
@@ -97,8 +99,13 @@ def limit_connections(asked: int) -> None:
 
 def _full() -> bytes:
     problem = ProblemError(
-        503, "too_many_connections", "the service has as many connections as it may", headers={"Retry-After": "2"}
+        503,
+        "too_many_connections",
+        "the service has as many connections as it may",
+        headers={"Retry-After": "2"},
     )
     response = response_of(problem)
     lines = [b"%s: %s\r\n" % header for header in response.raw_headers]
-    return b"".join([b"HTTP/1.1 503 Service Unavailable\r\n", *lines, b"\r\n", bytes(response.body)])
+    return b"".join(
+        [b"HTTP/1.1 503 Service Unavailable\r\n", *lines, b"\r\n", bytes(response.body)]
+    )

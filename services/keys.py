@@ -30,7 +30,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import structlog
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, PositiveInt, TypeAdapter, ValidationError
+from pydantic import (
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveInt,
+    TypeAdapter,
+    ValidationError,
+)
 
 Scope = Literal["read", "submit", "admin"]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -68,11 +76,14 @@ _KEYS = TypeAdapter(dict[Literal["keys"], tuple[Key, ...]])
 
 
 class KeyRing:
-    """The keys that open: those of the file, and those whose hashes are settings, which may do everything."""
+    """The keys that open: those of the file, and those whose hashes are settings, which may do
+    everything."""
 
     def __init__(self, hashes: tuple[str, ...], file: Path | None) -> None:
         """Raises ValueError or OSError if the file cannot be used."""
-        self._fixed = tuple(Key(name=f"key-{digest[:8]}", sha256=digest, scopes=SCOPES) for digest in hashes)
+        self._fixed = tuple(
+            Key(name=f"key-{digest[:8]}", sha256=digest, scopes=SCOPES) for digest in hashes
+        )
         self._file = file
         self._looked = time.monotonic()
         self._version = _version(file) if file else None
@@ -83,7 +94,9 @@ class KeyRing:
         self._look()
         digest = hashlib.sha256(presented.encode()).hexdigest()
         keys = (*self._fixed, *self._read)
-        matches = [key for key in keys if hmac.compare_digest(digest, key.sha256)]  # all: time tells nothing
+        matches = [
+            key for key in keys if hmac.compare_digest(digest, key.sha256)
+        ]  # all: time tells nothing
         return next((key for key in matches if not key.expired), None)
 
     def _look(self) -> None:
@@ -104,9 +117,13 @@ class KeyRing:
 def read(file: Path) -> tuple[Key, ...]:
     """The keys of a file; raises OSError, or ValueError that says what is wrong with it."""
     try:
-        keys = _KEYS.validate_python(tomllib.loads(file.read_text(encoding="utf-8"))).get("keys", ())
+        keys = _KEYS.validate_python(tomllib.loads(file.read_text(encoding="utf-8"))).get(
+            "keys", ()
+        )
     except ValidationError as error:
-        where = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()[:3])
+        where = "; ".join(
+            f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()[:3]
+        )
         raise ValueError(f"{file}: {where}") from None
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
@@ -122,7 +139,9 @@ def add(file: Path, name: str, scopes: tuple[Scope, ...]) -> str:
     quoted = ", ".join(f'"{scope}"' for scope in made.scopes)
     file.touch(0o600)
     with file.open("a", encoding="utf-8") as out:
-        out.write(f'\n[[keys]]\nname = "{made.name}"\nsha256 = "{made.sha256}"\nscopes = [{quoted}]\n')
+        out.write(
+            f'\n[[keys]]\nname = "{made.name}"\nsha256 = "{made.sha256}"\nscopes = [{quoted}]\n'
+        )
     return key
 
 
@@ -133,10 +152,14 @@ def _version(file: Path) -> tuple[int, int, int]:
 
 def main() -> None:
     """Make a key."""
-    parser = argparse.ArgumentParser(prog="python -m services.keys", description="Make an API key and print it.")
+    parser = argparse.ArgumentParser(
+        prog="python -m services.keys", description="Make an API key and print it."
+    )
     parser.add_argument("file", type=Path)
     parser.add_argument("name", help="the owner of its jobs")
-    parser.add_argument("--scope", dest="scopes", action="append", choices=SCOPES, help="default: read and submit")
+    parser.add_argument(
+        "--scope", dest="scopes", action="append", choices=SCOPES, help="default: read and submit"
+    )
     arguments = parser.parse_args()
     print(add(arguments.file, arguments.name, tuple(arguments.scopes or ("read", "submit"))))
 

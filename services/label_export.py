@@ -1,4 +1,5 @@
-"""Labels in the formats of other tools: written by the SDK in a process of its own, answered as an archive."""
+"""Labels in the formats of other tools: written by the SDK in a process of its own, answered as an
+archive."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ from pydantic import ValidationError
 from services.problems import ProblemError, field_error
 
 ExportFormat = Literal["coco", "coco-polygons", "cvat", "label-studio", "png", "yolo", "json"]
-"""YOLO's folder holds the pictures too: ``images.json`` in its archive says where each of them belongs."""
+"""YOLO's folder holds the pictures too: ``images.json`` in its archive says where each of them
+belongs."""
 MEDIA_TYPE = "application/zip"
 
 _AT_ONCE = 1
@@ -35,7 +37,8 @@ class LabelExports:
         self._limiter = CapacityLimiter(_AT_ONCE)
 
     async def archive(self, name: ExportFormat, lines: bytes) -> bytes:
-        """A ZIP of what the format's writer makes of labels, one in each line. Raises ProblemError."""
+        """A ZIP of what the format's writer makes of labels, one in each line. Raises
+        ProblemError."""
         await to_thread.run_sync(_check, lines)
         async with self._limiter:
             with tempfile.TemporaryDirectory(prefix="labels-") as folder:
@@ -57,21 +60,32 @@ def _check(lines: bytes) -> None:
         except ValidationError as error:
             first = error.errors(include_url=False, include_input=False)[0]
             place = ".".join(str(step) for step in first["loc"])
-            raise field_error("labels", f"line {number} is no label: {place} {first['msg']}") from None
+            raise field_error(
+                "labels", f"line {number} is no label: {place} {first['msg']}"
+            ) from None
 
 
 async def _written(name: ExportFormat, source: Path, out: Path) -> None:
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "dlo_client.labelling.convert", name, str(source), str(out),
-        stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE, preexec_fn=_limited,
-    )  # fmt: skip
+        sys.executable,
+        "-m",
+        "dlo_client.labelling.convert",
+        name,
+        str(source),
+        str(out),
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+        preexec_fn=_limited,
+    )
     try:
         async with asyncio.timeout(_WITHIN_S):
             _, told = await process.communicate()
     except TimeoutError:
         process.kill()
         await process.wait()
-        raise field_error("labels", f"took longer than {_WITHIN_S:g} s to write", status=422) from None
+        raise field_error(
+            "labels", f"took longer than {_WITHIN_S:g} s to write", status=422
+        ) from None
     if process.returncode == 0:
         return
     reason = told.decode(errors="replace").strip()[-_LONGEST_REASON:]

@@ -1,7 +1,9 @@
-"""Label folders that `dlo label` filled, for the label bench: read, and saved so that nobody overwrites another's work.
+"""Label folders that `dlo label` filled, for the label bench: read, and saved so that nobody
+overwrites another's work.
 
-A changed label is a draft until somebody confirms it; then it is a correction, as ``dlo label-import`` files it. Drafts
-train nothing. Names are those of the folder's ledger, so no path leads out of it.
+A changed label is a draft until somebody confirms it; then it is a correction, as ``dlo
+label-import`` files it. Drafts train nothing. Names are those of the folder's ledger, so no path
+leads out of it.
 """
 
 from __future__ import annotations
@@ -18,7 +20,13 @@ from threading import Lock
 from typing import Literal
 
 from dlo_client.labelling.labels import PictureLabel
-from dlo_client.labelling.sources import PictureUnreadable, SourceError, SourcePicture, find_pictures, read_still
+from dlo_client.labelling.sources import (
+    PictureUnreadable,
+    SourceError,
+    SourcePicture,
+    find_pictures,
+    read_still,
+)
 from dlo_client.labelling.store import (
     LEDGER,
     Entry,
@@ -66,7 +74,11 @@ class LabelFolders:
     def entries(self, folder: str) -> list[tuple[Entry, State]]:
         """Every picture that has a label. Raises ProblemError."""
         with self._store(folder) as store:
-            return [(e, _state(store.folder, e.name)) for e in store.entries().values() if e.state != "failed"]
+            return [
+                (e, _state(store.folder, e.name))
+                for e in store.entries().values()
+                if e.state != "failed"
+            ]
 
     def read(self, folder: str, name: str) -> Kept:
         """Raises ProblemError: unknown folder or picture."""
@@ -76,7 +88,8 @@ class LabelFolders:
     def write(self, folder: str, name: str, content: bytes, if_match: str) -> Kept:
         """Save a label if the one that is there is still the one that ``if_match`` names.
 
-        Raises ProblemError: 412 when it is another one by now; 409 for a label of another picture; 422.
+        Raises ProblemError: 412 when it is another one by now; 409 for a label of another picture;
+        422.
         """
         label = _label(content)
         with self._store(folder) as store:
@@ -84,8 +97,13 @@ class LabelFolders:
             _check_belongs(label, entry, store.label(name))
             with _locked(store.folder):
                 if _kept(store, entry).etag != if_match:
-                    raise ProblemError(412, "changed_meanwhile", "somebody else saved this label meanwhile")
-                _file(store.folder, label.model_copy(update={"name": name, "sha256": entry.sha256 or label.sha256}))
+                    raise ProblemError(
+                        412, "changed_meanwhile", "somebody else saved this label meanwhile"
+                    )
+                _file(
+                    store.folder,
+                    label.model_copy(update={"name": name, "sha256": entry.sha256 or label.sha256}),
+                )
             return _kept(store, entry)
 
     def picture(self, folder: str, name: str) -> bytes:
@@ -94,13 +112,19 @@ class LabelFolders:
             entry, source = _entry(store, name), store.source()
         picture = self._pictures(source).get(name) if source else None
         if picture is None:
-            raise ProblemError(404, "unknown_image", "the picture is no longer where it was labelled")
+            raise ProblemError(
+                404, "unknown_image", "the picture is no longer where it was labelled"
+            )
         try:
             content, _ = read_still(picture)
         except PictureUnreadable as error:
-            raise ProblemError(404, "unknown_image", f"the picture cannot be read: {error}") from None
+            raise ProblemError(
+                404, "unknown_image", f"the picture cannot be read: {error}"
+            ) from None
         if entry.sha256 and hashlib.sha256(content).hexdigest() != entry.sha256:
-            raise ProblemError(409, "other_image", "the picture has other bytes than the one that was labelled")
+            raise ProblemError(
+                409, "other_image", "the picture has other bytes than the one that was labelled"
+            )
         return content
 
     @contextmanager
@@ -114,7 +138,8 @@ class LabelFolders:
             raise ProblemError(409, "unreadable_folder", str(error)) from None
 
     def _pictures(self, source: str) -> dict[str, SourcePicture]:
-        """By name; going through a large folder for every picture would take longer than reading it."""
+        """By name; going through a large folder for every picture would take longer than reading
+        it."""
         with self._guard:
             made, found = self._sources.get(source, (0.0, {}))
             if time.monotonic() - made > _SOURCE_KEPT_S or not found:
@@ -142,7 +167,9 @@ def _state(folder: Path, name: str) -> State:
 def _kept(store: LabelStore, entry: Entry) -> Kept:
     state = _state(store.folder, entry.name)
     files = {"changed": draft_file, "confirmed": corrected_file}
-    file = files[state](store.folder, entry.name) if state in files else store.label_file(entry.name)
+    file = (
+        files[state](store.folder, entry.name) if state in files else store.label_file(entry.name)
+    )
     try:
         return Kept(file.read_bytes(), state)
     except OSError as error:
@@ -176,7 +203,8 @@ def _file(folder: Path, label: PictureLabel) -> None:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Between comparing a label and replacing it nobody else does either, whichever replica answers."""
+    """Between comparing a label and replacing it nobody else does either, whichever replica
+    answers."""
     with (folder / _LOCK).open("a") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

@@ -1,6 +1,7 @@
 """What Prometheus reads. Jobs, queues and workers are read from the queue server at each scrape.
 
-So every replica of the service exports the same about them; request durations are each replica's own.
+So every replica of the service exports the same about them; request durations are each replica's
+own.
 """
 
 from __future__ import annotations
@@ -11,7 +12,12 @@ from typing import TypeVar
 
 from dlo_client.version import __version__
 from prometheus_client import CollectorRegistry, Histogram, PlatformCollector, ProcessCollector
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
 from prometheus_client.registry import Collector
 
 from workers.measures import COUNTERS, HISTOGRAMS, Measures
@@ -32,7 +38,8 @@ def registry(queue: JobQueue) -> CollectorRegistry:
 
 
 class RequestDurations:
-    """Seconds from a request's first byte to the end of its answer, by route template and status class."""
+    """Seconds from a request's first byte to the end of its answer, by route template and status
+    class."""
 
     def __init__(self, registry: CollectorRegistry) -> None:
         self._histogram = Histogram(
@@ -89,7 +96,9 @@ def _workers(workers: list[WorkerInfo]) -> Iterator[Metric]:
     for state in ("starting", "idle", "busy"):
         gauge.add_metric((state,), states[state])
     yield gauge
-    memory = GaugeMetricFamily("dlo_worker_memory_bytes", "Memory of a worker's child", labels=("worker",))
+    memory = GaugeMetricFamily(
+        "dlo_worker_memory_bytes", "Memory of a worker's child", labels=("worker",)
+    )
     for worker in workers:
         memory.add_metric((worker.name,), worker.memory_mb * 2**20)
     yield memory
@@ -119,7 +128,11 @@ def _named(values: Mapping[tuple[str, ...], T], name: str) -> list[tuple[tuple[s
     return sorted((item for item in values.items() if item[0][0] == name), key=lambda item: item[0])
 
 
-_EXPORTED = {"owner": "dlo_owner_jobs", "owner_seconds": "dlo_owner_seconds", "webhook": "dlo_webhooks"}
+_EXPORTED = {
+    "owner": "dlo_owner_jobs",
+    "owner_seconds": "dlo_owner_seconds",
+    "webhook": "dlo_webhooks",
+}
 
 
 def _state(worker: WorkerInfo) -> str:

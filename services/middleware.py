@@ -1,4 +1,5 @@
-"""Around every request: its id, one line in the log, its duration, and an answer to what nobody caught."""
+"""Around every request: its id, one line in the log, its duration, and an answer to what nobody
+caught."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ _SAFE_ID = re.compile(r"[\w.:/+=-]{1,128}", re.ASCII)
 
 
 class Requests:
-    """ASGI middleware; outermost, so that the answer to an error of ours carries the request's id too."""
+    """ASGI middleware; outermost, so that the answer to an error of ours carries the request's id
+    too."""
 
     def __init__(self, app: ASGIApp, durations: RequestDurations) -> None:
         self._app = app
@@ -71,7 +73,8 @@ class Requests:
 
 
 async def _streamed(app: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
-    """A WebSocket; one that is refused before it is accepted is closed with the problem's code as the reason."""
+    """A WebSocket; one that is refused before it is accepted is closed with the problem's code as
+    the reason."""
     accepted = False
 
     async def noting_send(message: Message) -> None:

@@ -47,10 +47,11 @@ async def whole(request: Request, *, field: str, max_bytes: int) -> bytes:
 
 
 async def parts(request: Request, allowed: Mapping[str, Allowed]) -> AsyncGenerator[Part]:
-    """The parts of a multipart body as they arrive, so that only one of them is in memory at a time.
+    """The parts of a multipart body as they arrive, so that only one of them is in memory at a
+    time.
 
-    Raises:
-        ProblemError: for a part that is not in ``allowed``, one too many, one too large, or a broken body.
+    Raises: ProblemError: for a part that is not in ``allowed``, one too many, one too large, or a
+        broken body.
     """
     reader = _PartReader(request.headers["content-type"], allowed)
     async for chunk in request.stream():
@@ -92,8 +93,12 @@ class _PartReader:
                 boundary,
                 {
                     "on_part_begin": self._begin,
-                    "on_header_field": lambda data, start, end: self._header[0].extend(data[start:end]),
-                    "on_header_value": lambda data, start, end: self._header[1].extend(data[start:end]),
+                    "on_header_field": lambda data, start, end: self._header[0].extend(
+                        data[start:end]
+                    ),
+                    "on_header_value": lambda data, start, end: self._header[1].extend(
+                        data[start:end]
+                    ),
                     "on_header_end": self._end_header,
                     "on_headers_finished": self._open,
                     "on_part_data": self._add,
@@ -115,13 +120,17 @@ class _PartReader:
         self._header = (bytearray(), bytearray())
 
     def _open(self) -> None:
-        name = parse_options_header(self._disposition)[1].get(b"name", b"").decode("utf-8", "replace")
+        name = (
+            parse_options_header(self._disposition)[1].get(b"name", b"").decode("utf-8", "replace")
+        )
         if name not in self._allowed:
             raise field_error(name or "body", f"unknown part; known: {', '.join(self._allowed)}")
         self._seen[name] += 1
         most = self._allowed[name].parts
         if self._seen[name] > most:
-            raise field_error(name, f"at most {most} part(s) of this name are taken", code="too_many_parts")
+            raise field_error(
+                name, f"at most {most} part(s) of this name are taken", code="too_many_parts"
+            )
         self._name = name
 
     def _add(self, data: bytes, start: int, end: int) -> None:

@@ -1,4 +1,5 @@
-"""The documents of the viewer: what is in ``pages``, each within the one frame that all of them share."""
+"""The documents of the viewer: what is in ``pages``, each within the one frame that all of them
+share."""
 
 from __future__ import annotations
 

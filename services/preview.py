@@ -1,6 +1,7 @@
 """A picture small enough to look at, for browsers that cannot decode it themselves (TIFF, 16 bits).
 
-Decoding is done in a process of its own, with a limit on its memory: a hostile file harms nobody else.
+Decoding is done in a process of its own, with a limit on its memory: a hostile file harms nobody
+else.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ class Previews:
         self._limiter = CapacityLimiter(_AT_ONCE)
 
     async def of(self, data: bytes) -> bytes:
-        """PNG of the upright picture, of 8 bits, at most ``LONGEST_PX`` wide and high; raises PictureError."""
+        """PNG of the upright picture, of 8 bits, at most ``LONGEST_PX`` wide and high; raises
+        PictureError."""
         async with self._limiter:
             return await to_process.run_sync(_limited_preview, data, cancellable=True)
 
@@ -55,10 +57,15 @@ def _limited_preview(data: bytes) -> bytes:
 
 
 def _eight_bits(image: Image.Image) -> Image.Image:
-    """RGB; gray of more bits, often 10 or 12 of 16, is scaled by the power of two above its maximum, floats by 1."""
+    """RGB; gray of more bits, often 10 or 12 of 16, is scaled by the power of two above its
+    maximum, floats by 1."""
     if image.mode not in _WIDE:
         return image.convert("RGB")
     wide = image.convert("F")
     _, highest = cast(tuple[float, float], wide.getextrema())
-    full = 1.0 if image.mode == "F" and highest <= 1 else max(255.0, 2.0 ** int(highest).bit_length() - 1)
+    full = (
+        1.0
+        if image.mode == "F" and highest <= 1
+        else max(255.0, 2.0 ** int(highest).bit_length() - 1)
+    )
     return wide.point(lambda value: value * (255.0 / full) + 0.0).convert("L").convert("RGB")

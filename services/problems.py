@@ -1,4 +1,5 @@
-"""Every error of the service is an RFC 9457 problem; :func:`problem_of` is the one table of them."""
+"""Every error of the service is an RFC 9457 problem; :func:`problem_of` is the one table of
+them."""
 
 from __future__ import annotations
 
@@ -53,14 +54,17 @@ class ProblemError(Exception):
         )
 
 
-def field_error(field: str, message: str, *, code: str = "invalid_request", status: int = 422) -> ProblemError:
+def field_error(
+    field: str, message: str, *, code: str = "invalid_request", status: int = 422
+) -> ProblemError:
     """The problem of a request with one field at fault."""
     error = _bounded(FieldProblem(field=field, message=message))
     return ProblemError(status, code, f"{error.field}: {error.message}", errors=[error])
 
 
 def fields_error(errors: list[FieldProblem], count: int) -> ProblemError:
-    """The problem of a request with ``count`` fields at fault, the first in ``errors``, three in ``detail`` too."""
+    """The problem of a request with ``count`` fields at fault, the first in ``errors``, three in
+    ``detail`` too."""
     named = [_bounded(error) for error in errors[:MOST_ERRORS]]
     detail = "; ".join(f"{error.field}: {error.message}" for error in named[:3])
     more = f" (and {count - 3} more)" if count > 3 else ""
@@ -69,7 +73,9 @@ def fields_error(errors: list[FieldProblem], count: int) -> ProblemError:
 
 def _bounded(error: FieldProblem) -> FieldProblem:
     """Names and messages may quote what the caller sent."""
-    return FieldProblem(field=_clipped(error.field, _FIELD_LENGTH), message=_clipped(error.message, _MESSAGE_LENGTH))
+    return FieldProblem(
+        field=_clipped(error.field, _FIELD_LENGTH), message=_clipped(error.message, _MESSAGE_LENGTH)
+    )
 
 
 def _clipped(text: str, length: int) -> str:
@@ -77,7 +83,8 @@ def _clipped(text: str, length: int) -> str:
 
 
 def problem_of(error: Exception) -> ProblemError:
-    """Sort ``error`` by whose fault it is. What is not known is ours, and in the log with its incident id."""
+    """Sort ``error`` by whose fault it is. What is not known is ours, and in the log with its
+    incident id."""
     match error:
         case ProblemError():
             return error
@@ -90,16 +97,22 @@ def problem_of(error: Exception) -> ProblemError:
         case JobUnknown():
             return ProblemError(404, "unknown_job", "no job has this id")
         case JobGone():
-            return ProblemError(410, "job_expired", "the job has ended and its result is no longer kept")
+            return ProblemError(
+                410, "job_expired", "the job has ended and its result is no longer kept"
+            )
         case NetworkUnknownError():
-            return ProblemError(404, "unknown_network", "no network that was adapted or brought here has this name")
+            return ProblemError(
+                404, "unknown_network", "no network that was adapted or brought here has this name"
+            )
         case TrackUnknown():
             return ProblemError(404, "unknown_track", "no track has this id (any longer)")
         case TrackBusy():
             detail = "another frame of this track is being looked at; send one after the other"
             return _retry(409, "track_busy", detail, 1.0)
         case TracksFull():
-            return _retry(429, "too_many_tracks", f"{error}; end those that are over", error.retry_after_s)
+            return _retry(
+                429, "too_many_tracks", f"{error}; end those that are over", error.retry_after_s
+            )
         case BlobMissing():
             return ProblemError(410, "file_expired", "the file is no longer kept")
         case IdempotencyConflict():
@@ -107,20 +120,39 @@ def problem_of(error: Exception) -> ProblemError:
             return field_error("Idempotency-Key", message, code="idempotency_conflict", status=409)
         case NoRoomError():
             log.warning("no room on the disk", error=str(error))
-            return _retry(507, "storage_full", "the disk of the service is too full for this; try again later", 60.0)
+            return _retry(
+                507,
+                "storage_full",
+                "the disk of the service is too full for this; try again later",
+                60.0,
+            )
         case BlobsUnreachableError():
             log.error("pictures not reachable", error=str(error))
-            return _retry(503, "storage_unavailable", "the store of pictures cannot be reached; try again later", 2.0)
+            return _retry(
+                503,
+                "storage_unavailable",
+                "the store of pictures cannot be reached; try again later",
+                2.0,
+            )
         case QuotaExceededError():
-            return _retry(507, "quota_exceeded", "this API key keeps as many bytes as it may; try again later", 3600.0)
+            return _retry(
+                507,
+                "quota_exceeded",
+                "this API key keeps as many bytes as it may; try again later",
+                3600.0,
+            )
         case OSError() if error.errno in (errno.EMFILE, errno.ENFILE):
             log.warning("out of file descriptors")
-            return _retry(503, "overloaded", "the service does too much at once; try again later", 2.0)
+            return _retry(
+                503, "overloaded", "the service does too much at once; try again later", 2.0
+            )
         case QueueFull():
             return _retry(429, "queue_full", f"{error}; try again later", error.retry_after_s)
         case RedisError():
             log.warning("queue not reachable", error=str(error))
-            return _retry(503, "queue_unavailable", "the queue cannot be reached; try again later", 1.0)
+            return _retry(
+                503, "queue_unavailable", "the queue cannot be reached; try again later", 1.0
+            )
         case _:
             return _internal(error)
 
@@ -132,7 +164,9 @@ def _retry(status: int, code: str, detail: str, after_s: float) -> ProblemError:
 def _internal(error: Exception) -> ProblemError:
     incident = uuid.uuid4().hex
     log.error("incident", incident=incident, exc_info=error)
-    return ProblemError(500, "internal", "an error of the service, not of the request", incident=incident)
+    return ProblemError(
+        500, "internal", "an error of the service, not of the request", incident=incident
+    )
 
 
 def response_of(error: ProblemError) -> Response:
@@ -150,7 +184,8 @@ async def _answer(_: Request, error: Exception) -> Response:
 
 
 def install(app: FastAPI) -> None:
-    """Let ``app`` answer the errors that are known by type; the others reach :mod:`services.middleware`."""
+    """Let ``app`` answer the errors that are known by type; the others reach
+    :mod:`services.middleware`."""
     known = (
         ProblemError,
         RequestValidationError,

@@ -9,7 +9,8 @@ from workers.record import TRAINING
 
 
 def hindrance(queue: JobQueue) -> str | None:
-    """Why jobs would not run; None when the queue answers and a live worker has warmed its networks."""
+    """Why jobs would not run; None when the queue answers and a live worker has warmed its
+    networks."""
     try:
         workers = queue.workers()
         apart, outsider = queue.apart(), queue.outsider()

@@ -1,4 +1,5 @@
-"""A recipe of a job: its request without pictures, which become the samples that the recipe is tried with."""
+"""A recipe of a job: its request without pictures, which become the samples that the recipe is
+tried with."""
 
 from __future__ import annotations
 
@@ -11,18 +12,33 @@ from dlo_client.contracts.recipes import CameraBody, Recipe, RecipeBody, Sample,
 
 from services.problems import ProblemError
 
-_OF_ONE_JOB = ("image", "mask", "depth", "previous", "time_s", "label", "webhook_url", "default_model", "output")
+_OF_ONE_JOB = (
+    "image",
+    "mask",
+    "depth",
+    "previous",
+    "time_s",
+    "label",
+    "webhook_url",
+    "default_model",
+    "output",
+)
 """Fields that say nothing of the next job."""
 
 _LONGEST_NAME = 100
 
 
 def recipe_of_job(job: AnyJob, request: AnyRequest, cameras: Sequence[StoredCamera]) -> RecipeBody:
-    """A recipe that repeats ``job`` on other pictures. Of its fields those stay that are not the default; an output's
-    camera becomes the one of ``cameras`` with the same calibration. Raises ProblemError for a kind without pictures."""
+    """A recipe that repeats ``job`` on other pictures. Of its fields those stay that are not the
+    default; an output's camera becomes the one of ``cameras`` with the same calibration. Raises
+    ProblemError for a kind without pictures."""
     fields = request.model_dump(mode="json", exclude_defaults=True)
     if not {"image", "views"} & set(type(request).model_fields):
-        raise ProblemError(409, "no_pictures", f"{job.kind} takes no pictures: there is nothing for a recipe to repeat")
+        raise ProblemError(
+            409,
+            "no_pictures",
+            f"{job.kind} takes no pictures: there is nothing for a recipe to repeat",
+        )
     for name in _OF_ONE_JOB:
         fields.pop(name, None)
     for view in fields.get("views", []):
@@ -30,9 +46,14 @@ def recipe_of_job(job: AnyJob, request: AnyRequest, cameras: Sequence[StoredCame
     output = request.output
     return RecipeBody(
         name=(job.label or job.kind)[:_LONGEST_NAME],
-        request={"kind": job.kind, **{name: value for name, value in fields.items() if value != {}}},
+        request={
+            "kind": job.kind,
+            **{name: value for name, value in fields.items() if value != {}},
+        },
         camera=_camera_of(output, cameras) if output else None,
-        output=OutputFrame(**{name: getattr(output, name) for name in OutputFrame.model_fields}) if output else None,
+        output=OutputFrame(**{name: getattr(output, name) for name in OutputFrame.model_fields})
+        if output
+        else None,
         samples=_samples(request),
     )
 
@@ -43,7 +64,8 @@ def body_of(recipe: Recipe) -> RecipeBody:
 
 
 def _samples(request: AnyRequest) -> list[Sample]:
-    """None where the request had more than pictures: without its mask or depth it would be another one."""
+    """None where the request had more than pictures: without its mask or depth it would be another
+    one."""
     if getattr(request, "mask", None) or getattr(request, "depth", None):
         return []
     views: list[CameraView] = getattr(request, "views", [])
@@ -52,7 +74,8 @@ def _samples(request: AnyRequest) -> list[Sample]:
 
 
 def _camera_of(output: Output, cameras: Sequence[StoredCamera]) -> str | None:
-    """The stored camera that gives this output its camera, plane and tool; None if there is none."""
+    """The stored camera that gives this output its camera, plane and tool; None if there is
+    none."""
     if output.camera is None:
         return None
     wanted = CameraBody(
@@ -62,4 +85,6 @@ def _camera_of(output: Output, cameras: Sequence[StoredCamera]) -> str | None:
         plane=output.plane,
     )
     unmeasured = {"sigma_m": None, "sigma_rad": None}
-    return next((one.name for one in cameras if one.camera.model_copy(update=unmeasured) == wanted), None)
+    return next(
+        (one.name for one in cameras if one.camera.model_copy(update=unmeasured) == wanted), None
+    )

@@ -1,8 +1,9 @@
 """A recipe, a camera and the poses of the flange to the JSON of a request.
 
-Strategy: the recipe's request is a set of fields. The camera fills what these leave out: intrinsics and pose of every
-view, or of the picture; the output's camera, plane and tool. The pose of a camera on the arm is that of the flange,
-which comes with the run, times ``T_flange_camera``. The whole then is an ordinary request, checked like any other.
+Strategy: the recipe's request is a set of fields. The camera fills what these leave out: intrinsics
+and pose of every view, or of the picture; the output's camera, plane and tool. The pose of a camera
+on the arm is that of the flange, which comes with the run, times ``T_flange_camera``. The whole
+then is an ordinary request, checked like any other.
 """
 
 from __future__ import annotations
@@ -48,19 +49,25 @@ class Composer:
         return json.dumps(self._fields(images, flange)).encode()
 
     def check(self) -> list[str]:
-        """Compose once with stand-ins for pictures; raises ProblemError naming the fields below ``request``.
+        """Compose once with stand-ins for pictures; raises ProblemError naming the fields below
+        ``request``.
 
         Returns the ids of the pictures that the request names itself.
         """
         views = self.request.get("views")
         images = len(views) if isinstance(views, list) else 2
-        fields = self._fields(images, [self._trial_pose(k) for k in range(images)] if self._on_arm else [])
+        fields = self._fields(
+            images, [self._trial_pose(k) for k in range(images)] if self._on_arm else []
+        )
         try:
             return pictures(REQUEST.validate_python(fields))
         except ValidationError as error:
             found = error.errors(include_url=False, include_input=False)
             problems = [
-                FieldProblem(field=p.field if p.field.startswith("output") else f"request.{p.field}", message=p.message)
+                FieldProblem(
+                    field=p.field if p.field.startswith("output") else f"request.{p.field}",
+                    message=p.message,
+                )
                 for p in body_problems(found, fields, whole="kind")
             ]
             raise fields_error(problems, len(problems)) from None
@@ -86,10 +93,13 @@ class Composer:
         return fields
 
     def _poses(self, flange: Sequence[FlangePose]) -> list[Pose]:
-        """``T_world_camera`` for each pose of the flange; of a camera that stands still the one that it has."""
+        """``T_world_camera`` for each pose of the flange; of a camera that stands still the one
+        that it has."""
         if self.camera is None or self.camera.T_flange_camera is None:
             if flange:
-                raise field_error("flange", "has no meaning: the recipe's camera is not on the flange")
+                raise field_error(
+                    "flange", "has no meaning: the recipe's camera is not on the flange"
+                )
             fixed = self.camera.T_world_camera if self.camera else None
             return [] if fixed is None else [fixed]
         unit = self.output.unit if self.output else "m"
@@ -145,12 +155,16 @@ class Composer:
 
 def recipe_of(number: int, kept: Kept) -> Recipe:
     """A stored text as it is answered."""
-    return Recipe.model_validate(json.loads(kept.text) | {"number": number, "version": kept.version})
+    return Recipe.model_validate(
+        json.loads(kept.text) | {"number": number, "version": kept.version}
+    )
 
 
 def camera_of(kept: Kept) -> StoredCamera:
     """A stored text as it is answered."""
-    return StoredCamera.model_validate(json.loads(kept.text) | {"name": kept.name, "version": kept.version})
+    return StoredCamera.model_validate(
+        json.loads(kept.text) | {"name": kept.name, "version": kept.version}
+    )
 
 
 def composer(recipe: Recipe | RecipeBody, camera: StoredCamera | None) -> Composer:

@@ -1,4 +1,5 @@
-"""Settings of the HTTP service: those of the workers, and what only HTTP needs; ``DLO_*`` as there."""
+"""Settings of the HTTP service: those of the workers, and what only HTTP needs; ``DLO_*`` as
+there."""
 
 from __future__ import annotations
 
@@ -23,16 +24,21 @@ class ServiceSettings(Settings):
     api_key_hashes: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(), description="SHA-256 of each API key, lower-case hex, separated by commas"
     )
-    api_keys_file: Path | None = Field(default=None, description="see services.keys; read again when it changes")
+    api_keys_file: Path | None = Field(
+        default=None, description="see services.keys; read again when it changes"
+    )
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="names under which the service may be reached, separated by commas; always: this machine's own",
     )
     max_connections: PositiveInt = Field(default=2000, description="of one replica; above it 503")
     labels_dir: Path | None = Field(
-        default=None, description="holds folders that `dlo label` filled; the label bench opens them"
+        default=None,
+        description="holds folders that `dlo label` filled; the label bench opens them",
     )
-    max_request_bytes: int = Field(default=4 * MEBIBYTE, gt=0, description="the JSON of one request")
+    max_request_bytes: int = Field(
+        default=4 * MEBIBYTE, gt=0, description="the JSON of one request"
+    )
 
     @property
     def has_keys(self) -> bool:
@@ -47,7 +53,9 @@ class ServiceSettings(Settings):
     @classmethod
     def _are_hashes(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if not all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in value):
-            raise ValueError("each must be the SHA-256 of a key, 64 lower-case hex digits; not the key")
+            raise ValueError(
+                "each must be the SHA-256 of a key, 64 lower-case hex digits; not the key"
+            )
         return value
 
     @model_validator(mode="after")

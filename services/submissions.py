@@ -1,9 +1,10 @@
 """A body of ``POST /v1/jobs`` to an entry of the queue, or to a problem.
 
-Strategy: the pictures of a multipart body are staged as they stream in; then the parts fill the image fields
-that the ``request`` part leaves out, by id, and the whole is validated (:mod:`services.validation`). Last,
-every picture that is named has to be staged here or uploaded before. The staged pictures are kept only when
-the queue takes the request; whatever happens before that drops them.
+Strategy: the pictures of a multipart body are staged as they stream in; then the parts fill the
+image fields that the ``request`` part leaves out, by id, and the whole is validated
+(:mod:`services.validation`). Last, every picture that is named has to be staged here or uploaded
+before. The staged pictures are kept only when the queue takes the request; whatever happens before
+that drops them.
 """
 
 from __future__ import annotations
@@ -72,7 +73,8 @@ class ForegroundNames:
     store: NetworkStore
 
     def refusal(self, model: str) -> str | None:
-        """Why ``model`` cannot be named; None if it can, or as long as no worker has announced any."""
+        """Why ``model`` cannot be named; None if it can, or as long as no worker has announced
+        any."""
         shipped = self.announced()
         if not shipped or model in shipped:
             return None
@@ -100,8 +102,11 @@ class Submissions:
         self._limiter = limiter
 
     @asynccontextmanager
-    async def read(self, request: Request, defaults: Mapping[str, Any] | None = None) -> AsyncIterator[Submission]:
-        """The submission in the body of ``request``; at the end its pictures that were not kept are dropped.
+    async def read(
+        self, request: Request, defaults: Mapping[str, Any] | None = None
+    ) -> AsyncIterator[Submission]:
+        """The submission in the body of ``request``; at the end its pictures that were not kept are
+        dropped.
 
         ``defaults``: fields of a request that leaves them out, where its kind has them.
 
@@ -120,8 +125,8 @@ class Submissions:
     async def read_run(
         self, request: Request, compose: Compose, defaults: Mapping[str, Any]
     ) -> AsyncIterator[Submission]:
-        """As :meth:`read`, of a body without a request, which ``compose`` makes of the number of pictures and the
-        poses of the flange."""
+        """As :meth:`read`, of a body without a request, which ``compose`` makes of the number of
+        pictures and the poses of the flange."""
         form = _Form(text=None, whole="recipe")
         try:
             flange = await self._read_run(request, form)
@@ -147,7 +152,9 @@ class Submissions:
         await self._name(given, form)
         return given.flange
 
-    async def named(self, given: RunInput, compose: Compose, defaults: Mapping[str, Any]) -> Submission:
+    async def named(
+        self, given: RunInput, compose: Compose, defaults: Mapping[str, Any]
+    ) -> Submission:
         """The submission of a run with uploaded pictures."""
         form = _Form(text=None, whole="recipe")
         await self._name(given, form)
@@ -167,11 +174,15 @@ class Submissions:
         match media_type(request):
             case "application/json":
                 form.whole = "body"
-                form.text = await whole(request, field="body", max_bytes=self._settings.max_request_bytes)
+                form.text = await whole(
+                    request, field="body", max_bytes=self._settings.max_request_bytes
+                )
             case "multipart/form-data":
                 await self._read_parts(request, form)
             case other:
-                detail = f"send {JSON} or {MULTIPART}, not {other or 'a body without a content type'}"
+                detail = (
+                    f"send {JSON} or {MULTIPART}, not {other or 'a body without a content type'}"
+                )
                 raise ProblemError(415, "unsupported_media_type", detail)
 
     async def _read_parts(self, request: Request, form: _Form, text: str = "request") -> None:
@@ -204,7 +215,9 @@ class Submissions:
         if form.text is None:
             raise field_error("request", "this part is missing: it holds the request as JSON")
         mask, depth = (info.id if info else None for info in (form.mask, form.depth))
-        given = Given(form.text, form.whole, tuple(image.id for image in form.images), mask, defaults, depth)
+        given = Given(
+            form.text, form.whole, tuple(image.id for image in form.images), mask, defaults, depth
+        )
         found = await checked(given, self._limiter)
         _check_webhook(found.entry, self._settings)
         await self._check_model(found.model)
@@ -227,7 +240,9 @@ class Submissions:
 
     async def _infos(self, found: Checked, form: _Form) -> dict[str, ImageInfo]:
         """What is known of each picture, by the field that names it."""
-        known = {info.id: info for info in (*form.images, form.mask, form.depth) if info is not None}
+        known = {
+            info.id: info for info in (*form.images, form.mask, form.depth) if info is not None
+        }
         infos = {}
         for name, image_id in found.pictures.items():
             infos[name] = known.get(image_id) or await self._uploads.find(image_id, field=name)
@@ -245,7 +260,8 @@ async def _drop(staged: list[Staged]) -> None:
 
 
 def _check_webhook(entry: Entry, settings: ServiceSettings) -> None:
-    """Only hosts that the operator named: else a request could make the service talk to its own network."""
+    """Only hosts that the operator named: else a request could make the service talk to its own
+    network."""
     if entry.webhook_url is None:
         return
     try:
@@ -253,21 +269,30 @@ def _check_webhook(entry: Entry, settings: ServiceSettings) -> None:
     except ValueError as error:
         raise field_error("webhook_url", f"is no address: {error}") from error
     if not {address.netloc, address.hostname} & set(settings.webhook_hosts):
-        raise field_error("webhook_url", f"{address.netloc} is not among the hosts that this service may call")
+        raise field_error(
+            "webhook_url", f"{address.netloc} is not among the hosts that this service may call"
+        )
 
 
 def _check_sizes(found: Checked, infos: Mapping[str, ImageInfo]) -> None:
-    """The intrinsics of a view are of a picture of its size; a mask is as large as the image beside it."""
+    """The intrinsics of a view are of a picture of its size; a mask is as large as the image beside
+    it."""
     for view, (width, height) in found.cameras.items():
         image = infos[f"{view}.image"]
         if (image.width, image.height) != (width, height):
             sizes = f"{width} x {height} pixels, but this one has {image.width} x {image.height}"
-            raise field_error(f"{view}.intrinsics", f"are of a picture of {sizes}", code="size_mismatch")
+            raise field_error(
+                f"{view}.intrinsics", f"are of a picture of {sizes}", code="size_mismatch"
+            )
     for name, info in infos.items():
         number = name.removeprefix("reference.")
         beside = infos.get(f"views.{number}.image") or infos.get("image")
         if beside is None or (name not in ("mask", "depth") and number == name):
             continue
         if (beside.width, beside.height) != (info.width, info.height):
-            sizes = f"{info.width} x {info.height} pixels, the image {beside.width} x {beside.height}"
-            raise field_error(name, f"has another size than the image: {sizes}", code="size_mismatch")
+            sizes = (
+                f"{info.width} x {info.height} pixels, the image {beside.width} x {beside.height}"
+            )
+            raise field_error(
+                name, f"has another size than the image: {sizes}", code="size_mismatch"
+            )

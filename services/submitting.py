@@ -21,7 +21,9 @@ JOBS = "/v1/jobs"
 
 _SHORT_BODY = 64 * 1024
 
-Wait = Annotated[float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")]
+Wait = Annotated[
+    float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")
+]
 IdempotencyKey = Annotated[
     str | None,
     Header(
@@ -34,16 +36,19 @@ IdempotencyKey = Annotated[
 
 
 async def check_room(request: Request, caller: Caller, backend: Backend, key: str | None) -> None:
-    """Raise QueueFull before a long body is read for nothing; with a short one it is found out when it is submitted."""
+    """Raise QueueFull before a long body is read for nothing; with a short one it is found out when
+    it is submitted."""
     length = request.headers.get("content-length", "")
     if length.isdecimal() and int(length) <= _SHORT_BODY:
         return
     await to_thread.run_sync(backend.queue.check_room, key, caller.owner, caller.most_jobs)
 
 
-async def submitted(submission: Submission, caller: Caller, backend: Backend, key: str | None) -> str:
-    """Put it into the queue, and its pictures into the blobs once there is room; the job's id. What only few workers do
-    is not left to wait when none of them is there."""
+async def submitted(
+    submission: Submission, caller: Caller, backend: Backend, key: str | None
+) -> str:
+    """Put it into the queue, and its pictures into the blobs once there is room; the job's id. What
+    only few workers do is not left to wait when none of them is there."""
     if submission.entry.priority == TRAINING and not await to_thread.run_sync(backend.queue.trains):
         detail = "no worker trains here; an operator starts one with `python -m workers --queues training`"
         raise ProblemError(503, "no_training_worker", detail, headers={"Retry-After": "60"})
@@ -60,7 +65,9 @@ async def submitted(submission: Submission, caller: Caller, backend: Backend, ke
     }
     if not submission.staged and (opening := backend.queue.opening(submission.entry, **terms)):
         return await backend.waiting.open(opening)
-    put = partial(backend.queue.put, submission.entry, keep=keep if submission.staged else None, **terms)
+    put = partial(
+        backend.queue.put, submission.entry, keep=keep if submission.staged else None, **terms
+    )
     job_id, _ = await to_thread.run_sync(put)
     return job_id
 
@@ -73,5 +80,6 @@ async def awaited(backend: Backend, job_id: str, wait: float) -> Response:
 
 
 def answer(record: JobRecord, status: int = 200, **headers: str) -> Response:
-    """The record's own text: a result can be megabytes, and reading it here would hold up everybody else."""
+    """The record's own text: a result can be megabytes, and reading it here would hold up everybody
+    else."""
     return Response(record.json(), status, headers, media_type="application/json")

@@ -1,7 +1,8 @@
 """What ties a job to the request that sent it, and OpenTelemetry where it is configured.
 
-Spans and metrics of HTTP are FastAPI's own. They are exported when ``OTEL_EXPORTER_OTLP_ENDPOINT`` is set and
-``requirements/telemetry.txt`` is installed; without, the API of OpenTelemetry does nothing.
+Spans and metrics of HTTP are FastAPI's own. They are exported when ``OTEL_EXPORTER_OTLP_ENDPOINT``
+is set and ``requirements/telemetry.txt`` is installed; without, the API of OpenTelemetry does
+nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ def configuration() -> TelemetryConfig:
     """For FastAPI; raises ModuleNotFoundError where it is configured and not installed."""
     if tracing.configured():
         tracing.require()
-    return TelemetryConfig(auto_configure=tracing.configured(), operation_spans=False, exclude=_is_probe)
+    return TelemetryConfig(
+        auto_configure=tracing.configured(), operation_spans=False, exclude=_is_probe
+    )
 
 
 def origin(owner: str) -> Origin:

@@ -1,4 +1,5 @@
-"""Pictures on their way in: looked at, staged, and kept as blobs once what they came with is accepted."""
+"""Pictures on their way in: looked at, staged, and kept as blobs once what they came with is
+accepted."""
 
 from __future__ import annotations
 
@@ -17,24 +18,28 @@ from workers.pictures.headers import PictureError, Size, inspect
 _MOST_KNOWN = 10_000
 _FRESH_S = 5.0
 _FRESH_SHARE = 0.01
-"""For so long, or this share of a picture's lifetime, one that was seen to be there is not looked for again: who asks
-about the same picture again and again pays for a trip to the disk, or to S3, once."""
+"""For so long, or this share of a picture's lifetime, one that was seen to be there is not looked
+for again: who asks about the same picture again and again pays for a trip to the disk, or to S3,
+once."""
 
 
 class Uploads:
-    """Stages pictures and knows their sizes. The work is done in threads: it hashes and touches the disk."""
+    """Stages pictures and knows their sizes. The work is done in threads: it hashes and touches the
+    disk."""
 
     def __init__(self, settings: ServiceSettings, blobs: Blobs) -> None:
         self._max_pixels = settings.max_image_pixels
         self._blobs = blobs
         self._looked_at: dict[str, tuple[ImageInfo, float]] = {}
-        """What is known of pictures, whose bytes never change, so that they are read once, not with every request; and
-        until when, s of the monotonic clock, they are surely there."""
+        """What is known of pictures, whose bytes never change, so that they are read once, not with
+        every request; and until when, s of the monotonic clock, they are surely there."""
         self._fresh_s = min(_FRESH_S, _FRESH_SHARE * settings.blob_ttl_s)
 
-    async def stage(self, data: bytes, *, field: str, cloud: bool = False) -> tuple[ImageInfo, Staged]:
-        """Look at the picture that came in as ``field`` and write it down, to be kept or dropped; ``cloud``: it may be
-        a point cloud, as a ``depth`` may.
+    async def stage(
+        self, data: bytes, *, field: str, cloud: bool = False
+    ) -> tuple[ImageInfo, Staged]:
+        """Look at the picture that came in as ``field`` and write it down, to be kept or dropped;
+        ``cloud``: it may be a point cloud, as a ``depth`` may.
 
         Raises:
             ProblemError: 422 when it is no whole picture or has too many pixels.
@@ -43,7 +48,8 @@ class Uploads:
         return await to_thread.run_sync(self._stage, data, field, cloud)
 
     async def find(self, image_id: str, *, field: str) -> ImageInfo:
-        """The picture kept before that ``field`` refers to; its lifetime begins anew, unless it just did.
+        """The picture kept before that ``field`` refers to; its lifetime begins anew, unless it
+        just did.
 
         Raises:
             ProblemError: 422 ``unknown_image`` when it is not, or no longer, kept.
@@ -102,4 +108,6 @@ class Uploads:
 
 
 def _info(image_id: str, size: Size, size_bytes: int) -> ImageInfo:
-    return ImageInfo(id=image_id, sha256=image_id, width=size.width, height=size.height, bytes=size_bytes)
+    return ImageInfo(
+        id=image_id, sha256=image_id, width=size.width, height=size.height, bytes=size_bytes
+    )

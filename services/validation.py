@@ -1,9 +1,10 @@
 """The JSON of a request to a checked one that names its pictures by blob id.
 
-Strategy: everything here is a function of bytes alone, so that it can run where it harms nobody. A small body
-is checked on the event loop at once. Parsing and validating hold the interpreter's lock, in a thread too;
-hence a large body is checked in another process, with a time and a memory limit, and there only the first
-error of each list is looked for: hundreds of thousands of errors cost a minute to collect.
+Strategy: everything here is a function of bytes alone, so that it can run where it harms nobody. A
+small body is checked on the event loop at once. Parsing and validating hold the interpreter's lock,
+in a thread too; hence a large body is checked in another process, with a time and a memory limit,
+and there only the first error of each list is looked for: hundreds of thousands of errors cost a
+minute to collect.
 """
 
 from __future__ import annotations
@@ -16,7 +17,15 @@ from functools import cache
 from typing import Any
 
 from anyio import CapacityLimiter, move_on_after, to_process
-from dlo_client.contracts import AnyRequest, CameraView, Contract, FieldProblem, ImagePart, ImageRef, UploadRef
+from dlo_client.contracts import (
+    AnyRequest,
+    CameraView,
+    Contract,
+    FieldProblem,
+    ImagePart,
+    ImageRef,
+    UploadRef,
+)
 from pydantic import ValidationError
 from pydantic_core import SchemaValidator, from_json
 
@@ -49,7 +58,8 @@ class Given:
 
 @dataclass(frozen=True)
 class Checked:
-    """A valid request, ready for the queue once its pictures are found to be there and to fit together."""
+    """A valid request, ready for the queue once its pictures are found to be there and to fit
+    together."""
 
     entry: Entry
     pictures: dict[str, str]
@@ -63,7 +73,8 @@ class Checked:
 
 
 class Refused(Exception):
-    """The request is at fault. (Its arguments are all that it holds: it travels between processes.)"""
+    """The request is at fault. (Its arguments are all that it holds: it travels between
+    processes.)"""
 
     def __init__(self, code: str, errors: list[FieldProblem], count: int = 1) -> None:
         """``errors`` are the first of ``count``."""
@@ -89,7 +100,9 @@ async def checked(given: Given, limiter: CapacityLimiter) -> Checked:
         raise _problem(error) from None
     except MemoryError:
         pass
-    raise field_error(given.whole, "takes too long or too much memory to check", code="too_large", status=413)
+    raise field_error(
+        given.whole, "takes too long or too much memory to check", code="too_large", status=413
+    )
 
 
 def limiter() -> CapacityLimiter:
@@ -99,7 +112,8 @@ def limiter() -> CapacityLimiter:
 
 def check_large(given: Given) -> Checked:
     """:func:`check` in a process of its own, limited in memory; raises also MemoryError."""
-    gc.disable()  # it would go through a million new lists again and again; none of them is in a cycle
+    # it would go through a million new lists again and again; none of them is in a cycle
+    gc.disable()
     resource.setrlimit(resource.RLIMIT_DATA, (_MEMORY_BYTES, resource.RLIM_INFINITY))
     return check(given, _first_errors().validate_python)
 
@@ -161,12 +175,16 @@ def _parse(given: Given) -> dict[str, Any]:
 
 
 def _fill(fields: dict[str, Any], given: Given) -> None:
-    """Let the parts fill the image fields that ``fields`` leaves out; a kind without them refuses these.
+    """Let the parts fill the image fields that ``fields`` leaves out; a kind without them refuses
+    these.
 
-    The fields are the ``image`` of every view in order where there are ``views``, else the one at the top.
+    The fields are the ``image`` of every view in order where there are ``views``, else the one at
+    the top.
     """
     views = fields.get("views")
-    holders = [view for view in views if isinstance(view, dict)] if isinstance(views, list) else [fields]
+    holders = (
+        [view for view in views if isinstance(view, dict)] if isinstance(views, list) else [fields]
+    )
     values = [value for holder in (fields, *holders) for value in holder.values()]
     inner = [one for value in values if isinstance(value, list) for one in value]
     sources = (value for value in (*values, *inner) if isinstance(value, dict))
@@ -192,10 +210,13 @@ class _Pictures:
         self._uploads: dict[str, str] = {}
 
     def resolve(self, request: AnyRequest) -> Checked:
-        """``request`` with an :class:`ImageRef` for every picture; none is missing, no part is left over."""
+        """``request`` with an :class:`ImageRef` for every picture; none is missing, no part is left
+        over."""
         resolved: AnyRequest = self._walk(request, ())
         free = type(request).model_fields.keys() - request.model_fields_set
-        resolved = resolved.model_copy(update={k: v for k, v in self._defaults.items() if k in free})
+        resolved = resolved.model_copy(
+            update={k: v for k, v in self._defaults.items() if k in free}
+        )
         if self._unused:
             raise _refused("image", f"part {min(self._unused)} is not used by the request")
         if (
@@ -205,7 +226,9 @@ class _Pictures:
         ):
             raise _refused("image", _MISSING)
         cameras = self._cameras(getattr(request, "views", None) or [])
-        return Checked(Entry.of(resolved), self._named, cameras, getattr(request, "model", None), self._uploads)
+        return Checked(
+            Entry.of(resolved), self._named, cameras, getattr(request, "model", None), self._uploads
+        )
 
     def _cameras(self, views: Sequence[Any]) -> dict[str, tuple[int, int]]:
         """Every view has a picture; a planned pose has none."""
@@ -225,7 +248,9 @@ class _Pictures:
                 self._uploads[".".join(path)] = value.id
                 return value
             case Contract():
-                given = [name for name in type(value).model_fields if name in value.model_fields_set]
+                given = [
+                    name for name in type(value).model_fields if name in value.model_fields_set
+                ]
                 return value.model_copy(
                     update={name: self._walk(getattr(value, name), (*path, name)) for name in given}
                 )

@@ -1,4 +1,5 @@
-"""Waiting for a job to end, on the event loop: a waiter holds a connection to the queue, not a thread."""
+"""Waiting for a job to end, on the event loop: a waiter holds a connection to the queue, not a
+thread."""
 
 from __future__ import annotations
 

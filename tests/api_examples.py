@@ -1,4 +1,5 @@
-"""A working request of each kind with its answer: `python -m tests.api_examples` writes docs/api.md.
+"""A working request of each kind with its answer: `python -m tests.api_examples` writes
+docs/api.md.
 
 The tests send the same requests, so that a page that is no longer true fails.
 """
@@ -29,7 +30,14 @@ _MOST_ITEMS = 2
 _MOST_TEXT = 40
 
 _INTRINSICS = {"width": 480, "height": 360, "fx": 450, "fy": 450, "cx": 240, "cy": 180}
-_ALONG = [[-0.0163, -0.11], [-0.0196, -0.066], [-0.0095, -0.022], [0.0095, 0.022], [0.0196, 0.066], [0.0163, 0.11]]
+_ALONG = [
+    [-0.0163, -0.11],
+    [-0.0196, -0.066],
+    [-0.0095, -0.022],
+    [0.0095, 0.022],
+    [0.0196, 0.066],
+    [0.0163, 0.11],
+]
 _LINE = [[0.02 * k, 0.0] for k in range(16)]
 _FIXTURES = [
     {"kind": "peg", "xy_m": [0.1, -0.03], "radius_m": 0.01},
@@ -41,8 +49,8 @@ _ARC = [[0.02 * k, round(0.05 - 0.0009 * (k - 7.5) ** 2, 4)] for k in range(16)]
 
 @dataclass(frozen=True)
 class Example:
-    """``images`` and ``mask``: files of the repository that go along; ``variant``: words behind the kind, where there
-    are several of one kind."""
+    """``images`` and ``mask``: files of the repository that go along; ``variant``: words behind the
+    kind, where there are several of one kind."""
 
     request: dict[str, Any]
     what: str
@@ -69,27 +77,57 @@ def examples() -> tuple[Example, ...]:
     """In the order of the page; a curve that a request needs is that of the example before."""
     views = [_view(x) for x in (-0.03, 0.0, 0.03)]
     stroke = {"points_m": [[x, y, 0.008] for x, y in _ALONG], "thickness_m": 0.0036}
-    moved = {"before": _LINE, "action": {"edge": 7, "dx_m": 0.0, "dy_m": 0.03, "dtheta_rad": 0.0}, "after": _moved()}
+    moved = {
+        "before": _LINE,
+        "action": {"edge": 7, "dx_m": 0.0, "dy_m": 0.03, "dtheta_rad": 0.0},
+        "after": _moved(),
+    }
     looked = {"curve": _curve(-0.05, 0.05), "cameras": [views[0], views[2]]}
     shape = {"state_m": _LINE, "target_m": _ARC, "object": {"mass_kg": 0.05}}
     return (
         Example({"kind": "segment"}, "Foreground probability of a picture.", (_PICTURE,)),
-        Example({"kind": "instances", "points_per_instance": 10}, "The cables of a picture.", (_PICTURE,)),
-        Example({"kind": "topology"}, "A wire harness in a mask.", mask=_HARNESS),
-        Example({"kind": "plan_disentangle", "at_most": 1}, "How to remove its crossing.", mask=_HARNESS),
-        Example({"kind": "reconstruct", "points": 20, "views": views}, "A cable in space.", _FROM_POSES),
-        Example({"kind": "next_view", **looked}, "Where to look from next."),
-        Example({"kind": "merge_curves", "curves": [_curve(-0.1, 0.02), _curve(-0.02, 0.1)]}, "Sections to one."),
-        Example({"kind": "plan_shape", **shape}, "The action that brings a rope closest to a shape."),
         Example(
-            {"kind": "plan_shape", "state_m": _LINE, "object": shape["object"], "fixtures": _FIXTURES, "route": _ROUTE},
+            {"kind": "instances", "points_per_instance": 10},
+            "The cables of a picture.",
+            (_PICTURE,),
+        ),
+        Example({"kind": "topology"}, "A wire harness in a mask.", mask=_HARNESS),
+        Example(
+            {"kind": "plan_disentangle", "at_most": 1}, "How to remove its crossing.", mask=_HARNESS
+        ),
+        Example(
+            {"kind": "reconstruct", "points": 20, "views": views}, "A cable in space.", _FROM_POSES
+        ),
+        Example({"kind": "next_view", **looked}, "Where to look from next."),
+        Example(
+            {"kind": "merge_curves", "curves": [_curve(-0.1, 0.02), _curve(-0.02, 0.1)]},
+            "Sections to one.",
+        ),
+        Example(
+            {"kind": "plan_shape", **shape}, "The action that brings a rope closest to a shape."
+        ),
+        Example(
+            {
+                "kind": "plan_shape",
+                "state_m": _LINE,
+                "object": shape["object"],
+                "fixtures": _FIXTURES,
+                "route": _ROUTE,
+            },
             "The first action that brings a rope around a peg and into a clip.",
             variant="among fixtures",
         ),
-        Example({"kind": "estimate_parameters", "object": {"mass_kg": 0.05}, "history": [moved]}, "What rope it is."),
-        Example({"kind": "label_tracked", "views": views, "strokes": [stroke]}, "Labels of pictures.", _FROM_POSES),
+        Example(
+            {"kind": "estimate_parameters", "object": {"mass_kg": 0.05}, "history": [moved]},
+            "What rope it is.",
+        ),
+        Example(
+            {"kind": "label_tracked", "views": views, "strokes": [stroke]},
+            "Labels of pictures.",
+            _FROM_POSES,
+        ),
         Example({"kind": "noop"}, "Nothing: the path of a job."),
-    )  # fmt: skip
+    )
 
 
 def _moved() -> list[list[float]]:
@@ -97,14 +135,19 @@ def _moved() -> list[list[float]]:
 
 
 def _curve(begin: float, end: float) -> dict[str, Any]:
-    """Straight along y, 2 mm thick, with a standard deviation of 1 mm upward and 0.2 mm sideways."""
+    """Straight along y, 2 mm thick, with a standard deviation of 1 mm upward and 0.2 mm
+    sideways."""
     along = [round(begin + (end - begin) * k / 6, 4) for k in range(7)]
     thirds = [round(begin + (end - begin) * k / 3, 4) for k in range(4)]
     return {
         "points_m": [[0.0, y, 0.01] for y in along],
         "covariance_m2": [[4e-8, 0, 0, 0, 0, 1e-6]] * len(along),
         "sigma_m": [0.001] * len(along),
-        "spline": {"degree": 3, "knots": [0, 0, 0, 0, 1, 1, 1, 1], "control_m": [[0.0, y, 0.01] for y in thirds]},
+        "spline": {
+            "degree": 3,
+            "knots": [0, 0, 0, 0, 1, 1, 1, 1],
+            "control_m": [[0.0, y, 0.01] for y in thirds],
+        },
         "radius_m": 0.002,
         "radius_sigma_m": 0.0001,
         "length_m": round(end - begin, 4),
@@ -123,7 +166,9 @@ def _request(example: Example, tools: Tools) -> AnyRequest:
     ids = [{"id": tools.blobs.put((ROOT / name).read_bytes())} for name in example.images]
     values: dict[str, Any] = dict(example.request)
     if "views" in values and ids:
-        values["views"] = [view | {"image": ref} for view, ref in zip(values["views"], ids, strict=True)]
+        values["views"] = [
+            view | {"image": ref} for view, ref in zip(values["views"], ids, strict=True)
+        ]
     elif ids:
         values["image"] = ids[0]
     if example.mask is not None:
@@ -137,7 +182,11 @@ def shortened(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: shortened(item) for name, item in value.items()}
     if isinstance(value, list):
-        kept = value if all(not isinstance(v, (list, dict)) for v in value) and len(value) <= 4 else value[:_MOST_ITEMS]
+        kept = (
+            value
+            if all(not isinstance(v, (list, dict)) for v in value) and len(value) <= 4
+            else value[:_MOST_ITEMS]
+        )
         return [shortened(item) for item in kept] + (["…"] if len(value) > len(kept) else [])
     if isinstance(value, str) and len(value) > _MOST_TEXT and " " not in value:
         return value[: _MOST_TEXT // 2] + "…"
@@ -146,7 +195,10 @@ def shortened(value: Any) -> Any:
 
 def command(example: Example) -> str:
     """For a shell in the repository's folder."""
-    parts = [f"-F 'request={compact(example.request)}'", *(f"-F image=@{name}" for name in example.images)]
+    parts = [
+        f"-F 'request={compact(example.request)}'",
+        *(f"-F image=@{name}" for name in example.images),
+    ]
     if example.mask is not None:
         parts.append(f"-F mask=@{example.mask}")
     return "curl " + " \\\n    ".join([*parts, "'http://127.0.0.1:8000/v1/jobs?wait=30'"])
@@ -159,7 +211,9 @@ def compact(value: Any, indent: int = 0, width: int = 100) -> str:
         return line
     inner, outer = " " * (indent + 2), " " * indent
     if isinstance(value, dict):
-        rows = [f"{inner}{json.dumps(k)}: {compact(v, indent + 2, width)}" for k, v in value.items()]
+        rows = [
+            f"{inner}{json.dumps(k)}: {compact(v, indent + 2, width)}" for k, v in value.items()
+        ]
         return "{\n" + ",\n".join(rows) + f"\n{outer}}}"
     return "[\n" + ",\n".join(inner + compact(v, indent + 2, width) for v in value) + f"\n{outer}]"
 
@@ -197,12 +251,17 @@ def page(tools: Tools) -> str:
 
 
 def outline(value: Any) -> Any:
-    """What must not change of an answer: names and types, not numbers. Of a list its first item counts."""
+    """What must not change of an answer: names and types, not numbers. Of a list its first item
+    counts."""
     if isinstance(value, dict):
         return {name: outline(item) for name, item in value.items()}
     if isinstance(value, list):
         return [outline(value[0])] if value else []
-    return "number" if isinstance(value, (int, float)) and not isinstance(value, bool) else type(value).__name__
+    return (
+        "number"
+        if isinstance(value, (int, float)) and not isinstance(value, bool)
+        else type(value).__name__
+    )
 
 
 if __name__ == "__main__":

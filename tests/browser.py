@@ -1,8 +1,9 @@
 """A real browser for tests of pages: the fixture ``browser``, and the marks of tests that need it.
 
-Opening and closing a context or a tab, scripts of a page and the end of Playwright have no time limit there, and
-Chromium has been seen to hang for minutes, and once for good. Here all of it has one: what opens is tried once more in
-a browser started anew, a test whose browser was lost is run once more, what closes is left.
+Opening and closing a context or a tab, scripts of a page and the end of Playwright have no time
+limit there, and Chromium has been seen to hang for minutes, and once for good. Here all of it has
+one: what opens is tried once more in a browser started anew, a test whose browser was lost is run
+once more, what closes is left.
 """
 
 from __future__ import annotations
@@ -31,12 +32,14 @@ FLAGS = [
 ]
 OPENS_WITHIN_S = 20.0
 TEST_WITHIN_S = 240.0
-"""All of a test, with what its pages need to open and close: above the longest, on a machine with other work."""
+"""All of a test, with what its pages need to open and close: above the longest, on a machine with
+other work."""
 NEEDS_BROWSER = [
     pytest.mark.system,
     pytest.mark.browser,
     pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs a browser at {CHROMIUM}"),
-    # Playwright's words for a browser that is gone; and one that is killed while a tab opens can leave it waiting.
+    # Playwright's words for a browser that is gone; and one that is killed while a tab opens can
+    # leave it waiting.
     pytest.mark.flaky(reruns=2, only_rerun=["has been closed", "from pytest-timeout"]),
 ]
 _NUMBERS = itertools.count(1)
@@ -51,12 +54,16 @@ class Chromium:
         self._start()
 
     def new_page(self, *, shared: bool = False, **options: Any) -> Any:
-        """A tab in a context of its own with these options, or in the one that is there already. Close the context of
-        one that is not ``shared``. Playwright's error if the second browser hangs too."""
+        """A tab in a context of its own with these options, or in the one that is there already.
+        Close the context of one that is not ``shared``. Playwright's error if the second browser
+        hangs too."""
         try:
             return self._opened(shared, options, self._within_s)
         except self._playwright_error as error:
-            warnings.warn(f"Chromium opened no page within {self._within_s:g} s, started anew: {error}", stacklevel=2)
+            warnings.warn(
+                f"Chromium opened no page within {self._within_s:g} s, started anew: {error}",
+                stacklevel=2,
+            )
             self.close()
             self._start()
             return self._opened(shared, options, OPENS_WITHIN_S)
@@ -66,11 +73,15 @@ class Chromium:
             self._browser.close()
 
     def put_away(self, opened: Any) -> None:
-        """Closes a tab or a context; one that does not close in time goes with its browser, which is a warning."""
+        """Closes a tab or a context; one that does not close in time goes with its browser, which
+        is a warning."""
         with suppress(self._playwright_error), self.bounded(self._within_s):
             opened.close()
         if not self._browser.is_connected():
-            warnings.warn(f"Chromium closed nothing within {self._within_s:g} s, or was gone before", stacklevel=2)
+            warnings.warn(
+                f"Chromium closed nothing within {self._within_s:g} s, or was gone before",
+                stacklevel=2,
+            )
 
     @property
     def processes(self) -> list[psutil.Process]:
@@ -83,7 +94,9 @@ class Chromium:
         for tries_left in (1, 0):
             try:
                 self._browser = launch(
-                    executable_path=CHROMIUM, args=[*FLAGS, self._mark], timeout=1000 * OPENS_WITHIN_S
+                    executable_path=CHROMIUM,
+                    args=[*FLAGS, self._mark],
+                    timeout=1000 * OPENS_WITHIN_S,
                 )
                 return
             except self._playwright_error as error:
@@ -98,7 +111,8 @@ class Chromium:
 
     @contextmanager
     def bounded(self, within_s: float) -> Iterator[None]:
-        """Kills the browser if what is done meanwhile takes too long: that is then an error of Playwright."""
+        """Kills the browser if what is done meanwhile takes too long: that is then an error of
+        Playwright."""
         with in_time(within_s, lambda: kill(self.processes)):
             yield
 
@@ -134,7 +148,8 @@ def in_time(within_s: float, late: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def started_playwright() -> Iterator[Any]:
-    """Playwright, whose own process is killed if it does not end; the test is skipped where it is not installed."""
+    """Playwright, whose own process is killed if it does not end; the test is skipped where it is
+    not installed."""
     sync_api = pytest.importorskip("playwright.sync_api")
     others = set(psutil.Process().children())
     manager = sync_api.sync_playwright()
@@ -149,7 +164,8 @@ def started_playwright() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Chromium]:
-    """One for the tests of a file; every page that they open in a context of its own has an empty database."""
+    """One for the tests of a file; every page that they open in a context of its own has an empty
+    database."""
     with started_playwright() as playwright:
         chromium = Chromium(playwright)
         yield chromium

@@ -41,7 +41,11 @@ def s3(s3_address, monkeypatch) -> None:
     """The environment of a process that may use an empty bucket ``pictures``."""
     import boto3
 
-    names = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_DEFAULT_REGION": "us-east-1"}
+    names = {
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }
     for name, value in (names | {"AWS_ENDPOINT_URL_S3": s3_address}).items():
         monkeypatch.setenv(name, value)
     httpx.post(f"{s3_address}/moto-api/reset")

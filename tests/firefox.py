@@ -1,4 +1,5 @@
-"""Debian's Firefox over WebDriver BiDi, for what the pages have to do in another browser than Chromium.
+"""Debian's Firefox over WebDriver BiDi, for what the pages have to do in another browser than
+Chromium.
 
 Firefox speaks it by itself: neither a driver nor a download is needed.
 """
@@ -43,7 +44,9 @@ _PREFERENCES = {
 class Firefox:
     """One tab; ``errors`` are those of its console, and answers of 400 and above, so far."""
 
-    def __init__(self, socket: ClientConnection, downloads: Path, process: subprocess.Popen[str]) -> None:
+    def __init__(
+        self, socket: ClientConnection, downloads: Path, process: subprocess.Popen[str]
+    ) -> None:
         self._socket = socket
         self._process = process
         self._downloads = downloads
@@ -60,7 +63,8 @@ class Firefox:
         self._process.wait()
 
     def call(self, method: str, **params: Any) -> Any:
-        """The result of a command; raises AssertionError with what Firefox says, TimeoutError where it says nothing."""
+        """The result of a command; raises AssertionError with what Firefox says, TimeoutError where
+        it says nothing."""
         number = next(self._ids)
         until = time.monotonic() + _WITHIN_S
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
@@ -100,9 +104,18 @@ class Firefox:
 
     def upload(self, selector: str, *files: Path) -> None:
         """Chooses files for an input, as a person does in the dialog."""
-        found = self.call("browsingContext.locateNodes", context=self._tab, locator={"type": "css", "value": selector})
+        found = self.call(
+            "browsingContext.locateNodes",
+            context=self._tab,
+            locator={"type": "css", "value": selector},
+        )
         element = {"sharedId": found["nodes"][0]["sharedId"]}
-        self.call("input.setFiles", context=self._tab, element=element, files=[str(file) for file in files])
+        self.call(
+            "input.setFiles",
+            context=self._tab,
+            element=element,
+            files=[str(file) for file in files],
+        )
 
     def click(self, selector: str) -> None:
         """A real click in the middle of an element; one that something else covers gets none."""
@@ -148,16 +161,30 @@ class Firefox:
 
 @contextmanager
 def firefox(folder: Path) -> Iterator[Firefox]:
-    """A headless Firefox in English, with its profile in this folder, which may be there already, and its downloads."""
+    """A headless Firefox in English, with its profile in this folder, which may be there already,
+    and its downloads."""
     assert FIREFOX is not None
     profile, downloads = folder / "profile", folder / "downloads"
     for made in (profile, downloads):
         made.mkdir(exist_ok=True)
     preferences = _PREFERENCES | {"browser.download.dir": str(downloads)}
-    lines = [f"user_pref({json.dumps(name)}, {json.dumps(value)});\n" for name, value in preferences.items()]
+    lines = [
+        f"user_pref({json.dumps(name)}, {json.dumps(value)});\n"
+        for name, value in preferences.items()
+    ]
     (profile / "user.js").write_text("".join(lines))
-    command = [FIREFOX, "--headless", "--no-remote", "--profile", str(profile), "--remote-debugging-port", "0"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    command = [
+        FIREFOX,
+        "--headless",
+        "--no-remote",
+        "--profile",
+        str(profile),
+        "--remote-debugging-port",
+        "0",
+    ]
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
     try:
         with connect(f"{_address(process)}/session", max_size=None) as socket:
             yield Firefox(socket, downloads, process)
@@ -171,8 +198,8 @@ def firefox(folder: Path) -> Iterator[Firefox]:
 
 
 def _address(process: subprocess.Popen[str]) -> str:
-    """Where it listens. What it says later is read, too, or it would wait for a reader; a Firefox that never listens is
-    killed, and that is an AssertionError."""
+    """Where it listens. What it says later is read, too, or it would wait for a reader; a Firefox
+    that never listens is killed, and that is an AssertionError."""
     assert process.stderr is not None
     too_late = threading.Timer(_WITHIN_S, process.kill)
     too_late.start()

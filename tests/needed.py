@@ -1,4 +1,5 @@
-"""Tests that may not be skipped: with ``DLO_TESTS_NEED="browser firefox"`` a skipped test of these marks fails.
+"""Tests that may not be skipped: with ``DLO_TESTS_NEED="browser firefox"`` a skipped test of these
+marks fails.
 
 Continuous integration sets it: a run that passes because its tests did not run proves nothing.
 """

@@ -33,21 +33,39 @@ def wait_until(condition: Callable[[], T], timeout_s: float = 120.0) -> T:
 
 def environment(settings: Settings) -> dict[str, str]:
     """Of a process that is to have these settings."""
-    values = settings.model_dump(mode="json", exclude_none=True, exclude={"onnx_providers", "webhook_hosts"})
+    values = settings.model_dump(
+        mode="json", exclude_none=True, exclude={"onnx_providers", "webhook_hosts"}
+    )
     return os.environ | {f"DLO_{name.upper()}": str(value) for name, value in values.items()}
 
 
 @contextmanager
-def running_service(data_dir: Path, workers: int, more: Mapping[str, str] | None = None) -> Iterator[str]:
-    """``python -m services`` with its own queue and workers, ready; its address. Stopped at the end.
+def running_service(
+    data_dir: Path, workers: int, more: Mapping[str, str] | None = None
+) -> Iterator[str]:
+    """``python -m services`` with its own queue and workers, ready; its address. Stopped at the
+    end.
 
     ``more``: further variables.
     """
     settings = {name: value for name, value in os.environ.items() if not name.startswith("DLO_")}
     process = subprocess.Popen(
-        [sys.executable, "-m", "services", "--port", "0", "--workers", str(workers), "--data-dir", str(data_dir)],
-        cwd=ROOT, env=settings | {"DLO_LOG_LEVEL": "WARNING"} | dict(more or {}), stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "services",
+            "--port",
+            "0",
+            "--workers",
+            str(workers),
+            "--data-dir",
+            str(data_dir),
+        ],
+        cwd=ROOT,
+        env=settings | {"DLO_LOG_LEVEL": "WARNING"} | dict(more or {}),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     assert process.stdout is not None
     try:
         line = process.stdout.readline()
@@ -76,7 +94,9 @@ class WorkerProcess:
 
     def info(self) -> WorkerInfo | None:
         """What it says of itself, while it lives."""
-        return next((worker for worker in self._queue.workers() if worker.name.startswith(self._name)), None)
+        return next(
+            (worker for worker in self._queue.workers() if worker.name.startswith(self._name)), None
+        )
 
     def wait_ready(self) -> None:
         def ready() -> bool:

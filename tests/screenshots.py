@@ -23,8 +23,12 @@ SAMPLES = ROOT / "services" / "viewer" / "samples"
 
 
 def pictures(page: Any) -> None:
-    page.set_input_files("#file", [SAMPLES / name for name in ("plain.jpg", "busy.jpg", "industrial.jpg")])
-    page.wait_for_function("document.querySelectorAll('#film .mark.ok, #film .mark.unsure').length === 3")
+    page.set_input_files(
+        "#file", [SAMPLES / name for name in ("plain.jpg", "busy.jpg", "industrial.jpg")]
+    )
+    page.wait_for_function(
+        "document.querySelectorAll('#film .mark.ok, #film .mark.unsure').length === 3"
+    )
     page.click("#film button >> nth=1")
 
 
@@ -43,7 +47,9 @@ def reconstruction(page: Any) -> None:
 def label(page: Any) -> None:
     page.wait_for_selector("body[data-ready]")
     page.set_input_files("#file", [SAMPLES / "busy.jpg", SAMPLES / "plain.jpg"])
-    page.wait_for_function("(document.querySelector('#pictures').textContent.match(/0\\.\\d\\d/g) || []).length === 2")
+    page.wait_for_function(
+        "(document.querySelector('#pictures').textContent.match(/0\\.\\d\\d/g) || []).length === 2"
+    )
     page.wait_for_selector("#instances button")
 
 
@@ -53,8 +59,12 @@ def tracks(page: Any) -> None:
     files = []
     for shift in range(3):
         buffer = io.BytesIO()
-        picture.crop((8 * shift, 0, picture.width - 24 + 8 * shift, picture.height)).save(buffer, "JPEG")
-        files.append({"name": f"{shift}.jpg", "mimeType": "image/jpeg", "buffer": buffer.getvalue()})
+        picture.crop((8 * shift, 0, picture.width - 24 + 8 * shift, picture.height)).save(
+            buffer, "JPEG"
+        )
+        files.append(
+            {"name": f"{shift}.jpg", "mimeType": "image/jpeg", "buffer": buffer.getvalue()}
+        )
     page.set_input_files("#file", files)
     page.wait_for_selector("#run:not([disabled])")
     page.click("#run")
@@ -93,29 +103,45 @@ PAGES: dict[str, tuple[str, Callable[[Any], None]]] = {
 
 Shot = tuple[str, str, tuple[int, int], str, str]
 SHOTS: list[Shot] = [
-    *((name, name, DESKTOP, "en-US", "dark" if name == "reconstruction" else "light") for name in PAGES),
+    *(
+        (name, name, DESKTOP, "en-US", "dark" if name == "reconstruction" else "light")
+        for name in PAGES
+    ),
     ("label_tablet", "label", TABLET, "de-DE", "light"),
     ("pictures_tablet", "pictures", TABLET, "de-DE", "dark"),
 ]
 """Name of the file, page, size, language, light or dark: what the documentation shows."""
 
 EVERY: list[Shot] = [
-    (f"{name}_{size[0]}_{scheme}", name, size, "de-DE" if (size == TABLET) == (scheme == "light") else "en-US", scheme)
+    (
+        f"{name}_{size[0]}_{scheme}",
+        name,
+        size,
+        "de-DE" if (size == TABLET) == (scheme == "light") else "en-US",
+        scheme,
+    )
     for name in PAGES
     for size in (DESKTOP, TABLET)
     for scheme in ("light", "dark")
 ]
-"""Every page at both sizes, light and dark, each of them in one language at one size and in the other at the other."""
+"""Every page at both sizes, light and dark, each of them in one language at one size and in the
+other at the other."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("names", nargs="*", help="default: all of the documentation")
-    parser.add_argument("--every", action="store_true", help="every page at both sizes, light and dark")
+    parser.add_argument(
+        "--every", action="store_true", help="every page at both sizes, light and dark"
+    )
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as data, running_service(Path(data), workers=1) as url, browser() as opened:
+    with (
+        tempfile.TemporaryDirectory() as data,
+        running_service(Path(data), workers=1) as url,
+        browser() as opened,
+    ):
         for shot in EVERY if arguments.every else SHOTS:
             if not arguments.names or shot[0] in arguments.names:
                 taken(opened, url, shot, arguments.out)
@@ -127,8 +153,15 @@ def taken(opened: Chromium, url: str, shot: Shot, out: Path) -> None:
     path, act = PAGES[page_name]
     viewport = {"width": width, "height": height}
     touched = (width, height) == TABLET
-    page = opened.new_page(viewport=viewport, locale=locale, color_scheme=scheme, has_touch=touched, bypass_csp=True)
-    page.on("console", lambda message: print(name, message.type, message.text) if message.type == "error" else None)
+    page = opened.new_page(
+        viewport=viewport, locale=locale, color_scheme=scheme, has_touch=touched, bypass_csp=True
+    )
+    page.on(
+        "console",
+        lambda message: (
+            print(name, message.type, message.text) if message.type == "error" else None
+        ),
+    )
     page.on("pageerror", lambda error: print(name, error))
     page.set_default_timeout(120_000)
     page.goto(f"{url}/{path}")

@@ -15,7 +15,8 @@ pytestmark = [*NEEDS_BROWSER, pytest.mark.timeout(60)]
 
 
 def ended(processes: list[psutil.Process], within_s: float = 10.0) -> bool:
-    """Whether all end in time. A killed process is there for a moment, and as a zombie until its parent asks for it."""
+    """Whether all end in time. A killed process is there for a moment, and as a zombie until its
+    parent asks for it."""
     until = time.monotonic() + within_s
     while time.monotonic() < until:
         if not any(_alive(process) for process in processes):

@@ -27,7 +27,9 @@ def exported(job_queue: JobQueue) -> set[str]:
     RequestDurations(made)
     names = set()
     for family in text_string_to_metric_families(generate_latest(made).decode()):
-        suffixes = {"counter": ("_total",), "histogram": ("_bucket", "_sum", "_count")}.get(family.type, ("",))
+        suffixes = {"counter": ("_total",), "histogram": ("_bucket", "_sum", "_count")}.get(
+            family.type, ("",)
+        )
         names |= {family.name + suffix for suffix in suffixes}
     assert {f"dlo_job_{name}_seconds_bucket" for name in HISTOGRAMS} <= names
     return names
@@ -55,11 +57,15 @@ def test_what_is_asked_of_prometheus_is_exported(exported, name):
 def test_what_every_replica_exports_is_not_summed_over_replicas(name):
     """Two replicas of the service would show twice as many jobs as there were."""
     text = (DEPLOY / name).read_text()
-    for expression in expressions(json.loads(text) if name.endswith("json") else yaml.safe_load(text)):
+    for expression in expressions(
+        json.loads(text) if name.endswith("json") else yaml.safe_load(text)
+    ):
         for found in re.finditer(r"(?:rate|increase)\(dlo_(?!http_)", expression):
             assert expression[: found.start()].endswith("max without (instance, pod) ("), expression
         for found in re.finditer(r"dlo_(?:queue|workers?|version)\w*", expression):
-            assert re.search(r"(max|count)( by \([^()]*\) )?\($", expression[: found.start()]), expression
+            assert re.search(r"(max|count)( by \([^()]*\) )?\($", expression[: found.start()]), (
+                expression
+            )
 
 
 def test_every_alert_says_what_to_do():
@@ -78,7 +84,14 @@ def test_panels_do_not_overlap_and_are_explained():
 
 
 COMPOSE = (ROOT / "docker-compose.yml", DEPLOY / "three-hosts.yaml")
-_ELSEWHERE = {"DLO_URL", "DLO_QUEUE_SECRET", "DLO_IMAGE", "DLO_KEYS", "DLO_TESTS_NEED", "DLO_QUEUE_PASSWORD"}
+_ELSEWHERE = {
+    "DLO_URL",
+    "DLO_QUEUE_SECRET",
+    "DLO_IMAGE",
+    "DLO_KEYS",
+    "DLO_TESTS_NEED",
+    "DLO_QUEUE_PASSWORD",
+}
 """Variables of compose files, of tests and of the client; no settings."""
 
 
@@ -90,7 +103,9 @@ def test_every_setting_that_is_named_exists(file):
     """A variable that nobody reads is passed over without a word."""
     named = set(re.findall(r"\bDLO_[A-Z0-9_]+\b", file.read_text())) - _ELSEWHERE
     assert named
-    assert {name.removeprefix("DLO_").lower() for name in named} <= set(ServiceSettings.model_fields)
+    assert {name.removeprefix("DLO_").lower() for name in named} <= set(
+        ServiceSettings.model_fields
+    )
 
 
 @pytest.mark.parametrize("file", COMPOSE, ids=lambda file: file.name)

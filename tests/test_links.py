@@ -1,4 +1,5 @@
-"""Links of the Markdown pages to files of this repository lead somewhere, also those that Sphinx does not read."""
+"""Links of the Markdown pages to files of this repository lead somewhere, also those that Sphinx
+does not read."""
 
 from __future__ import annotations
 
@@ -8,7 +9,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "clients" / "python" / "README.md"]
+PAGES = [
+    *ROOT.glob("*.md"),
+    *(ROOT / "docs").rglob("*.md"),
+    ROOT / "clients" / "python" / "README.md",
+]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

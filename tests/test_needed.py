@@ -1,4 +1,5 @@
-"""A browser test that is skipped: counted on a developer's machine, a failure in continuous integration."""
+"""A browser test that is skipped: counted on a developer's machine, a failure in continuous
+integration."""
 
 from __future__ import annotations
 
@@ -27,7 +28,17 @@ def test_other(): ...
 def run(folder: Path, needed: str) -> subprocess.CompletedProcess[str]:
     program = folder / "test_skipped.py"
     program.write_text(SKIPPED)
-    command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "tests.needed", "-p", "no:cacheprovider"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-rs",
+        "-p",
+        "tests.needed",
+        "-p",
+        "no:cacheprovider",
+    ]
     (folder / "pytest.ini").write_text("[pytest]\nmarkers = browser\n")
     return subprocess.run(
         [*command, str(program)],

@@ -44,7 +44,9 @@ def test_service_and_workers_run_where_torch_is_not_installed():
         "assert not {'scipy', 'cv2', 'onnxruntime'} & set(sys.modules), 'it starts slower for nothing'\n"
         "import workers.__main__, workers.child\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -66,7 +68,8 @@ def test_training_workers_run_with_the_versions_that_are_tested():
 
 
 def test_a_worker_with_a_gpu_has_another_onnx_runtime_and_nothing_else_is_different():
-    """A list of one package went stale: what was to be installed beside it was said in a comment."""
+    """A list of one package went stale: what was to be installed beside it was said in a
+    comment."""
     service, cuda = pinned("service"), pinned("cuda")
     assert {name for name, _ in service - cuda} == {"onnxruntime"}
     more = {name for name, _ in cuda - service}
@@ -81,5 +84,7 @@ def test_the_image_of_a_worker_with_a_gpu_is_built_from_its_list():
     assert "ARG LOCK=service\n" in dockerfile
     assert "requirements/${LOCK}.txt" in dockerfile
     assert (ROOT / "requirements" / f"{lock}.txt").exists()
-    wanted = Settings(onnx_providers=json.loads(worker["environment"]["DLO_ONNX_PROVIDERS"])).onnx_providers
+    wanted = Settings(
+        onnx_providers=json.loads(worker["environment"]["DLO_ONNX_PROVIDERS"])
+    ).onnx_providers
     assert wanted == [CUDA, CPU], "a host without a GPU computes on its processor"

@@ -38,13 +38,17 @@ print(dlo.__version__, len(scene.instances), len(scene.crossings), dlo.segment(p
 
 
 def run(*arguments: str, cwd: Path = ROOT) -> str:
-    done = subprocess.run([sys.executable, *arguments], cwd=cwd, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, *arguments], cwd=cwd, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
 def test_the_changelog_begins_with_the_version():
-    released = re.findall(r"^## \[(\d\S*)\] - \d{4}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    released = re.findall(
+        r"^## \[(\d\S*)\] - \d{4}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M
+    )
     assert released[0] == dlo_client.__version__
     assert len(set(released)) == len(released)
 
@@ -59,14 +63,23 @@ def test_a_tagged_commit_has_the_tag_of_its_version():
 
 @pytest.mark.slow
 def test_the_library_installs_and_works_elsewhere(tmp_path):
-    """Built from a copy of the sources, so that tests at the same time do not share a build folder."""
+    """Built from a copy of the sources, so that tests at the same time do not share a build
+    folder."""
     clone = tmp_path / "clone"
     names = ["pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE", "models", "clients"]
     clone.mkdir()
     for name in names:
         (clone / name).symlink_to(ROOT / name)
     target = tmp_path / "site"
-    pip = ["-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-deps", "--no-index"]
+    pip = [
+        "-m",
+        "pip",
+        "--disable-pip-version-check",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+    ]
     run(*pip, "--no-build-isolation", "--no-compile", "--target", str(target), ".", cwd=clone)
     assert sorted(p.name for p in target.iterdir() if p.suffix != ".dist-info") == ["dlo"]
     assert not list(target.rglob("training")) + list(target.rglob("synthesis"))
@@ -91,7 +104,9 @@ def test_the_documented_command_installs_extras_that_exist():
     """The README named a package of the index, and there was none."""
     project = tomllib.loads((CLIENT / "pyproject.toml").read_text())["project"]
     pages = [ROOT / "README.md", CLIENT / "README.md", *(ROOT / "docs").rglob("*.md")]
-    named = [m for page in pages for m in re.findall(r"pip install \"?(\S+?)\[(.+?)\]", page.read_text())]
+    named = [
+        m for page in pages for m in re.findall(r"pip install \"?(\S+?)\[(.+?)\]", page.read_text())
+    ]
     assert named
     for place, extras in named:
         assert (ROOT / place).resolve() == CLIENT, f"{place} is not the client's folder"
@@ -102,6 +117,8 @@ def test_the_documented_command_installs_extras_that_exist():
 def test_metadata_is_complete(folder):
     project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
     assert project["dynamic"] == ["version"]
-    assert {"description", "readme", "license", "license-files", "classifiers", "keywords"} <= set(project)
+    assert {"description", "readme", "license", "license-files", "classifiers", "keywords"} <= set(
+        project
+    )
     assert (folder / project["readme"]).exists()
     assert all((folder / name).exists() for name in project["license-files"])

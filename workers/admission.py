@@ -1,4 +1,5 @@
-"""Whether a job may enter: once an idempotency key, and while there is room; asked where its record is opened."""
+"""Whether a job may enter: once an idempotency key, and while there is room; asked where its record
+is opened."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ local function admission(first)
   end
 end
 """
-"""``admission(first)``: why a job does not enter by the terms from ARGV[first] on, nil if it does."""
+"""``admission(first)``: why a job does not enter by the terms from ARGV[first] on, nil if it
+does."""
 
 
 def script(keys: Keys) -> str:
@@ -68,7 +70,8 @@ class Terms:
         return replace(self, has_room=True)
 
     def known_job(self, verdict: list[str] | None) -> str | None:
-        """The job that the key stands for, None if a job of its own enters; raises QueueFull, IdempotencyConflict."""
+        """The job that the key stands for, None if a job of its own enters; raises QueueFull,
+        IdempotencyConflict."""
         if verdict is None:
             return None
         what, text = verdict

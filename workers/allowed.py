@@ -1,4 +1,5 @@
-"""Which queue entries a worker runs: those that name :data:`workers.dispatch.RUN` with their own id, no others.
+"""Which queue entries a worker runs: those that name :data:`workers.dispatch.RUN` with their own
+id, no others.
 
 The JSON serializer alone is not safe: an entry is free to name any function of any module.
 """
@@ -15,12 +16,18 @@ from workers.dispatch import RUN
 
 
 class AllowedJob(Job):
-    """A queue entry that says in ``refusal`` why it must not run, instead of upsetting the worker."""
+    """A queue entry that says in ``refusal`` why it must not run, instead of upsetting the
+    worker."""
 
     refusal: str | None = None
 
     @classmethod
-    def fetch(cls, id: str, connection: redis.Redis | None = None, serializer: Any = None) -> AllowedJob:  # noqa: A002
+    def fetch(
+        cls,
+        id: str,  # noqa: A002
+        connection: redis.Redis | None = None,
+        serializer: Any = None,
+    ) -> AllowedJob:
         """The entry; NoSuchJobError, over which RQ passes, also for what is no entry at all."""
         try:
             return cast(AllowedJob, super().fetch(id, connection=connection, serializer=serializer))
@@ -28,7 +35,8 @@ class AllowedJob(Job):
             raise NoSuchJobError(f"not a queue entry: {error}") from error
 
     def refresh(self) -> None:
-        """Read of the entry only what it calls; RQ would go through twenty fields that nobody asks for."""
+        """Read of the entry only what it calls; RQ would go through twenty fields that nobody asks
+        for."""
         data = self.connection.hget(self.key, "data")
         if data is None:
             raise NoSuchJobError(f"no such entry: {self.key}")
@@ -38,7 +46,12 @@ class AllowedJob(Job):
         """Called by RQ with what lies in the queue server."""
         try:
             super().restore(raw_data)
-            if (self.func_name, self.instance, list(self.args), self.kwargs) != (RUN, None, [self.id], {}):
+            if (self.func_name, self.instance, list(self.args), self.kwargs) != (
+                RUN,
+                None,
+                [self.id],
+                {},
+            ):
                 self.refusal = f"it calls {self.func_name!r}"
         except NoSuchJobError:
             raise

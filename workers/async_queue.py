@@ -1,4 +1,5 @@
-"""The part of the queue's door that waits, for an event loop: hundreds of waiters need no threads."""
+"""The part of the queue's door that waits, for an event loop: hundreds of waiters need no
+threads."""
 
 from __future__ import annotations
 
@@ -25,30 +26,38 @@ class AsyncJobQueue:
         self._opens: dict[str, AsyncScript] = {}
 
     async def open(self, opening: Opening) -> str:
-        """Put the job into the queue; its id, or that of the one for which its idempotency key already stands. Raises
-        as :meth:`workers.ledger.Opening.known`."""
+        """Put the job into the queue; its id, or that of the one for which its idempotency key
+        already stands. Raises as :meth:`workers.ledger.Opening.known`."""
         script = self._opens.get(opening.script) or self._client.register_script(opening.script)
         self._opens[opening.script] = script
         return opening.known(await script(args=opening.arguments)) or opening.job_id
 
     async def get(self, job_id: str) -> JobRecord:
         """See :meth:`workers.view.QueueView.get`."""
-        return await self._read(job_id, cast(dict[str, str], await self._client.hgetall(self._keys.job(job_id))))
+        return await self._read(
+            job_id, cast(dict[str, str], await self._client.hgetall(self._keys.job(job_id)))
+        )
 
     async def when_ended(self, job_id: str, block_ms: int) -> JobRecord:
-        """The job as soon as it has ended, or as it stands after ``block_ms``. Raises JobUnknown or JobGone.
+        """The job as soon as it has ended, or as it stands after ``block_ms``. Raises JobUnknown or
+        JobGone.
 
-        One trip: on a connection the server looks at the record only once it is through with the blocking read.
+        One trip: on a connection the server looks at the record only once it is through with the
+        blocking read.
         """
         async with self._client.pipeline(transaction=False) as pipeline:
-            pipeline.xread({self._keys.ended(job_id): "0"}, block=max(1, min(block_ms, LONGEST_BLOCK_MS)))
+            pipeline.xread(
+                {self._keys.ended(job_id): "0"}, block=max(1, min(block_ms, LONGEST_BLOCK_MS))
+            )
             pipeline.hgetall(self._keys.job(job_id))
             _, record = await pipeline.execute()
         return await self._read(job_id, record)
 
     async def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
         """See :meth:`workers.view.QueueView.events`."""
-        answer = await self._client.xread(*stream_after(self._keys, job_id, after), block=bounded_block(block_ms))
+        answer = await self._client.xread(
+            *stream_after(self._keys, job_id, after), block=bounded_block(block_ms)
+        )
         if not answer and not await self._client.exists(self._keys.job(job_id)):
             raise absent(await self._client.exists(self._keys.tombstone(job_id)), job_id)
         return events_of(answer)
@@ -59,7 +68,8 @@ class AsyncJobQueue:
         return JobRecord.read(record)
 
     async def pace(self, owner: str, per_minute: int) -> float:
-        """Seconds that ``owner`` has to wait before its next request; 0 for one that may go on, and counts."""
+        """Seconds that ``owner`` has to wait before its next request; 0 for one that may go on, and
+        counts."""
         return float(await self._pace(keys=[self._keys.pace(owner)], args=[per_minute]))
 
     async def close(self) -> None:

@@ -1,7 +1,8 @@
-"""What runs in the warm child: load the networks once, then one job after another as the parent says.
+"""What runs in the warm child: load the networks once, then one job after another as the parent
+says.
 
-Started by :mod:`workers.child_process`, with a socket to the parent: settings come in, the list of networks
-goes out, then for each job a claim in, at its end the memory in use out.
+Started by :mod:`workers.child_process`, with a socket to the parent: settings come in, the list of
+networks goes out, then for each job a claim in, at its end the memory in use out.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ def main(socket: int, parent: int) -> None:
         tracing.begin()
         tools = stages.warm(settings)
         ledger = Ledger(connect(settings, patient=True), settings)
-        connection.send_bytes(json.dumps([network.model_dump() for network in tools.networks]).encode())
+        connection.send_bytes(
+            json.dumps([network.model_dump() for network in tools.networks]).encode()
+        )
         gc.collect()
         gc.freeze()  # networks and modules are no garbage: looking through them held jobs up
         memory.limit(settings)

@@ -32,7 +32,8 @@ _GONE_WITHIN_S = 2.0
 _NEAR_ITS_LIMIT = 0.6
 _WORN_AT = 0.5
 _SPENT_AT = 0.8
-"""Of the memory that it may take beyond what it had when it was warm: what its jobs have left behind."""
+"""Of the memory that it may take beyond what it had when it was warm: what its jobs have left
+behind."""
 
 
 class ChildDied(Exception):
@@ -40,7 +41,8 @@ class ChildDied(Exception):
 
 
 class ChildProcess:
-    """At most one child at a time; all its processes are one group, so that killing it leaves nothing."""
+    """At most one child at a time; all its processes are one group, so that killing it leaves
+    nothing."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -82,18 +84,24 @@ class ChildProcess:
     @property
     def frozen(self) -> bool:
         """Whether it was given a job and does not take it up."""
-        given_long_ago = self._given is not None and time.monotonic() - self._given > _BEGIN_WITHIN_S
+        given_long_ago = (
+            self._given is not None and time.monotonic() - self._given > _BEGIN_WITHIN_S
+        )
         return given_long_ago and self._connection is not None and _unread(self._connection) > 0
 
     @property
     def died_of_memory(self) -> bool:
-        """Whether it gave up, as native code does that is refused memory, when it had taken most of its share."""
+        """Whether it gave up, as native code does that is refused memory, when it had taken most of
+        its share."""
         limit_mb = memory.limit_mb(self._settings)
         if self._process is None:
             return False
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_GONE_WITHIN_S)  # its socket is closed a moment before it is gone
-        return self._process.returncode == -signal.SIGABRT and self._largest_mb > _NEAR_ITS_LIMIT * limit_mb
+        return (
+            self._process.returncode == -signal.SIGABRT
+            and self._largest_mb > _NEAR_ITS_LIMIT * limit_mb
+        )
 
     def begin(self) -> None:
         """Start one; it warms up by itself.
@@ -128,7 +136,8 @@ class ChildProcess:
         return True
 
     def start(self) -> None:
-        """Start one and return once it is warm; raises ChildDied. As :meth:`begin`, from a thread that lives on."""
+        """Start one and return once it is warm; raises ChildDied. As :meth:`begin`, from a thread
+        that lives on."""
         self.begin()
         while not self.warm(1.0):
             pass

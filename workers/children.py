@@ -1,8 +1,9 @@
 """The child that works and the one that comes after it, so that replacing one makes nobody wait.
 
-Strategy: a warm child may have to go at any moment: cancelled, killed, out of memory, worn. Loading the
-networks takes seconds; hence the next one is loaded as soon as the first is warm, and stands by. A worn child
-goes on until the next one is warm; only one that has died, or has no memory left, leaves a worker without.
+Strategy: a warm child may have to go at any moment: cancelled, killed, out of memory, worn. Loading
+the networks takes seconds; hence the next one is loaded as soon as the first is warm, and stands
+by. A worn child goes on until the next one is warm; only one that has died, or has no memory left,
+leaves a worker without.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from workers.settings import Settings
 
 _LOOK_S = 0.5
 _TRIES = 2
-"""A child that was killed while it loaded is started again; one that cannot load ends the worker."""
+"""A child that was killed while it loaded is started again; one that cannot load ends the
+worker."""
 
 log = structlog.get_logger(__name__)
 

@@ -1,4 +1,5 @@
-"""Connections to the queue server: impatient ones for answering people, patient ones for workers."""
+"""Connections to the queue server: impatient ones for answering people, patient ones for
+workers."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ T = TypeVar("T")
 
 
 class Patience(Retry):
-    """Also waits for a server that is there and cannot write: its disk or its memory is full, or it is a replica."""
+    """Also waits for a server that is there and cannot write: its disk or its memory is full, or it
+    is a replica."""
 
     def call_with_retry(self, do: Callable[..., T], *rest: Any, **named: Any) -> T:
         """See redis-py."""
@@ -48,7 +50,9 @@ def connect(settings: Settings, *, patient: bool = False, text: bool = True) -> 
 
     It answers text, which is all that a job's record holds; RQ wants one that answers bytes.
     """
-    retry = Patience(ConstantBackoff(_PAUSE_S), -1) if patient else Retry(ConstantBackoff(_PAUSE_S), 1)
+    retry = (
+        Patience(ConstantBackoff(_PAUSE_S), -1) if patient else Retry(ConstantBackoff(_PAUSE_S), 1)
+    )
     return redis.Redis.from_url(
         settings.redis_url,
         **_access(settings),
@@ -74,7 +78,8 @@ def connect_async(settings: Settings) -> redis.asyncio.Redis:
 
 
 def _access(settings: Settings) -> dict[str, Any]:
-    """What an address does not hold: the password, and whom to believe that the server is who it claims to be."""
+    """What an address does not hold: the password, and whom to believe that the server is who it
+    claims to be."""
     given: dict[str, Any] = {}
     if settings.redis_password_file:
         given["password"] = settings.redis_password_file.read_text(encoding="utf-8").strip()

@@ -36,7 +36,12 @@ class DeadLetters:
     def bury(self, job_id: str, url: str, body: str, error: str) -> None:
         """Keep a webhook that was given up; the oldest go when there are too many."""
         now = time.time()
-        letter: dict[Any, str] = {"url": url, "body": body, "error": error, "given_up_at": repr(now)}
+        letter: dict[Any, str] = {
+            "url": url,
+            "body": body,
+            "error": error,
+            "given_up_at": repr(now),
+        }
         with self._client.pipeline() as pipeline:
             pipeline.delete(self._keys.dead_letter(job_id))
             pipeline.hset(self._keys.dead_letter(job_id), mapping=letter)
@@ -65,7 +70,8 @@ class DeadLetters:
     def all(self) -> list[DeadLetter]:
         """Newest first."""
         letters = (
-            self.get(job_id) for job_id in cast(list[str], self._client.zrevrange(self._keys.dead_letters, 0, _MOST))
+            self.get(job_id)
+            for job_id in cast(list[str], self._client.zrevrange(self._keys.dead_letters, 0, _MOST))
         )
         return [letter for letter in letters if letter is not None]
 

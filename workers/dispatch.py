@@ -1,14 +1,18 @@
-"""How ids of queued jobs come to workers: RQ by default, behind a protocol that another engine can fill.
+"""How ids of queued jobs come to workers: RQ by default, behind a protocol that another engine can
+fill.
 
-Strategy: a job's record says how it stands; an engine only carries ids, and may lose one (the reaper puts it
-back) or bring one twice (the claim refuses it). So little is asked of it: five functions in Lua that the ledger's
-steps call inside the queue server, and what the first of them needs to put an id into a queue. The other side, what
-brings ids to a worker, is ``workers.runner.Runner`` being called with them. RQ writes its entry itself: the commands
-that it would send are recorded, and repeated inside the script that opens the record, in one trip to the server.
+Strategy: a job's record says how it stands; an engine only carries ids, and may lose one (the
+reaper puts it back) or bring one twice (the claim refuses it). So little is asked of it: five
+functions in Lua that the ledger's steps call inside the queue server, and what the first of them
+needs to put an id into a queue. The other side, what brings ids to a worker, is
+``workers.runner.Runner`` being called with them. RQ writes its entry itself: the commands that it
+would send are recorded, and repeated inside the script that opens the record, in one trip to the
+server.
 
-Owners have equal shares of each queue, by start-time fair queueing (Goyal, Vin and Cheng, 1996): a job's turn is
-one after the later of its owner's last turn and the turn of the job last taken; the queue is kept in order of
-turns. An owner with a thousand waiting jobs delays another's first one by one job.
+Owners have equal shares of each queue, by start-time fair queueing (Goyal, Vin and Cheng, 1996): a
+job's turn is one after the later of its owner's last turn and the turn of the job last taken; the
+queue is kept in order of turns. An owner with a thousand waiting jobs delays another's first one by
+one job.
 """
 
 from __future__ import annotations
@@ -36,9 +40,9 @@ class Dispatch(Protocol):
     """The door's side of an engine."""
 
     script: str
-    """Lua: ``put(first)`` into the queue, with ``arguments`` from ARGV[first] on, ``take()`` after a worker got the id,
-    ``withdraw()``, ``put_back()`` to the front, ``has_place()``; each about the job ``id``, whose record ``get(field)``
-    reads."""
+    """Lua: ``put(first)`` into the queue, with ``arguments`` from ARGV[first] on, ``take()`` after
+    a worker got the id, ``withdraw()``, ``put_back()`` to the front, ``has_place()``; each about
+    the job ``id``, whose record ``get(field)`` reads."""
 
     def arguments(self, job_id: str, priority: Priority) -> list[Argument]:
         """What ``put`` needs for a job."""
@@ -96,8 +100,8 @@ end
 
 local function has_place() return redis.call('LPOS', line(), id) end
 """
-"""``queue_up`` repeats RQ's commands, each as the number of its words and the words; ``place`` moves the id from the
-end of the queue, where RQ puts it, to its owner's turn."""
+"""``queue_up`` repeats RQ's commands, each as the number of its words and the words; ``place``
+moves the id from the end of the queue, where RQ puts it, to its owner's turn."""
 
 
 class RqDispatch:
@@ -106,7 +110,8 @@ class RqDispatch:
     def __init__(self, client: redis.Redis, keys: Keys) -> None:
         self._client = client
         self._queues = {
-            name: Queue(keys.queue(name), connection=client, serializer=JSONSerializer) for name in ALL_QUEUES
+            name: Queue(keys.queue(name), connection=client, serializer=JSONSerializer)
+            for name in ALL_QUEUES
         }
         self.script = filled(
             _LUA,

@@ -1,7 +1,8 @@
-"""A queue server of our own: Valkey on this machine, its data in a folder, so that a restart loses no job.
+"""A queue server of our own: Valkey on this machine, its data in a folder, so that a restart loses
+no job.
 
-``python -m workers.embedded --dir D --port P`` becomes the server. It ends when the thread that started it
-ends (on Linux): start one from a main thread.
+``python -m workers.embedded --dir D --port P`` becomes the server. It ends when the thread that
+started it ends (on Linux): start one from a main thread.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from workers.lifeline import die_with_parent
 
 HOST = "127.0.0.1"
 PASSWORD = "DLO_QUEUE_PASSWORD"
-"""The variable that the server's password comes in: a command line is for everybody on the machine to read."""
+"""The variable that the server's password comes in: a command line is for everybody on the machine
+to read."""
 
 _LOG = "server.log"
 _CONFIGURATION = "server.conf"
@@ -56,7 +58,9 @@ class EmbeddedQueue:
         command += ["--dir", str(self.folder), "--port", str(self.port)]
         # Its own group: Ctrl-C must not take the queue away under workers that finish their jobs.
         environment = os.environ | {PASSWORD: self._password}
-        self._process = subprocess.Popen(command, process_group=0, stdin=subprocess.DEVNULL, env=environment)
+        self._process = subprocess.Popen(
+            command, process_group=0, stdin=subprocess.DEVNULL, env=environment
+        )
         give_up = time.monotonic() + timeout_s
         while not self._answers():
             if self._process.poll() is not None or time.monotonic() > give_up:
@@ -81,9 +85,13 @@ class EmbeddedQueue:
 
     def _answers(self) -> bool:
         """Whether it, and not another server on the same port, answers."""
-        with redis.Redis.from_url(self.url, socket_timeout=1.0, retry=Retry(NoBackoff(), 0)) as client:
+        with redis.Redis.from_url(
+            self.url, socket_timeout=1.0, retry=Retry(NoBackoff(), 0)
+        ) as client:
             try:
-                return bool(self._process and client.info("server")["process_id"] == self._process.pid)
+                return bool(
+                    self._process and client.info("server")["process_id"] == self._process.pid
+                )
             except redis.RedisError:
                 return False
 
@@ -132,7 +140,8 @@ def _packaged() -> str | None:
 
 
 def _lock(folder: Path) -> None:
-    """Keep a second server out of the folder, for as long as this process (also after ``exec``) lives."""
+    """Keep a second server out of the folder, for as long as this process (also after ``exec``)
+    lives."""
     lock = os.open(folder / "lock", os.O_CREAT | os.O_RDWR, 0o600)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -172,7 +181,9 @@ def main() -> None:
     }
     configuration = arguments.dir / _CONFIGURATION
     configuration.unlink(missing_ok=True)
-    lines = [f"{name} {json.dumps(str(value), ensure_ascii=False)}\n" for name, value in options.items()]
+    lines = [
+        f"{name} {json.dumps(str(value), ensure_ascii=False)}\n" for name, value in options.items()
+    ]
     configuration.write_text("".join(lines), encoding="utf-8")
     program = server_program()
     os.execv(program, [program, str(configuration)])

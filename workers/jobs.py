@@ -1,4 +1,5 @@
-"""The one function that the queue may call, run in the warm child: do the job, store, sort errors."""
+"""The one function that the queue may call, run in the warm child: do the job, store, sort
+errors."""
 
 from __future__ import annotations
 
@@ -19,13 +20,15 @@ from workers.stages.outcome import InvalidInput, Outcome, Tools
 
 _PROGRESS_STEP = 0.01
 _TOLD_EVERY_S = 0.2
-"""Progress of a job that ends sooner is nothing that anybody could see, but a trip to the queue server each time."""
+"""Progress of a job that ends sooner is nothing that anybody could see, but a trip to the queue
+server each time."""
 
 log = structlog.get_logger(__name__)
 
 
 def run(claim: Claim, ledger: Ledger, tools: Tools) -> None:
-    """Run the claimed job to its end, good or bad; raises only if the end cannot be written down."""
+    """Run the claimed job to its end, good or bad; raises only if the end cannot be written
+    down."""
     with tracing.of_job(claim) as span:
         _run(claim, ledger, tools, span)
 
@@ -42,7 +45,11 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
         tools.owner = claim.owner
         outcome = stages.run(request, tools)
         in_camera = getattr(request, "T_world_camera", None) is None
-        poses = robot_poses(request.output, outcome.result, in_camera=in_camera) if request.output else None
+        poses = (
+            robot_poses(request.output, outcome.result, in_camera=in_camera)
+            if request.output
+            else None
+        )
         files = _store(outcome, tools.blobs)
         took_ms = (time.perf_counter() - started) * 1000
         waited_ms = claim.queue_wait_ms
@@ -53,7 +60,10 @@ def _run(claim: Claim, ledger: Ledger, tools: Tools, span: Span) -> None:
     except InvalidInput as error:
         held = ledger.fail(claim, problems.invalid(error.field, error.message, error.code))
         say.info("job failed: invalid input", field=error.field, code=error.code, held=held)
-    except (BlobsUnreachableError, BlobMissing) as error:  # what the request names is looked for by the stages
+    except (
+        BlobsUnreachableError,
+        BlobMissing,
+    ) as error:  # what the request names is looked for by the stages
         held = ledger.fail(claim, problems.storage_unavailable())
         say.error("job failed: blobs cannot be reached", error=str(error), held=held)
     except NoRoomError as error:

@@ -1,8 +1,9 @@
 """Documents that stay: recipes and cameras, by name, every change a new version.
 
-Strategy: one hash a name holds its versions as JSON texts, and the number of the latest; one script adds a version, so
-that two replicas never give the same number. All of them live in the queue server, where every replica sees them. The
-pictures that a document names are listed beside it, and the sweep of the blobs leaves them alone.
+Strategy: one hash a name holds its versions as JSON texts, and the number of the latest; one script
+adds a version, so that two replicas never give the same number. All of them live in the queue
+server, where every replica sees them. The pictures that a document names are listed beside it, and
+the sweep of the blobs leaves them alone.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ class Kept:
 
 
 class Shelf:
-    """The documents of one sort; every method raises ``redis.RedisError`` when the queue server does not answer."""
+    """The documents of one sort; every method raises ``redis.RedisError`` when the queue server
+    does not answer."""
 
     def __init__(self, client: redis.Redis, keys: Keys, sort: str) -> None:
         self._client = client
@@ -67,7 +69,9 @@ class Shelf:
     def put(self, name: str, text: str, pictures: Sequence[str] = ()) -> int:
         """Add a version, which names ``pictures`` (blob ids); its number. Raises FullError."""
         limits = [_MOST_VERSIONS, _MOST_NAMES]
-        version = int(self._put(keys=self._keys(name), args=[name, text, " ".join(pictures), *limits]))
+        version = int(
+            self._put(keys=self._keys(name), args=[name, text, " ".join(pictures), *limits])
+        )
         if not version:
             raise FullError(f"there are {_MOST_NAMES} {self._sort}, as many as may be")
         return version
@@ -91,7 +95,8 @@ class Shelf:
         return [Kept(name, number, fields[str(number)]) for number in numbers]
 
     def delete(self, name: str) -> bool:
-        """Forget all versions; False if there were none. A name that is used again counts from 1."""
+        """Forget all versions; False if there were none. A name that is used again counts from
+        1."""
         return self._delete(keys=self._keys(name), args=[name]) is not None
 
     def pictures(self) -> set[str]:
@@ -99,7 +104,12 @@ class Shelf:
         found: set[str] = set()
         for name in cast(list[str], self._client.hkeys(self._keys("")[1])):
             fields = cast(dict[str, str], self._client.hgetall(self._keys(name)[0]))
-            found |= {one for field, ids in fields.items() if field.endswith(":pictures") for one in ids.split()}
+            found |= {
+                one
+                for field, ids in fields.items()
+                if field.endswith(":pictures")
+                for one in ids.split()
+            }
         return found
 
     def _keys(self, name: str) -> list[str]:
@@ -112,7 +122,8 @@ def kept_pictures(client: redis.Redis, keys: Keys) -> set[str]:
 
 
 def sweep(blobs: Blobs, client: redis.Redis, keys: Keys) -> int:
-    """Remove old blobs, but for the pictures of documents; nothing while the queue server cannot name them."""
+    """Remove old blobs, but for the pictures of documents; nothing while the queue server cannot
+    name them."""
     for blob_id in kept_pictures(client, keys):
         blobs.touch(blob_id)
     return blobs.sweep()

@@ -1,4 +1,5 @@
-"""Names of everything that a deployment keeps in the queue server, under its prefix (``DLO_QUEUE_PREFIX``)."""
+"""Names of everything that a deployment keeps in the queue server, under its prefix
+(``DLO_QUEUE_PREFIX``)."""
 
 from __future__ import annotations
 
@@ -24,12 +25,14 @@ class Keys:
 
     @property
     def webhooks(self) -> str:
-        """Sorted set of the ids of ended jobs whose webhook has not been heard, by the time of the next attempt."""
+        """Sorted set of the ids of ended jobs whose webhook has not been heard, by the time of the
+        next attempt."""
         return f"{self.prefix}:webhooks"
 
     @property
     def dead_letters(self) -> str:
-        """Sorted set of the ids of jobs whose webhook was given up, by the time at which that was."""
+        """Sorted set of the ids of jobs whose webhook was given up, by the time at which that
+        was."""
         return f"{self.prefix}:dead_letters"
 
     @property
@@ -71,7 +74,8 @@ class Keys:
         return f"{self.prefix}:events:{job_id}"
 
     def ended(self, job_id: str) -> str:
-        """Stream of one entry, for a moment after a job's end: whoever waits for that is woken by nothing else."""
+        """Stream of one entry, for a moment after a job's end: whoever waits for that is woken by
+        nothing else."""
         return f"{self.prefix}:ended:{job_id}"
 
     def tombstone(self, job_id: str) -> str:
@@ -108,7 +112,8 @@ class Keys:
         return f"{self.prefix}:turns:{priority}"
 
     def last_turns(self, priority: str) -> str:
-        """Hash of an owner to the turn of its last job; of a blank to the turn of the job last taken."""
+        """Hash of an owner to the turn of its last job; of a blank to the turn of the job last
+        taken."""
         return f"{self.prefix}:last_turns:{priority}"
 
     def worker(self, name: str) -> str:
@@ -129,10 +134,13 @@ class Keys:
 
     def idempotency(self, given: str, owner: str) -> str:
         """The job that an idempotency key stands for; two owners may use the same key."""
-        return f"{self.prefix}:idempotency:{hashlib.sha256(f'{owner}|{given}'.encode()).hexdigest()}"
+        return (
+            f"{self.prefix}:idempotency:{hashlib.sha256(f'{owner}|{given}'.encode()).hexdigest()}"
+        )
 
     def shelf(self, sort: str) -> str:
-        """Hash of the names of kept documents of a sort (``recipes``, ``cameras``) to their latest versions."""
+        """Hash of the names of kept documents of a sort (``recipes``, ``cameras``) to their latest
+        versions."""
         return f"{self.prefix}:{sort}"
 
     def shelved(self, sort: str, name: str) -> str:

@@ -1,4 +1,5 @@
-"""An archive of labelled pictures: what is in it, before anything is taken out. Imports nothing that computes."""
+"""An archive of labelled pictures: what is in it, before anything is taken out. Imports nothing
+that computes."""
 
 from __future__ import annotations
 
@@ -45,8 +46,10 @@ def pairs_of(data: bytes) -> list[Labelled]:
     names = {info.filename for info in infos}
     pairs = [_pair(name.removesuffix(_IDS), names) for name in sorted(names) if name.endswith(_IDS)]
     if not LEAST <= len(pairs) <= MOST:
-        raise ArchiveError(f"holds {len(pairs)} pictures with a label (NAME.png or .jpg, and NAME{_IDS}); "
-                           f"{LEAST} to {MOST} are needed")  # fmt: skip
+        raise ArchiveError(
+            f"holds {len(pairs)} pictures with a label (NAME.png or .jpg, and NAME{_IDS}); "
+            f"{LEAST} to {MOST} are needed"
+        )
     return pairs
 
 

@@ -1,8 +1,9 @@
 """The states of a job and the only steps between them.
 
-Strategy: each step is one script inside the queue server, hence atomic: it looks at the state (and, for a
-running job, at the number of the attempt), and does nothing unless the step is allowed from there. So of
-two that race — a cancel and a success, a reaper and a slow worker — the first wins and the other is told.
+Strategy: each step is one script inside the queue server, hence atomic: it looks at the state (and,
+for a running job, at the number of the attempt), and does nothing unless the step is allowed from
+there. So of two that race — a cancel and a success, a reaper and a slow worker — the first wins and
+the other is told.
 
     queued ──claim──► running ──end──► succeeded | failed | cancelled
       ▲                  │
@@ -32,11 +33,12 @@ ALIVE_MS = 5000
 """A running job whose worker is silent for so long is taken for lost …"""
 
 GRACE_MS = 1500
-"""… if it is still silent so much later: right after a restart of the queue server all of them are."""
+"""… if it is still silent so much later: right after a restart of the queue server all of them
+are."""
 
 Hold = Literal["held", "wanted", "ended", "gone"]
-"""How a claim stands: its job runs, it runs although it is of batch and an interactive one waits, this attempt has
-ended it, or it was cancelled or taken over."""
+"""How a claim stands: its job runs, it runs although it is of batch and an interactive one waits,
+this attempt has ended it, or it was cancelled or taken over."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ class Opening:
     arguments: list[Argument]
 
     def known(self, answer: Any) -> str | None:
-        """The job that the idempotency key already stands for, by what the script answered; None if this one is new.
+        """The job that the idempotency key already stands for, by what the script answered; None if
+        this one is new.
 
         Raises:
             QueueFull: there is no room for it.
@@ -80,7 +83,9 @@ class Opening:
 class Ledger:
     """The steps of a job's record, over one client of the queue server."""
 
-    def __init__(self, client: redis.Redis, settings: Settings, dispatch: Dispatch | None = None) -> None:
+    def __init__(
+        self, client: redis.Redis, settings: Settings, dispatch: Dispatch | None = None
+    ) -> None:
         """``dispatch``: RQ's unless another is given."""
         self.dispatch = dispatch or RqDispatch(client, settings.keys)
         self._settings = settings
@@ -95,7 +100,8 @@ class Ledger:
         self._scripts = {name: client.register_script(text) for name, text in self._texts.items()}
 
     def admit(self, terms: Terms) -> str | None:
-        """The job that the idempotency key stands for, None if there is room for one; raises as :meth:`open`."""
+        """The job that the idempotency key stands for, None if there is room for one; raises as
+        :meth:`open`."""
         return terms.known_job(self._step("admit", "", *terms.arguments()))
 
     def open(self, opening: Opening) -> str | None:
@@ -112,14 +118,17 @@ class Ledger:
         request_blob: str = "",
         origin: Origin = Origin(),  # noqa: B008 (frozen)
     ) -> Opening:
-        """The step for :meth:`open`; the request is in the blob ``request_blob``, or in the record without one."""
+        """The step for :meth:`open`; the request is in the blob ``request_blob``, or in the record
+        without one."""
         known = (terms.digest, round(self._settings.idempotency_ttl_s * 1000))
         texts = (entry.kind, entry.priority, entry.label or "")
         request = "" if request_blob else entry.request
         more = (entry.timeout_s, request, entry.webhook_url or "", request_blob)
         came = (origin.request_id, origin.traceparent, entry.recipe)
         engine = self.dispatch.arguments(job_id, entry.priority)
-        arguments = self._arguments(job_id, *terms.arguments(), *known, *texts, *more, *came, *engine)
+        arguments = self._arguments(
+            job_id, *terms.arguments(), *known, *texts, *more, *came, *engine
+        )
         return Opening(job_id, terms, self._texts["open"], arguments)
 
     def claim(self, job_id: str, worker: str) -> Claim | None:
@@ -128,14 +137,19 @@ class Ledger:
         if answer is None:
             return None
         attempt, request, remaining_s, waited_s, *rest = answer
-        return Claim(job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, *rest)
+        return Claim(
+            job_id, int(attempt), request, float(remaining_s), float(waited_s) * 1000, *rest
+        )
 
     def renew(self, claim: Claim, worker: str, stood_s: float = 0.0) -> Hold:
         """Write down that the job is still being worked on, if the claim is held.
 
-        ``stood_s``: seconds that it stood still meanwhile for another one; its deadline comes so much later.
+        ``stood_s``: seconds that it stood still meanwhile for another one; its deadline comes so
+        much later.
         """
-        return cast(Hold, self._step("renew", claim.job_id, claim.attempt, worker, ALIVE_MS, stood_s))
+        return cast(
+            Hold, self._step("renew", claim.job_id, claim.attempt, worker, ALIVE_MS, stood_s)
+        )
 
     def progress(self, claim: Claim, fraction: float) -> None:
         self._step("progress", claim.job_id, claim.attempt, f"{fraction:.4f}")
@@ -161,7 +175,9 @@ class Ledger:
 
     def fail(self, claim: Claim, problem: Problem) -> bool:
         """End a job badly; False if the claim is no longer held, and nothing has changed."""
-        return self._end(claim.job_id, claim.attempt, JobState.FAILED, {"problem": problem.model_dump_json()})
+        return self._end(
+            claim.job_id, claim.attempt, JobState.FAILED, {"problem": problem.model_dump_json()}
+        )
 
     def fail_queued(self, job_id: str, problem: Problem) -> bool:
         """End a job that never ran."""
@@ -172,14 +188,17 @@ class Ledger:
         self._step("cancel", job_id)
 
     def lost(self, claim: Claim) -> str | None:
-        """The worker's child died: try the job again, or fail it. Says which; None if the claim was gone."""
+        """The worker's child died: try the job again, or fail it. Says which; None if the claim was
+        gone."""
         return cast(str | None, self._step("lost", claim.job_id, claim.attempt))
 
     def reap(self, job_id: str) -> str | None:
         """Put right what nobody works on any more; says what was done, if anything."""
         return cast(str | None, self._step("reap", job_id, GRACE_MS))
 
-    def _end(self, job_id: str, attempt: int | str, state: JobState, fields: dict[str, str]) -> bool:
+    def _end(
+        self, job_id: str, attempt: int | str, state: JobState, fields: dict[str, str]
+    ) -> bool:
         pairs = [part for pair in fields.items() for part in pair]
         return bool(self._step("end", job_id, attempt, state.value, *pairs))
 

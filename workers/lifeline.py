@@ -11,9 +11,11 @@ _PR_SET_PDEATHSIG = 1
 
 
 def die_with_parent(sent: signal.Signals, parent: int) -> None:
-    """Have the kernel send us ``sent`` when the thread that started us ends; exit if ``parent`` has gone.
+    """Have the kernel send us ``sent`` when the thread that started us ends; exit if ``parent`` has
+    gone.
 
-    Holds across ``exec``. Elsewhere than on Linux it does nothing: there a child notices by its pipe.
+    Holds across ``exec``. Elsewhere than on Linux it does nothing: there a child notices by its
+    pipe.
     """
     if sys.platform != "linux":
         return

@@ -42,21 +42,27 @@ def configure(level: str) -> None:
     handler.addFilter(Bounded())
     logging.basicConfig(level=level, handlers=[handler], force=True)
     logging.getLogger("rq").setLevel(logging.WARNING)
-    for name in ("uvicorn", "uvicorn.error"):  # started by its own command it has handlers of its own
+    for name in (
+        "uvicorn",
+        "uvicorn.error",
+    ):  # started by its own command it has handlers of its own
         logging.getLogger(name).handlers.clear()
         logging.getLogger(name).propagate = True
 
 
 class Bounded(logging.Filter):
-    """Leaves out what is logged again and again: a service short of descriptors wrote 41 MB of the same warning.
+    """Leaves out what is logged again and again: a service short of descriptors wrote 41 MB of the
+    same warning.
 
-    Of warnings and errors of one logger and text at most ``most`` pass in ``window_s``; the next window's first one
-    states how many were left out.
+    Of warnings and errors of one logger and text at most ``most`` pass in ``window_s``; the next
+    window's first one states how many were left out.
     """
 
     _MOST_TEXTS = 1000
 
-    def __init__(self, most: int = 20, window_s: float = 10.0, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, most: int = 20, window_s: float = 10.0, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         super().__init__()
         self._most = most
         self._window_s = window_s
@@ -96,4 +102,7 @@ def _add(record: logging.LogRecord, left_out: int) -> None:
     if isinstance(record.msg, dict):
         record.msg["left_out_before"] = left_out
     else:
-        record.msg, record.args = f"{record.getMessage()} ({left_out} more were left out before)", None
+        record.msg, record.args = (
+            f"{record.getMessage()} ({left_out} more were left out before)",
+            None,
+        )

@@ -1,7 +1,8 @@
-"""What is counted about jobs, inside the queue server: so every replica of the service exports the same.
+"""What is counted about jobs, inside the queue server: so every replica of the service exports the
+same.
 
-A hash of ``name|label|…`` to a number; of a histogram ``name|label|…|bound`` to how many were at most ``bound`` and
-above the bound before it, and ``name|label|…|sum``.
+A hash of ``name|label|…`` to a number; of a histogram ``name|label|…|bound`` to how many were at
+most ``bound`` and above the bound before it, and ``name|label|…|sum``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,23 @@ from dataclasses import dataclass, field
 from workers.keys import Keys
 from workers.lua import filled
 
-BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.0)
+BOUNDS_S = (
+    0.005,
+    0.01,
+    0.025,
+    0.05,
+    0.1,
+    0.25,
+    0.5,
+    1.0,
+    2.5,
+    5.0,
+    10.0,
+    30.0,
+    60.0,
+    300.0,
+    1800.0,
+)
 
 _LUA = """
 local bounds = {@bounds@}
@@ -31,7 +48,9 @@ end
 
 def script(keys: Keys) -> str:
     """Lua: ``add(field, number)`` and ``observe(field, seconds)``."""
-    return filled(_LUA, measures=keys.measures, bounds=", ".join(f"'{bound:g}'" for bound in BOUNDS_S))
+    return filled(
+        _LUA, measures=keys.measures, bounds=", ".join(f"'{bound:g}'" for bound in BOUNDS_S)
+    )
 
 
 @dataclass

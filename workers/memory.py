@@ -26,7 +26,8 @@ def limit_mb(settings: Settings) -> int:
 
 
 def limit(settings: Settings) -> None:
-    """Hold this process to its limit from now on; the kernel ends it first if the machine runs out all the same."""
+    """Hold this process to its limit from now on; the kernel ends it first if the machine runs out
+    all the same."""
     size = limit_mb(settings) * 2**20
     resource.setrlimit(resource.RLIMIT_DATA, (size, size + _TO_REPORT_MB * 2**20))
     if _OWN_SCORE.exists():
@@ -35,8 +36,8 @@ def limit(settings: Settings) -> None:
 
 @contextlib.contextmanager
 def room_to_report(error: BaseException) -> Iterator[None]:
-    """What the frames of ``error`` hold is let go, and a little more than the limit may be taken: that memory ran out
-    has to be written down."""
+    """What the frames of ``error`` hold is let go, and a little more than the limit may be taken:
+    that memory ran out has to be written down."""
     traceback.clear_frames(error.__traceback__)
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))

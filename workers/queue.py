@@ -45,7 +45,8 @@ _LARGE_REQUEST = 32 * 1024
 
 
 class JobQueue(QueueView):
-    """Jobs by id; every method raises ``redis.RedisError`` when the queue server does not answer."""
+    """Jobs by id; every method raises ``redis.RedisError`` when the queue server does not
+    answer."""
 
     def __init__(self, settings: Settings, dispatch: Dispatch | None = None) -> None:
         """``dispatch``: RQ's unless another is given."""
@@ -59,7 +60,9 @@ class JobQueue(QueueView):
 
     def submit(self, request: AnyRequest | Entry, **options: Any) -> tuple[AnyJob, bool]:
         """As :meth:`put`; the job as it stands."""
-        job_id, is_new = self.put(request if isinstance(request, Entry) else Entry.of(request), **options)
+        job_id, is_new = self.put(
+            request if isinstance(request, Entry) else Entry.of(request), **options
+        )
         return self.get(job_id), is_new
 
     def put(
@@ -72,11 +75,13 @@ class JobQueue(QueueView):
         origin: Origin = Origin(),  # noqa: B008 (frozen)
         most_jobs: int | None = None,
     ) -> tuple[str, bool]:
-        """Put a request, its pictures all uploaded, into the queue; the job's id, and whether it is a new one.
+        """Put a request, its pictures all uploaded, into the queue; the job's id, and whether it is
+        a new one.
 
-        With a key that was used within ``idempotency_ttl_s`` for a request of the same digest the job of
-        then is returned. ``keep`` is called once there is room and before a worker can see the job. The job is that of
-        ``origin.owner``, who may have ``most_jobs`` under way. Raises QueueFull, NoRoomError and IdempotencyConflict.
+        With a key that was used within ``idempotency_ttl_s`` for a request of the same digest the
+        job of then is returned. ``keep`` is called once there is room and before a worker can see
+        the job. The job is that of ``origin.owner``, who may have ``most_jobs`` under way. Raises
+        QueueFull, NoRoomError and IdempotencyConflict.
         """
         terms = self._terms(idempotency_key, origin.owner, most_jobs, request_digest)
         is_large, request_blob = len(entry.request) > _LARGE_REQUEST, ""
@@ -89,7 +94,9 @@ class JobQueue(QueueView):
             request_blob = self._blobs.put(entry.request.encode()) if is_large else ""
         for blob_id in entry.pictures:
             self._blobs.touch(blob_id)  # they live longer than any job may wait
-        opening = self._ledger.opening(uuid4().hex, entry, terms, request_blob=request_blob, origin=origin)
+        opening = self._ledger.opening(
+            uuid4().hex, entry, terms, request_blob=request_blob, origin=origin
+        )
         known = self._ledger.open(opening)
         return known or opening.job_id, known is None
 
@@ -102,14 +109,17 @@ class JobQueue(QueueView):
         origin: Origin = Origin(),  # noqa: B008 (frozen)
         most_jobs: int | None = None,
     ) -> Opening | None:
-        """What :meth:`put` does with a request whose pictures were all seen a moment ago, for a client on an event
-        loop; None for one that is too large for the memory of the queue server."""
+        """What :meth:`put` does with a request whose pictures were all seen a moment ago, for a
+        client on an event loop; None for one that is too large for the memory of the queue
+        server."""
         if len(entry.request) > _LARGE_REQUEST:
             return None
         terms = self._terms(idempotency_key, origin.owner, most_jobs, request_digest)
         return self._ledger.opening(uuid4().hex, entry, terms, origin=origin)
 
-    def check_room(self, idempotency_key: str | None = None, owner: str = "", most_jobs: int | None = None) -> None:
+    def check_room(
+        self, idempotency_key: str | None = None, owner: str = "", most_jobs: int | None = None
+    ) -> None:
         """Raise QueueFull now if a submission like this would, before its body is read."""
         with contextlib.suppress(IdempotencyConflict):  # the digest is not known yet
             self._ledger.admit(self._terms(idempotency_key, owner, most_jobs))
@@ -123,7 +133,8 @@ class JobQueue(QueueView):
         return self.get(job_id)
 
     def charge(self, owner: str, most_bytes: int | None, sizes: Mapping[str, int]) -> None:
-        """Note that ``owner`` keeps these blobs; raises QuotaExceededError if it may not keep so much."""
+        """Note that ``owner`` keeps these blobs; raises QuotaExceededError if it may not keep so
+        much."""
         if most_bytes is None or not sizes:
             return
         arguments = quota.charge_arguments(most_bytes, self._settings.blob_ttl_s, sizes)
@@ -131,7 +142,8 @@ class JobQueue(QueueView):
             raise quota.QuotaExceededError(owner)
 
     def reap(self) -> int:
-        """Put right jobs whose worker is gone; workers do it, a service may too. Returns how many."""
+        """Put right jobs whose worker is gone; workers do it, a service may too. Returns how
+        many."""
         return reap(self._client, self._keys, self._ledger)
 
     def claim_blobs(self) -> None:
@@ -146,7 +158,9 @@ class JobQueue(QueueView):
         """Why a worker that is there does not join; None if there is no such worker."""
         return cast(str | None, self._client.get(self._keys.outsider))
 
-    def _terms(self, given_key: str | None, owner: str, most_jobs: int | None, digest: str = "") -> Terms:
+    def _terms(
+        self, given_key: str | None, owner: str, most_jobs: int | None, digest: str = ""
+    ) -> Terms:
         return Terms(
             max_depth=self._settings.max_queue_depth,
             max_bytes=self._settings.max_queue_bytes,

@@ -12,7 +12,8 @@ if next - now > 60 - each then return tostring(next - now - 60 + each) end
 redis.call('SET', KEYS[1], string.format('%.6f', next + each), 'EX', 61)
 return '0'
 """
-"""Seconds to wait, 0 if there is no need: in no minute more than ARGV[1] requests of the owner of KEYS[1]."""
+"""Seconds to wait, 0 if there is no need: in no minute more than ARGV[1] requests of the owner of
+KEYS[1]."""
 
 CHARGE = """
 local most, ttl, now = tonumber(ARGV[1]), tonumber(ARGV[2]), redis.call('TIME')
@@ -35,7 +36,8 @@ redis.call('EXPIRE', KEYS[1], ttl)
 redis.call('EXPIRE', KEYS[2], ttl)
 return 1
 """
-"""1 if the blobs (id and size, from ARGV[3] on) fit into ARGV[1] bytes beside those of the last ARGV[2] seconds."""
+"""1 if the blobs (id and size, from ARGV[3] on) fit into ARGV[1] bytes beside those of the last
+ARGV[2] seconds."""
 
 
 class QuotaExceededError(Exception):

@@ -1,4 +1,5 @@
-"""How the queue server is asked about one job, and how its answers are read; for callers that block and others."""
+"""How the queue server is asked about one job, and how its answers are read; for callers that block
+and others."""
 
 from __future__ import annotations
 

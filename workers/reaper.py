@@ -1,4 +1,5 @@
-"""Finds jobs that nobody works on: their worker was killed, or their id got lost on its way to one."""
+"""Finds jobs that nobody works on: their worker was killed, or their id got lost on its way to
+one."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""How a job is kept in the queue server, and the way back to a contract; names of keys are in workers.keys.
+"""How a job is kept in the queue server, and the way back to a contract; names of keys are in
+workers.keys.
 
-The record is the one truth about a job; RQ only carries its id. Times are seconds since the epoch on the
-queue server's clock, so that machines need not agree on theirs.
+The record is the one truth about a job; RQ only carries its id. Times are seconds since the epoch
+on the queue server's clock, so that machines need not agree on theirs.
 """
 
 from __future__ import annotations
@@ -10,7 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from dlo_client.contracts import AnyJob, AnyRequest, Contract, ImageRef, JobEvent, JobState, UploadRef
+from dlo_client.contracts import (
+    AnyJob,
+    AnyRequest,
+    Contract,
+    ImageRef,
+    JobEvent,
+    JobState,
+    UploadRef,
+)
 from dlo_client.contracts.submission import Queue
 from pydantic import TypeAdapter
 from pydantic_core import from_json
@@ -64,7 +73,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a job came from: the owner of the API key, and what ties it to its HTTP request in logs and traces."""
+    """Where a job came from: the owner of the API key, and what ties it to its HTTP request in logs
+    and traces."""
 
     owner: str = ""
     request_id: str = ""
@@ -74,7 +84,8 @@ class Origin:
 
 @dataclass(frozen=True)
 class JobRecord:
-    """A job as it is answered: its result stays text, which can be megabytes and is valid as it stands."""
+    """A job as it is answered: its result stays text, which can be megabytes and is valid as it
+    stands."""
 
     job: AnyJob
     """Without its result."""
@@ -83,7 +94,11 @@ class JobRecord:
 
     @classmethod
     def read(cls, record: Mapping[str, str]) -> JobRecord:
-        return cls(read_job({**record, "result": ""}), record.get("result") or None, record.get("owner", ""))
+        return cls(
+            read_job({**record, "result": ""}),
+            record.get("result") or None,
+            record.get("owner", ""),
+        )
 
     def json(self) -> str:
         """What ``model_dump_json`` of the whole job gives."""
@@ -106,7 +121,9 @@ def read_job(record: Mapping[str, str]) -> AnyJob:
 
 def read_event(event_id: str, fields: Mapping[str, str]) -> JobEvent:
     """The contract of one entry of a job's event stream."""
-    return JobEvent(id=event_id, state=JobState(fields["state"]), progress=float(fields["progress"]))
+    return JobEvent(
+        id=event_id, state=JobState(fields["state"]), progress=float(fields["progress"])
+    )
 
 
 def pictures(value: object) -> list[str]:
@@ -115,7 +132,9 @@ def pictures(value: object) -> list[str]:
         case ImageRef() | UploadRef():
             return [value.id]
         case Contract():
-            return [blob for name in type(value).model_fields for blob in pictures(getattr(value, name))]
+            return [
+                blob for name in type(value).model_fields for blob in pictures(getattr(value, name))
+            ]
         case list() | tuple():
             return [blob for item in value for blob in pictures(item)]
         case _:

@@ -12,7 +12,8 @@ log = structlog.get_logger(__name__)
 
 
 class Repeater:
-    """Calls ``action`` at once, then every ``interval_s``, in a thread, whether or not the queue answers."""
+    """Calls ``action`` at once, then every ``interval_s``, in a thread, whether or not the queue
+    answers."""
 
     def __init__(self, name: str, interval_s: float, action: Callable[[], object]) -> None:
         self._name = name

@@ -1,8 +1,10 @@
-"""The places of a result as robot poses: found in the result, brought to a frame, written in a convention.
+"""The places of a result as robot poses: found in the result, brought to a frame, written in a
+convention.
 
-Strategy: every place is first a pose in the world (x along the DLO, z into the surface), whatever the result is in:
-points of space are taken as they are; pixels are carried along their rays to the plane that the DLOs are on; points of
-a table are put on that plane. Then all places go the same way to the frame, to the flange, to the maker's numbers.
+Strategy: every place is first a pose in the world (x along the DLO, z into the surface), whatever
+the result is in: points of space are taken as they are; pixels are carried along their rays to the
+plane that the DLOs are on; points of a table are put on that plane. Then all places go the same way
+to the frame, to the flange, to the maker's numbers.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from workers.stages import curves3d
 
 Role = Literal["first", "middle", "last", "hold", "pick", "place"]
 _LEAST_SLOPE = 0.02
-"""Sine of the flattest angle at which a ray still meets the plane at a place that means anything."""
+"""Sine of the flattest angle at which a ray still meets the plane at a place that means
+anything."""
 _AHEAD_PX = 4.0
 
 
@@ -48,14 +51,18 @@ class _NowhereError(Exception):
 
 
 def robot_poses(output: Output, result: Any, *, in_camera: bool = False) -> RobotPoses:
-    """The places of ``result`` as ``output`` wants them; what cannot be placed is named in the warnings.
+    """The places of ``result`` as ``output`` wants them; what cannot be placed is named in the
+    warnings.
 
-    ``in_camera``: curves that depth gave are in the camera's frame, as the request does not place it in the world.
+    ``in_camera``: curves that depth gave are in the camera's frame, as the request does not place
+    it in the world.
     """
     warnings: list[str] = []
     places = list(_places(output, result, warnings, _of_curves(output, in_camera)))
     to_frame = np.linalg.inv(_frame(output, result))
-    from_tool = np.eye(4) if output.T_flange_tool is None else np.linalg.inv(np.array(output.T_flange_tool))
+    from_tool = (
+        np.eye(4) if output.T_flange_tool is None else np.linalg.inv(np.array(output.T_flange_tool))
+    )
     poses = []
     for place in places:
         pose = to_frame @ place.pose @ from_tool
@@ -70,7 +77,12 @@ def robot_poses(output: Output, result: Any, *, in_camera: bool = False) -> Robo
         )
     of: Literal["tool", "flange"] = "tool" if output.T_flange_tool is None else "flange"
     return RobotPoses(
-        frame=output.frame, unit=output.unit, rotation=output.rotation, of=of, poses=poses, warnings=warnings
+        frame=output.frame,
+        unit=output.unit,
+        rotation=output.rotation,
+        of=of,
+        poses=poses,
+        warnings=warnings,
     )
 
 
@@ -88,21 +100,34 @@ def _frame(output: Output, result: Any) -> FloatArray:
 
 def _of_curves(output: Output, in_camera: bool) -> FloatArray:
     """(4, 4) that takes curves of depth to the world."""
-    return np.array(output.camera.T_world_camera) if in_camera and output.camera is not None else np.eye(4)
+    return (
+        np.array(output.camera.T_world_camera)
+        if in_camera and output.camera is not None
+        else np.eye(4)
+    )
 
 
-def _places(output: Output, result: Any, warnings: list[str], to_world: FloatArray) -> Iterator[Place]:
+def _places(
+    output: Output, result: Any, warnings: list[str], to_world: FloatArray
+) -> Iterator[Place]:
     match result:
         case ReconstructResult():
-            for number, curve in enumerate([result.curve, *(other.curve for other in result.others)], start=1):
+            for number, curve in enumerate(
+                [result.curve, *(other.curve for other in result.others)], start=1
+            ):
                 yield from _of_curve(np.array(curve.points_m), number, 1.0, output.plane)
         case MergeCurvesResult():
             yield from _of_curve(np.array(result.curve.points_m), 1, 1.0, output.plane)
         case InstancesResult():
-            lines = [(i.id, i.score, i.centerline_xy, getattr(i, "curve_m", None)) for i in result.instances]
+            lines = [
+                (i.id, i.score, i.centerline_xy, getattr(i, "curve_m", None))
+                for i in result.instances
+            ]
             yield from _of_lines(lines, output, warnings, to_world)
         case TopologyResult():
-            lines = [(s.id, s.score, s.points_xy, getattr(s, "curve_m", None)) for s in result.sections]
+            lines = [
+                (s.id, s.score, s.points_xy, getattr(s, "curve_m", None)) for s in result.sections
+            ]
             yield from _of_lines(lines, output, warnings, to_world)
         case DisentangleResult():
             yield from _of_turn(output, result, warnings)
@@ -111,7 +136,10 @@ def _places(output: Output, result: Any, warnings: list[str], to_world: FloatArr
 
 
 def _of_lines(
-    lines: Sequence[tuple[int, float, Any, Any]], output: Output, warnings: list[str], to_world: FloatArray
+    lines: Sequence[tuple[int, float, Any, Any]],
+    output: Output,
+    warnings: list[str],
+    to_world: FloatArray,
 ) -> Iterator[Place]:
     """Three places a line: from its curve in space where depth gave one, else from its pixels."""
     for number, score, pixels, curve_m in lines:
@@ -130,7 +158,11 @@ def _of_curve(points_m: FloatArray, number: int, score: float, plane: Plane) -> 
     steps = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     reach = max(along[-1] * 0.02, 1e-6)
-    roles: tuple[tuple[Role, float], ...] = (("first", 0.0), ("middle", along[-1] / 2), ("last", along[-1]))
+    roles: tuple[tuple[Role, float], ...] = (
+        ("first", 0.0),
+        ("middle", along[-1] / 2),
+        ("last", along[-1]),
+    )
     for role, at in roles:
         place, before, after = (_at(points_m, along, at + step) for step in (0.0, -reach, reach))
         yield Place(role, number, _pose(place, after - before, plane), score)
@@ -140,12 +172,20 @@ def _of_turn(output: Output, result: DisentangleResult, warnings: list[str]) -> 
     if not result.actions:
         return
     best = result.actions[0]
-    grips: tuple[tuple[Role, Any], ...] = (("hold", best.hold), ("pick", best.pick), ("place", best.place))
+    grips: tuple[tuple[Role, Any], ...] = (
+        ("hold", best.hold),
+        ("pick", best.pick),
+        ("place", best.place),
+    )
     try:
         for role, grip in grips:
             ahead = _AHEAD_PX * np.array([np.cos(grip.angle_rad), np.sin(grip.angle_rad)])
-            pair = _on_plane(_camera(output), output.plane, np.array([grip.xy, np.array(grip.xy) + ahead]))
-            yield Place(role, best.section, _pose(pair[0], pair[1] - pair[0], output.plane), best.score)
+            pair = _on_plane(
+                _camera(output), output.plane, np.array([grip.xy, np.array(grip.xy) + ahead])
+            )
+            yield Place(
+                role, best.section, _pose(pair[0], pair[1] - pair[0], output.plane), best.score
+            )
     except _NowhereError as error:
         warnings.append(f"the action: {error}")
 
@@ -155,10 +195,17 @@ def _of_move(plane: Plane, result: PlanShapeResult) -> Iterator[Place]:
     if result.action is None:
         return
     normal, offset = _normal(plane)
-    grips: tuple[tuple[Role, Any], ...] = (("pick", result.action.pick), ("place", result.action.place))
+    grips: tuple[tuple[Role, Any], ...] = (
+        ("pick", result.action.pick),
+        ("place", result.action.place),
+    )
     for role, grip in grips:
         x, y = grip.xy_m
-        z = (offset - normal[0] * x - normal[1] * y) / normal[2] if abs(normal[2]) > _LEAST_SLOPE else 0.0
+        z = (
+            (offset - normal[0] * x - normal[1] * y) / normal[2]
+            if abs(normal[2]) > _LEAST_SLOPE
+            else 0.0
+        )
         along = np.array([np.cos(grip.angle_rad), np.sin(grip.angle_rad), 0.0])
         yield Place(role, result.action.edge, _pose(np.array([x, y, z]), along, plane))
 
@@ -195,7 +242,9 @@ def _pose(place: FloatArray, along: FloatArray, plane: Plane) -> FloatArray:
     up = _normal(plane)[0]
     x = along / max(float(np.linalg.norm(along)), 1e-12)
     z = -(up - (up @ x) * x)
-    if np.linalg.norm(z) < 1e-6:  # the DLO stands upright on the plane: any approach across it is as good
+    if (
+        np.linalg.norm(z) < 1e-6
+    ):  # the DLO stands upright on the plane: any approach across it is as good
         side = np.eye(3)[int(np.argmin(np.abs(x)))]
         z = side - (side @ x) * x
     z /= np.linalg.norm(z)

@@ -1,7 +1,8 @@
 """Rotations as robot makers write them, to matrices and back; also poses in their units.
 
-Angles of robot makers are degrees. In SciPy's letters capital axes turn with the body (intrinsic), small ones stand
-still (extrinsic). SciPy is imported where it is used: it would take a fifth of the time in which the service starts.
+Angles of robot makers are degrees. In SciPy's letters capital axes turn with the body (intrinsic),
+small ones stand still (extrinsic). SciPy is imported where it is used: it would take a fifth of the
+time in which the service starts.
 """
 
 from __future__ import annotations
@@ -33,16 +34,21 @@ def written(rotation: FloatArray, convention: RotationConvention) -> list[float]
     if convention in ("rotation_vector", "ur"):
         return _numbers(turn.as_rotvec())
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # gimbal lock: the third angle is then 0, the rotation right
+        warnings.simplefilter(
+            "ignore", UserWarning
+        )  # gimbal lock: the third angle is then 0, the rotation right
         return _numbers(turn.as_euler(EULER_AXES[convention], degrees=True))
 
 
 def read(numbers: Sequence[float], convention: RotationConvention) -> FloatArray:
-    """(3, 3) rotation of its numbers. Raises ValueError for another count, or a quaternion of length 0."""
+    """(3, 3) rotation of its numbers. Raises ValueError for another count, or a quaternion of
+    length 0."""
     from scipy.spatial.transform import Rotation
 
     if len(numbers) != length(convention):
-        raise ValueError(f"a rotation as {convention} has {length(convention)} numbers, not {len(numbers)}")
+        raise ValueError(
+            f"a rotation as {convention} has {length(convention)} numbers, not {len(numbers)}"
+        )
     if convention in SCALAR_FIRST:
         if np.linalg.norm(numbers) < 0.5:
             raise ValueError("a quaternion has length 1")

@@ -1,14 +1,16 @@
-"""Runs the jobs whose ids an engine brings: claims them, hands them to the warm child, watches, announces itself.
+"""Runs the jobs whose ids an engine brings: claims them, hands them to the warm child, watches,
+announces itself.
 
-Strategy: what a job is and how it stands is in its record (:mod:`workers.ledger`). The runner claims the job,
-hands the claim to its child, and until the child is done renews the claim five times a second. A claim that
-is gone — cancelled, or taken by a reaper — or a deadline that has come means: kill the child, whatever
-native code it is in. A child that dies by itself ends the wait at once. The next child is warm by then
-(:mod:`workers.children`) and takes the next job. It also takes an interactive job that comes while one of batch runs:
-the working child stands still meanwhile, keeps its claim, and goes on where it was.
+Strategy: what a job is and how it stands is in its record (:mod:`workers.ledger`). The runner
+claims the job, hands the claim to its child, and until the child is done renews the claim five
+times a second. A claim that is gone — cancelled, or taken by a reaper — or a deadline that has come
+means: kill the child, whatever native code it is in. A child that dies by itself ends the wait at
+once. The next child is warm by then (:mod:`workers.children`) and takes the next job. It also takes
+an interactive job that comes while one of batch runs: the working child stands still meanwhile,
+keeps its claim, and goes on where it was.
 
-Nothing here knows RQ: an engine calls :meth:`Runner.ready` before it takes an id and :meth:`Runner.run` with it, and
-gives the runner a function that takes the id of an interactive job.
+Nothing here knows RQ: an engine calls :meth:`Runner.ready` before it takes an id and
+:meth:`Runner.run` with it, and gives the runner a function that takes the id of an interactive job.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ from workers.turns import Pauses
 
 _RENEW_S = 0.2
 _REPORT_WITHIN_S = 5.0
-"""A child reports a moment after it has ended a job; one that does not is at work on what was taken from it."""
+"""A child reports a moment after it has ended a job; one that does not is at work on what was taken
+from it."""
 _ANNOUNCE_S = 1.0
 _SWEEP_S = 300.0
 _STUCK_S = 60.0
@@ -57,7 +60,8 @@ class Runner:
         queues: Sequence[str] = QUEUES,
         take_interactive: Callable[[], str | None] = lambda: None,
     ) -> None:
-        """``take_interactive``: the id of an interactive job that waits, if any; it does not wait for one."""
+        """``take_interactive``: the id of an interactive job that waits, if any; it does not wait
+        for one."""
         self.name, self._queues = name, list(queues)
         self._take_interactive = take_interactive
         self._batch_share = settings.batch_share
@@ -75,14 +79,19 @@ class Runner:
         blobs = open_blobs(settings)
         self._upkeep = [
             Repeater("announce", _ANNOUNCE_S, self._announce),
-            Repeater("reap", reaper.INTERVAL_S, lambda: reaper.reap(self._impatient, self._keys, self._renewals)),
+            Repeater(
+                "reap",
+                reaper.INTERVAL_S,
+                lambda: reaper.reap(self._impatient, self._keys, self._renewals),
+            ),
             Repeater("sweep", _SWEEP_S, lambda: sweep(blobs, self._impatient, self._keys)),
             Repeater("webhooks", webhooks.INTERVAL_S, courier.deliver),
         ]
 
     @contextmanager
     def on_duty(self) -> Iterator[None]:
-        """Look after everything meanwhile; at the end the child is gone and the worker has departed."""
+        """Look after everything meanwhile; at the end the child is gone and the worker has
+        departed."""
         for repeater in self._upkeep:
             repeater.start()
         try:
@@ -95,7 +104,8 @@ class Runner:
                 presence.depart(self._impatient, self._keys, self.name)
 
     def ready(self) -> None:
-        """Return once a child is warm; the first time, and when it is another than before, announce it at once."""
+        """Return once a child is warm; the first time, and when it is another than before, announce
+        it at once."""
         self._turned()
         before = self._children.current.ready
         self._children.ready()
@@ -144,7 +154,8 @@ class Runner:
                 log.error("child died", job_id=claim.job_id, then=self._ledger.lost(claim))
 
     def _watch(self, child: ChildProcess, claim: Claim) -> bool:
-        """Wait for the child while the claim is held and time is left; False if it has to be killed."""
+        """Wait for the child while the claim is held and time is left; False if it has to be
+        killed."""
         limit = time.monotonic() + claim.remaining_s
         pauses = Pauses(self._batch_share)
         while not child.wait(min(_RENEW_S, max(limit - time.monotonic(), 0.0))):
@@ -167,7 +178,8 @@ class Runner:
         return True
 
     def _let_pass(self, child: ChildProcess, claim: Claim, pauses: Pauses) -> float:
-        """Run an interactive job while the child with the claim stands still; for how many seconds it did."""
+        """Run an interactive job while the child with the claim stands still; for how many seconds
+        it did."""
         if not (pauses.allowed and child.has_begun and (other := self._children.standby())):
             return 0.0
         if (job_id := self._take_interactive()) is None:

@@ -1,4 +1,5 @@
-"""Every environment variable that the queue and the workers read; the HTTP ones are in services.settings."""
+"""Every environment variable that the queue and the workers read; the HTTP ones are in
+services.settings."""
 
 from __future__ import annotations
 
@@ -27,22 +28,35 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="DLO_", frozen=True)
 
     redis_url: str = Field(
-        default="redis://127.0.0.1:6379/0", repr=False, description="redis:// or, with TLS, rediss://; may name a user"
+        default="redis://127.0.0.1:6379/0",
+        repr=False,
+        description="redis:// or, with TLS, rediss://; may name a user",
     )
-    redis_password_file: Path | None = Field(default=None, description="instead of a password in redis_url")
+    redis_password_file: Path | None = Field(
+        default=None, description="instead of a password in redis_url"
+    )
     redis_ca_file: Path | None = Field(
-        default=None, description="PEM of the authorities that sign the queue server; by default the system's"
+        default=None,
+        description="PEM of the authorities that sign the queue server; by default the system's",
     )
     queue_prefix: str = Field(
-        default="dlo", pattern="^[a-z0-9][a-z0-9_-]{0,31}$", description="of all keys: one a deployment on a server"
+        default="dlo",
+        pattern="^[a-z0-9][a-z0-9_-]{0,31}$",
+        description="of all keys: one a deployment on a server",
     )
-    data_dir: Path = Field(default=Path("data"), description="holds blobs/, networks/ and the embedded queue's queue/")
+    data_dir: Path = Field(
+        default=Path("data"), description="holds blobs/, networks/ and the embedded queue's queue/"
+    )
     log_level: str = Field(default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$")
 
     result_ttl_s: PositiveFloat = Field(default=3600.0, description="a job's record after its end")
-    tombstone_ttl_s: PositiveFloat = Field(default=86_400.0, description="410 is answered this long after that")
+    tombstone_ttl_s: PositiveFloat = Field(
+        default=86_400.0, description="410 is answered this long after that"
+    )
     idempotency_ttl_s: PositiveFloat = 86_400.0
-    blob_ttl_s: PositiveFloat = Field(default=86_400.0, description="since a blob was last put or touched")
+    blob_ttl_s: PositiveFloat = Field(
+        default=86_400.0, description="since a blob was last put or touched"
+    )
 
     blobs_url: str = Field(
         default="",
@@ -50,12 +64,15 @@ class Settings(BaseSettings):
         description="s3://bucket or s3://bucket/folder; by default a folder in data_dir",
     )
     disk_reserve_bytes: int = Field(
-        default=1024**3, ge=0, description="uploads leave so much of the disk free, results half of it"
+        default=1024**3,
+        ge=0,
+        description="uploads leave so much of the disk free, results half of it",
     )
 
     max_queue_depth: PositiveInt = 1000
     max_queue_bytes: PositiveInt = Field(
-        default=2 * 1024**3, description="memory of the queue server above which nothing more is accepted"
+        default=2 * 1024**3,
+        description="memory of the queue server above which nothing more is accepted",
     )
     batch_share: float = Field(
         default=0.1,
@@ -64,40 +81,67 @@ class Settings(BaseSettings):
         description="share of its jobs that a worker takes from batch while interactive waits",
     )
     preempt: bool = Field(
-        default=True, description="a batch job stands still while its worker runs an interactive one; needs spare_child"
+        default=True,
+        description="a batch job stands still while its worker runs an interactive one; needs spare_child",
     )
-    max_tracks: PositiveInt = Field(default=1000, description="kept at a time; a new one is refused then")
-    track_ttl_s: PositiveFloat = Field(default=3600.0, description="a track is forgotten so long after its last frame")
-    max_attempts: PositiveInt = Field(default=2, description="times a job whose worker dies is taken up")
+    max_tracks: PositiveInt = Field(
+        default=1000, description="kept at a time; a new one is refused then"
+    )
+    track_ttl_s: PositiveFloat = Field(
+        default=3600.0, description="a track is forgotten so long after its last frame"
+    )
+    max_attempts: PositiveInt = Field(
+        default=2, description="times a job whose worker dies is taken up"
+    )
     max_images_per_job: PositiveInt = 64
     max_image_bytes: PositiveInt = 32 * 1024 * 1024
     max_image_pixels: PositiveInt = 64_000_000
-    max_network_bytes: PositiveInt = Field(default=128 * 1024 * 1024, description="of the file of a network")
-    max_labels_bytes: PositiveInt = Field(default=256 * 1024 * 1024, description="of an archive of labelled pictures")
+    max_network_bytes: PositiveInt = Field(
+        default=128 * 1024 * 1024, description="of the file of a network"
+    )
+    max_labels_bytes: PositiveInt = Field(
+        default=256 * 1024 * 1024, description="of an archive of labelled pictures"
+    )
     unsure_pictures: int = Field(
-        default=100, ge=0, description="kept for each API key, of requests that allow it; see keep_if_unsure"
+        default=100,
+        ge=0,
+        description="kept for each API key, of requests that allow it; see keep_if_unsure",
     )
     default_model: str = Field(
-        default="", description="foreground network for requests that name none; default: the shipped one"
+        default="",
+        description="foreground network for requests that name none; default: the shipped one",
     )
 
     workers: PositiveInt = Field(default=1, description="on this machine; they share its cores")
     training_workers: int = Field(
-        default=0, ge=0, description="of those that adapt networks, beside them; they need requirements/training.txt"
+        default=0,
+        ge=0,
+        description="of those that adapt networks, beside them; they need requirements/training.txt",
     )
     onnx_providers: list[str] = ["CPUExecutionProvider"]
     onnx_threads: int = Field(default=0, ge=0, description="a session; 0 = cores // workers")
-    recycle_after_jobs: PositiveInt = Field(default=2000, description="then the warm child is replaced")
-    child_memory_mb: int = Field(
-        default=0, ge=0, description="a job that needs more fails as too_large; 0 = 3/4 of the memory // workers"
+    recycle_after_jobs: PositiveInt = Field(
+        default=2000, description="then the warm child is replaced"
     )
-    spare_child: bool = Field(default=True, description="keep the next warm child ready: no pauses, twice the memory")
-    recycle_rss_mb: PositiveInt = Field(default=4096, description="a larger warm child is replaced after its job")
+    child_memory_mb: int = Field(
+        default=0,
+        ge=0,
+        description="a job that needs more fails as too_large; 0 = 3/4 of the memory // workers",
+    )
+    spare_child: bool = Field(
+        default=True, description="keep the next warm child ready: no pauses, twice the memory"
+    )
+    recycle_rss_mb: PositiveInt = Field(
+        default=4096, description="a larger warm child is replaced after its job"
+    )
 
     webhook_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(), description="hosts (or host:port) that a webhook_url may name, separated by commas; none by default"
+        default=(),
+        description="hosts (or host:port) that a webhook_url may name, separated by commas; none by default",
     )
-    webhook_secret: str = Field(default="", repr=False, description="signs webhooks; at least 16 characters")
+    webhook_secret: str = Field(
+        default="", repr=False, description="signs webhooks; at least 16 characters"
+    )
 
     @property
     def keys(self) -> Keys:
@@ -131,12 +175,16 @@ class Settings(BaseSettings):
     @model_validator(mode="after")
     def _webhooks_are_signed(self) -> Settings:
         if self.webhook_hosts and len(self.webhook_secret) < 16:
-            raise ValueError("DLO_WEBHOOK_HOSTS needs a DLO_WEBHOOK_SECRET of at least 16 characters")
+            raise ValueError(
+                "DLO_WEBHOOK_HOSTS needs a DLO_WEBHOOK_SECRET of at least 16 characters"
+            )
         return self
 
     @model_validator(mode="after")
     def _blobs_outlive_their_jobs(self) -> Settings:
-        longest_s = 2 * LONGEST_JOB_S  # of a job that stands still meanwhile for others, see preempt
+        longest_s = (
+            2 * LONGEST_JOB_S
+        )  # of a job that stands still meanwhile for others, see preempt
         if self.blob_ttl_s < longest_s + self.result_ttl_s:
             raise ValueError(f"DLO_BLOB_TTL_S must be at least {longest_s:g} + DLO_RESULT_TTL_S")
         return self

@@ -1,8 +1,9 @@
-"""Do the service and its workers see the same pictures? Those that do not would fail every job they take.
+"""Do the service and its workers see the same pictures? Those that do not would fail every job they
+take.
 
-Strategy: the place of the blobs holds a mark, an id that was made with it. The queue server knows the mark of the
-place that counts: the service's, or, before one has started, that of the first worker. A worker whose place has
-another mark, or none, or does not answer, does not join.
+Strategy: the place of the blobs holds a mark, an id that was made with it. The queue server knows
+the mark of the place that counts: the service's, or, before one has started, that of the first
+worker. A worker whose place has another mark, or none, or does not answer, does not join.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ def apart(client: redis.Redis, keys: Keys, blobs: Blobs) -> str | None:
 
 
 def join(client: redis.Redis, keys: Keys, blobs: Blobs, name: str) -> None:
-    """For a worker, before it takes jobs: return once its place is the one that counts; log why it waits."""
+    """For a worker, before it takes jobs: return once its place is the one that counts; log why it
+    waits."""
     last = None
     while why := _hindrance(client, keys, blobs):
         if why != last:

@@ -1,4 +1,5 @@
-"""The scripts behind :mod:`workers.ledger`: each is one step of a job, atomic inside the queue server."""
+"""The scripts behind :mod:`workers.ledger`: each is one step of a job, atomic inside the queue
+server."""
 
 from __future__ import annotations
 
@@ -7,10 +8,12 @@ from workers.keys import Keys
 from workers.lua import filled
 
 LONGEST_KEPT_REQUEST = 8 * 1024
-"""Bytes of a request that stays in the record of an ended job, so that a recipe can be made of it."""
+"""Bytes of a request that stays in the record of an ended job, so that a recipe can be made of
+it."""
 
 ENDED_MS = 15_000
-"""How long the end of a job is signalled: longer than anybody waits for it without looking at the record."""
+"""How long the end of a job is signalled: longer than anybody waits for it without looking at the
+record."""
 
 _LIBRARY = """
 local id, keep_ms, tombstone_ms = ARGV[1], tonumber(ARGV[2]), tonumber(ARGV[3])
@@ -209,11 +212,27 @@ return lost()
 def scripts(keys: Keys, dispatch: str) -> dict[str, str]:
     """By the name of the step; ``dispatch`` is the script of :class:`workers.dispatch.Dispatch`."""
     names = {
-        "job": keys.job(""), "alive": keys.alive(""), "events": keys.events(""), "tombstone": keys.tombstone(""),
-        "owned": keys.owned(""), "waiting": keys.waiting(""), "active": keys.active, "recent": keys.recent,
-        "counts": keys.counts, "webhooks": keys.webhooks, "measures": keys.measures,
-        "longest_kept": str(LONGEST_KEPT_REQUEST), "ended": keys.ended(""), "ended_ms": str(ENDED_MS),
-    }  # fmt: skip
-    parts = (filled(_LIBRARY, **names), dispatch, measures.script(keys), admission.script(keys), filled(_ENDS, **names))
+        "job": keys.job(""),
+        "alive": keys.alive(""),
+        "events": keys.events(""),
+        "tombstone": keys.tombstone(""),
+        "owned": keys.owned(""),
+        "waiting": keys.waiting(""),
+        "active": keys.active,
+        "recent": keys.recent,
+        "counts": keys.counts,
+        "webhooks": keys.webhooks,
+        "measures": keys.measures,
+        "longest_kept": str(LONGEST_KEPT_REQUEST),
+        "ended": keys.ended(""),
+        "ended_ms": str(ENDED_MS),
+    }
+    parts = (
+        filled(_LIBRARY, **names),
+        dispatch,
+        measures.script(keys),
+        admission.script(keys),
+        filled(_ENDS, **names),
+    )
     library = "".join(parts)
     return {name: library + filled(body, **names) for name, body in _STEPS.items()}

@@ -1,4 +1,5 @@
-"""Spans of jobs, children of the request that sent them; nothing where OpenTelemetry is not configured."""
+"""Spans of jobs, children of the request that sent them; nothing where OpenTelemetry is not
+configured."""
 
 from __future__ import annotations
 
@@ -45,7 +46,9 @@ def begin() -> None:
     resource = Resource.create({"service.name": os.environ.get("OTEL_SERVICE_NAME", _NAME)})
     provider = TracerProvider(resource=resource)
     exporter = OTLPSpanExporter()
-    provider.add_span_processor(BatchSpanProcessor(exporter, schedule_delay_millis=_EXPORT_EVERY_MS))
+    provider.add_span_processor(
+        BatchSpanProcessor(exporter, schedule_delay_millis=_EXPORT_EVERY_MS)
+    )
     trace.set_tracer_provider(provider)
 
 
@@ -60,5 +63,7 @@ def of_job(claim: Claim) -> Iterator[trace.Span]:
         "dlo.queue_wait_ms": claim.queue_wait_ms,
     }
     tracer = trace.get_tracer("dlo", __version__)
-    with tracer.start_as_current_span("job", parent, SpanKind.CONSUMER, attributes=attributes) as span:
+    with tracer.start_as_current_span(
+        "job", parent, SpanKind.CONSUMER, attributes=attributes
+    ) as span:
         yield span

@@ -1,8 +1,9 @@
-"""Tracks in the queue server: one hash a track, which expires, so that any replica answers its next frame.
+"""Tracks in the queue server: one hash a track, which expires, so that any replica answers its next
+frame.
 
-Strategy: a frame needs the state after the one before it. Who answers a frame holds the track meanwhile, by a key that
-expires should its process die; the state is written only by who still holds it. A set of all tracks by the time they
-expire bounds how many there are.
+Strategy: a frame needs the state after the one before it. Who answers a frame holds the track
+meanwhile, by a key that expires should its process die; the state is written only by who still
+holds it. A set of all tracks by the time they expire bounds how many there are.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ _RELEASE = "if redis.call('GET', KEYS[1]) == ARGV[1] then redis.call('DEL', KEYS
 
 @dataclass(frozen=True)
 class TrackRecord:
-    """A track as it is kept; ``options`` and ``state`` are JSON, ``state`` empty before the first frame; times are
-    seconds since the epoch."""
+    """A track as it is kept; ``options`` and ``state`` are JSON, ``state`` empty before the first
+    frame; times are seconds since the epoch."""
 
     id: str
     owner: str
@@ -76,14 +77,24 @@ class Tracks:
         """Begin a track; raises TracksFull."""
         track_id = uuid4().hex
         settings = self._settings
-        arguments: list[str | float] = [settings.max_tracks, settings.track_ttl_s, track_id, owner, options]
-        if not await self._open(keys=[self._keys.track(track_id), self._keys.tracks], args=arguments):
+        arguments: list[str | float] = [
+            settings.max_tracks,
+            settings.track_ttl_s,
+            track_id,
+            owner,
+            options,
+        ]
+        if not await self._open(
+            keys=[self._keys.track(track_id), self._keys.tracks], args=arguments
+        ):
             raise TracksFull("as many tracks as there may be", _RETRY_AFTER_S)
         return await self.get(track_id)
 
     async def get(self, track_id: str) -> TrackRecord:
         """Raises TrackUnknown, also for one that has expired."""
-        fields = await cast(Awaitable[dict[str, str]], self._client.hgetall(self._keys.track(track_id)))
+        fields = await cast(
+            Awaitable[dict[str, str]], self._client.hgetall(self._keys.track(track_id))
+        )
         if not fields:
             raise TrackUnknown(track_id)
         return TrackRecord(
@@ -98,10 +109,13 @@ class Tracks:
         )
 
     async def hold(self, track_id: str, for_s: float, wait_s: float) -> str:
-        """Take the track for one frame, for at most ``for_s`` seconds; what :meth:`store` and :meth:`release` want.
-        Raises TrackBusy if another frame has it for more than ``wait_s`` seconds."""
+        """Take the track for one frame, for at most ``for_s`` seconds; what :meth:`store` and
+        :meth:`release` want. Raises TrackBusy if another frame has it for more than ``wait_s``
+        seconds."""
         token, give_up = uuid4().hex, time.monotonic() + wait_s
-        while not await self._client.set(self._keys.track_held(track_id), token, nx=True, px=round(for_s * 1000)):
+        while not await self._client.set(
+            self._keys.track_held(track_id), token, nx=True, px=round(for_s * 1000)
+        ):
             if time.monotonic() > give_up:
                 raise TrackBusy(track_id)
             await asyncio.sleep(_LOOK_EVERY_S)

@@ -8,7 +8,8 @@ from workers.settings import LONGEST_JOB_S
 
 
 class Turns:
-    """Which queue is looked into first: the interactive one, but for the share of jobs that batch is owed."""
+    """Which queue is looked into first: the interactive one, but for the share of jobs that batch
+    is owed."""
 
     def __init__(self, batch_share: float) -> None:
         self._owed_each = batch_share / (1 - batch_share)
@@ -25,7 +26,8 @@ class Turns:
 
 
 class Pauses:
-    """When a batch job may stand still: it has its share of the time, and never stands still for too long."""
+    """When a batch job may stand still: it has its share of the time, and never stands still for
+    too long."""
 
     def __init__(self, share: float) -> None:
         self._owed_each = share / (1 - share)

@@ -1,7 +1,9 @@
-"""The pictures that the service was least sure of, for their owners to correct: bounded, and only where it may.
+"""The pictures that the service was least sure of, for their owners to correct: bounded, and only
+where it may.
 
-Strategy: a folder an owner, a picture two files named by its certainty, so that the surest are the last by name and go
-first when there are too many. The picture itself is written last: one without it is not there.
+Strategy: a folder an owner, a picture two files named by its certainty, so that the surest are the
+last by name and go first when there are too many. The picture itself is written last: one without
+it is not there.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ class UnsureStore:
         return cls(open_files(settings, "unsure"), settings.unsure_pictures)
 
     def offer(self, owner: str, picture: bytes, certainty: float, doubt: str) -> bool:
-        """Keep ``picture`` if it is among those that the service was least sure of; whether it is."""
+        """Keep ``picture`` if it is among those that the service was least sure of; whether it
+        is."""
         if self._most == 0:
             return False
         digest, folder = hashlib.sha256(picture).hexdigest(), owner or _NOBODY
@@ -44,7 +47,11 @@ class UnsureStore:
             if len(there) >= self._most and name >= there[-1]:
                 return False
             about = UnsurePicture(
-                id=digest, certainty=certainty, doubt=doubt, bytes=len(picture), seen_at=datetime.now(UTC)
+                id=digest,
+                certainty=certainty,
+                doubt=doubt,
+                bytes=len(picture),
+                seen_at=datetime.now(UTC),
             )
             self._files.write(folder, name + _ABOUT, about.model_dump_json().encode())
             self._files.write(folder, name + _PICTURE, picture)
@@ -57,7 +64,9 @@ class UnsureStore:
         folder, found = owner or _NOBODY, []
         for name in self._names(folder):
             try:
-                found.append(UnsurePicture.model_validate_json(self._files.read(folder, name + _ABOUT)))
+                found.append(
+                    UnsurePicture.model_validate_json(self._files.read(folder, name + _ABOUT))
+                )
             except FileNotFoundError:
                 continue  # it has just been dropped
         return found

@@ -32,16 +32,20 @@ class QueueView:
         return read_job(record)
 
     def request(self, job_id: str) -> str | None:
-        """JSON of the job's request; None once it has ended, if it was long or the record is gone."""
+        """JSON of the job's request; None once it has ended, if it was long or the record is
+        gone."""
         return cast(str | None, self._client.hget(self._keys.job(job_id), "request")) or None
 
     def events(self, job_id: str, after: str = "0", block_ms: int = 0) -> list[JobEvent]:
-        """The job's events after the event id ``after``; anything that is not such an id means all of them.
+        """The job's events after the event id ``after``; anything that is not such an id means all
+        of them.
 
-        Waits up to ``block_ms`` (at most ``LONGEST_BLOCK_MS``) for the first; none is an empty list.
-        Raises JobUnknown or JobGone.
+        Waits up to ``block_ms`` (at most ``LONGEST_BLOCK_MS``) for the first; none is an empty
+        list. Raises JobUnknown or JobGone.
         """
-        answer = self._client.xread(*stream_after(self._keys, job_id, after), block=bounded_block(block_ms))
+        answer = self._client.xread(
+            *stream_after(self._keys, job_id, after), block=bounded_block(block_ms)
+        )
         if not answer and not self._client.exists(self._keys.job(job_id)):
             raise absent(self._client.exists(self._keys.tombstone(job_id)), job_id)
         return events_of(answer)
@@ -55,8 +59,17 @@ class QueueView:
         kind: JobKind | None = None,
         owner: str | None = None,
     ) -> JobPage:
-        """Jobs (of ``owner``, if given) newest first, without their results. ValueError on a cursor that is none."""
-        return recent_page(self._client, self._keys, limit=limit, cursor=cursor, state=state, kind=kind, owner=owner)
+        """Jobs (of ``owner``, if given) newest first, without their results. ValueError on a cursor
+        that is none."""
+        return recent_page(
+            self._client,
+            self._keys,
+            limit=limit,
+            cursor=cursor,
+            state=state,
+            kind=kind,
+            owner=owner,
+        )
 
     def workers(self) -> list[WorkerInfo]:
         """The live workers."""
@@ -68,11 +81,14 @@ class QueueView:
 
     def networks(self) -> list[NetworkInfo]:
         """What the live, ready workers have, each network once."""
-        there = (network for worker in self.workers() if worker.ready for network in worker.networks)
+        there = (
+            network for worker in self.workers() if worker.ready for network in worker.networks
+        )
         return list({(network.name, network.version): network for network in there}.values())
 
     def foreground_networks(self) -> list[str]:
-        """Names that a request's ``model`` may take; empty as long as no live worker has announced any."""
+        """Names that a request's ``model`` may take; empty as long as no live worker has announced
+        any."""
         there = (network for worker in self.workers() for network in worker.networks)
         return sorted({network.name for network in there if network.task == "foreground"})
 
@@ -95,7 +111,8 @@ class QueueView:
         return dict(zip(ALL_QUEUES, ages, strict=True))
 
     def counts(self) -> dict[tuple[str, str], int]:
-        """How many jobs of each kind have ever entered each state; every job enters ``queued``, once."""
+        """How many jobs of each kind have ever entered each state; every job enters ``queued``,
+        once."""
         counted = {}
         for name, number in cast(dict[str, str], self._client.hgetall(self._keys.counts)).items():
             kind, state = name.split("|")

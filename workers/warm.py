@@ -1,8 +1,8 @@
 """The worker that RQ brings job ids to; what it does with them is :mod:`workers.runner`.
 
-Of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are used. What it writes
-down about its worker is kept off the way of a job: a dozen trips to the queue server around each, which nobody reads,
-as workers announce themselves (:mod:`workers.presence`).
+Of RQ only the queues, the blocking read over both of them and the warm shutdown on SIGTERM are
+used. What it writes down about its worker is kept off the way of a job: a dozen trips to the queue
+server around each, which nobody reads, as workers announce themselves (:mod:`workers.presence`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ _HEARTBEAT_S = 10.0
 
 
 class WarmWorker(Worker):
-    """One worker, one child; ``name`` gets a suffix, so that a killed worker's successor may bear it too."""
+    """One worker, one child; ``name`` gets a suffix, so that a killed worker's successor may bear
+    it too."""
 
     def __init__(self, settings: Settings, name: str, queues: Sequence[str] = QUEUES) -> None:
         super().__init__(
@@ -82,12 +83,15 @@ class WarmWorker(Worker):
         return None
 
     def reorder_queues(self, reference_queue: Queue) -> None:
-        """Called with the queue that the job at hand came from; turns are for workers of both queues alone."""
+        """Called with the queue that the job at hand came from; turns are for workers of both
+        queues alone."""
         if not self._both:
             return
         interactive, batch = self.queues
         self._turns.taken(batch=reference_queue.name == batch.name)
-        self._ordered_queues = [batch, interactive] if self._turns.batch_first else [interactive, batch]
+        self._ordered_queues = (
+            [batch, interactive] if self._turns.batch_first else [interactive, batch]
+        )
 
     def execute_job(self, job: Job, queue: Queue) -> None:
         """Run one queue entry, if it may be and still has to be run."""
@@ -127,15 +131,16 @@ class WarmWorker(Worker):
                 trip.execute()
 
     def set_state(self, state: str, pipeline: Pipeline | None = None) -> None:
-        """Kept here alone: a worker that is asked to stop ends its job first if it is busy. Others read that in its
-        announcement."""
+        """Kept here alone: a worker that is asked to stop ends its job first if it is busy. Others
+        read that in its announcement."""
         self._state = state
 
     def check_for_suspension(self, burst: bool) -> None:
         """Workers are held by stopping them, not by a key in the queue server."""
 
     def request_stop(self, signum: int, frame: FrameType | None) -> None:
-        """SIGTERM or SIGINT: finish the job, then end; a queue server that is away is not waited for.
+        """SIGTERM or SIGINT: finish the job, then end; a queue server that is away is not waited
+        for.
 
         After a second one the job is given up, and a reaper gives it to another worker.
         """
@@ -151,7 +156,8 @@ class WarmWorker(Worker):
         """A signal handler does not talk to the queue server."""
 
     def run_maintenance_tasks(self) -> None:
-        """Forget workers that were killed; RQ's own tasks could run callbacks that forged entries name."""
+        """Forget workers that were killed; RQ's own tasks could run callbacks that forged entries
+        name."""
         for queue in self.queues:
             clean_worker_registry(queue)
         self.last_cleaned_at = datetime.now(UTC)  # type: ignore[assignment]

@@ -1,4 +1,5 @@
-"""Signs of life to whoever supervises the process, by systemd's protocol (``sd_notify``, ``WATCHDOG=1``)."""
+"""Signs of life to whoever supervises the process, by systemd's protocol (``sd_notify``,
+``WATCHDOG=1``)."""
 
 from __future__ import annotations
 

@@ -1,13 +1,15 @@
-"""Tells the address that a request named when its job has ended: signed, and again until it is heard.
+"""Tells the address that a request named when its job has ended: signed, and again until it is
+heard.
 
 Strategy: the script that ends a job also puts its id into ``Keys.webhooks``, with the time as
-score. Any worker may call :meth:`Courier.deliver`: it takes what is due and in the same step moves it on by
-a lease, so that of two couriers one delivers, and a courier that dies is followed by another. Many are under
-way at once, each with a deadline for the whole call, and few to one receiver: a slow one holds up nobody else.
-What is never heard becomes a dead letter (:mod:`workers.dead_letters`).
+score. Any worker may call :meth:`Courier.deliver`: it takes what is due and in the same step moves
+it on by a lease, so that of two couriers one delivers, and a courier that dies is followed by
+another. Many are under way at once, each with a deadline for the whole call, and few to one
+receiver: a slow one holds up nobody else. What is never heard becomes a dead letter
+(:mod:`workers.dead_letters`).
 
-Delivery is at least once; a receiver tells repeats by ``webhook-id``. Headers and signature are those of
-Standard Webhooks (standardwebhooks.com).
+Delivery is at least once; a receiver tells repeats by ``webhook-id``. Headers and signature are
+those of Standard Webhooks (standardwebhooks.com).
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ from workers.record import JobRecord
 from workers.settings import Settings
 
 DELAYS_S = (2.0, 10.0, 60.0, 300.0, 900.0)
-"""After the first attempt fails, the second …; then it is given up. All within a job's default lifetime."""
+"""After the first attempt fails, the second …; then it is given up. All within a job's default
+lifetime."""
 
 INTERVAL_S = 1.0
 _DEADLINE_S = 5.0
@@ -67,11 +70,16 @@ def signed_headers(secret: str, job_id: str, timestamp: int, body: bytes) -> dic
     signed = f"{job_id}.{timestamp}.".encode() + body
     digest = hmac.new(_key(secret), signed, hashlib.sha256).digest()
     signature = f"v1,{base64.b64encode(digest).decode()}"
-    return {"webhook-id": job_id, "webhook-timestamp": str(timestamp), "webhook-signature": signature}
+    return {
+        "webhook-id": job_id,
+        "webhook-timestamp": str(timestamp),
+        "webhook-signature": signature,
+    }
 
 
 def _key(secret: str) -> bytes:
-    """A secret as the standard writes it is base64 after a prefix; any other is taken as it stands."""
+    """A secret as the standard writes it is base64 after a prefix; any other is taken as it
+    stands."""
     if secret.startswith(_SECRET_PREFIX):
         return base64.b64decode(secret.removeprefix(_SECRET_PREFIX))
     return secret.encode()
@@ -90,7 +98,9 @@ class _Message:
 class Courier:
     """Delivers over one client of the queue server; ``clock`` gives seconds since the epoch."""
 
-    def __init__(self, client: redis.Redis, settings: Settings, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self, client: redis.Redis, settings: Settings, clock: Callable[[], float] = time.time
+    ) -> None:
         self._client = client
         self._keys = settings.keys
         self._secret = settings.webhook_secret
@@ -110,9 +120,15 @@ class Courier:
         async with httpx.AsyncClient(timeout=_DEADLINE_S) as http:
             pending = {asyncio.create_task(self._try(http, first))}
             while pending:
-                while len(pending) < _AT_ONCE and time.monotonic() < until and (job_id := self._next()):
+                while (
+                    len(pending) < _AT_ONCE
+                    and time.monotonic() < until
+                    and (job_id := self._next())
+                ):
                     pending.add(asyncio.create_task(self._try(http, job_id)))
-                done, pending = await asyncio.wait(pending, timeout=_LOOK_S, return_when=asyncio.FIRST_COMPLETED)
+                done, pending = await asyncio.wait(
+                    pending, timeout=_LOOK_S, return_when=asyncio.FIRST_COMPLETED
+                )
                 heard += sum(task.result() for task in done)
         return heard
 
@@ -137,18 +153,29 @@ class Courier:
         return error is None
 
     def _message(self, job_id: str) -> _Message | None:
-        """Of a dead letter that is sent again, else of the job; None if neither is kept any more."""
+        """Of a dead letter that is sent again, else of the job; None if neither is kept any
+        more."""
         if letter := self._dead.get(job_id):
-            return _Message(letter.url, letter.body.encode(), letter.attempts + 1, self._keys.dead_letter(job_id))
+            return _Message(
+                letter.url,
+                letter.body.encode(),
+                letter.attempts + 1,
+                self._keys.dead_letter(job_id),
+            )
         record = cast(dict[str, str], self._client.hgetall(self._keys.job(job_id)))
         if not record:
             return None
         body = JobRecord.read(record).json().encode()
-        return _Message(record["webhook_url"], body, int(record.get("webhook_attempts", 0)) + 1, self._keys.job(job_id))
+        return _Message(
+            record["webhook_url"],
+            body,
+            int(record.get("webhook_attempts", 0)) + 1,
+            self._keys.job(job_id),
+        )
 
     async def _post(self, http: httpx.AsyncClient, job_id: str, message: _Message) -> str | None:
-        """None when the receiver answered 2xx. Redirects could lead anywhere, and are not followed; what it
-        answers beyond its status is not read."""
+        """None when the receiver answered 2xx. Redirects could lead anywhere, and are not followed;
+        what it answers beyond its status is not read."""
         headers = signed_headers(self._secret, job_id, int(self._clock()), message.body)
         headers |= {"Content-Type": "application/json", "DLO-Attempt": str(message.attempt)}
         try:
@@ -177,6 +204,8 @@ class Courier:
         else:
             self._client.hincrby(self._keys.measures, "webhook|not_heard", 1)
             say.warning("webhook not heard", error=error)
-            if self._client.exists(message.key):  # it may have expired meanwhile: leave no record without an end
+            if self._client.exists(
+                message.key
+            ):  # it may have expired meanwhile: leave no record without an end
                 self._client.hset(message.key, "webhook_attempts", str(message.attempt))
             self._later(args=[job_id, DELAYS_S[message.attempt - 1]])

@@ -48,11 +48,15 @@ def shapes_of(instance: Instance) -> list[dict[str, Any]]:
     if rows.size:
         top, bottom, left, right = (int(v) for v in (rows[0], rows[-1], columns[0], columns[-1]))
         inside = mask[top : bottom + 1, left : right + 1].astype(int).ravel().tolist()
-        shapes.append(common | {"label": "dlo", "type": "mask", "mask": [*inside, left, top, right, bottom]})
+        shapes.append(
+            common | {"label": "dlo", "type": "mask", "mask": [*inside, left, top, right, bottom]}
+        )
     points = [float(value) + 0.5 for xy in instance.centerline_xy for value in xy]
     shapes.append(common | {"label": "centerline", "type": "polyline", "points": points})
     return shapes
 
 
 def _response(context: Any, content: Any, status: int) -> Any:
-    return context.Response(body=json.dumps(content), headers={}, content_type="application/json", status_code=status)
+    return context.Response(
+        body=json.dumps(content), headers={}, content_type="application/json", status_code=status
+    )

@@ -1,7 +1,8 @@
 """The camera that took an organised point cloud, from the points themselves.
 
-Strategy: of a camera without distortion, a pixel's column is a linear function of x / z, its row of y / z. Least
-squares give both, twice: what is far off the first time does not count the second time.
+Strategy: of a camera without distortion, a pixel's column is a linear function of x / z, its row of
+y / z. Least squares give both, twice: what is far off the first time does not count the second
+time.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ _FAR = 3.0
 
 @dataclass(frozen=True)
 class Pinhole:
-    """``fx, fy, cx, cy`` px; ``off_px`` median distance of the points' pictures from their pixels."""
+    """``fx, fy, cx, cy`` px; ``off_px`` median distance of the points' pictures from their
+    pixels."""
 
     fx: float
     fy: float
@@ -36,7 +38,8 @@ class Pinhole:
 
 
 def pinhole_of(points_m: Points) -> Pinhole | None:
-    """Of points (H, W, 3) in the camera's frame, z forward, NaN where unknown; None where they show no camera."""
+    """Of points (H, W, 3) in the camera's frame, z forward, NaN where unknown; None where they show
+    no camera."""
     xy, seen = _seen(points_m)
     if len(xy) < _FEWEST or (seen.std(0) < _LEAST_FIELD).any():
         return None
@@ -49,7 +52,8 @@ def pinhole_of(points_m: Points) -> Pinhole | None:
 
 
 def off_px(points_m: Points, camera: Camera) -> float:
-    """Median distance, px, of where ``camera``, at its own origin, sees the points (H, W, 3) from their pixels."""
+    """Median distance, px, of where ``camera``, at its own origin, sees the points (H, W, 3) from
+    their pixels."""
     xy, seen = _seen(points_m)
     i = camera.intrinsics
     ideal = seen * (i.fx, i.fy) + (i.cx, i.cy)

@@ -1,8 +1,9 @@
 """Centerlines in meters from the depth along them, with what is known about their errors.
 
-Strategy: the depth is read in the middle of the strand, across it and along it; what another strand covers, what flies
-and what is missing is left out. A parabola fitted around every point, nearer samples counting more, gives the surface
-and how sure it is; half the thickness further along the ray is the centerline.
+Strategy: the depth is read in the middle of the strand, across it and along it; what another strand
+covers, what flies and what is missing is left out. A parabola fitted around every point, nearer
+samples counting more, gives the surface and how sure it is; half the thickness further along the
+ray is the centerline.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from models.geometry.polylines import arc_lengths, point_at, resample
 from models.geometry.sampling import read_nearest
 
 _LANES = np.linspace(-0.3, 0.3, 5)
-"""Across the strand, in widths; on a round strand the surface is here 0.936 of the radius above the axis on average."""
+"""Across the strand, in widths; on a round strand the surface is here 0.936 of the radius above the
+axis on average."""
 _ABOVE_AXIS = 0.936
 _WINDOW_WIDTHS, _LEAST_WINDOW_PX = 6.0, 12.0
 """Half the length of strand around a point that its parabola is fitted to."""
@@ -35,8 +37,9 @@ _SPACING_PX = 2.0
 
 @dataclass(frozen=True, eq=False)
 class MetricCurve:
-    """``points_m`` (n, 3) in the frame of the camera's pose; ``covariance_m2`` (n, 3, 3) of the position across the
-    curve; ``radius_m``; ``measured`` share of its length where there was a depth."""
+    """``points_m`` (n, 3) in the frame of the camera's pose; ``covariance_m2`` (n, 3, 3) of the
+    position across the curve; ``radius_m``; ``measured`` share of its length where there was a
+    depth."""
 
     points_m: FloatArray
     covariance_m2: FloatArray
@@ -58,8 +61,8 @@ def metric_curve(
     covered: Sequence[tuple[float, float]] = (),
     count: int | None = None,
 ) -> MetricCurve | None:
-    """The curve of a centerline ``xy`` (n, 2); ``sigma_m`` is the depth's noise, ``covered`` stretches (u0, u1) under
-    another strand. None where too little depth is known."""
+    """The curve of a centerline ``xy`` (n, 2); ``sigma_m`` is the depth's noise, ``covered``
+    stretches (u0, u1) under another strand. None where too little depth is known."""
     lengths = arc_lengths(xy)
     samples = max(int(lengths[-1] / _SPACING_PX), _LEAST_SAMPLES)
     line = resample(xy, samples)
@@ -78,7 +81,8 @@ def metric_curve(
 
 
 def _surface(line: FloatArray, width_px: float, depth_m: Float32Array) -> FloatArray:
-    """(n,) depth of the strand's upper side: the middle one of what is known across it; NaN where nothing is."""
+    """(n,) depth of the strand's upper side: the middle one of what is known across it; NaN where
+    nothing is."""
     steps = np.gradient(line, axis=0)
     normal = steps[:, ::-1] * (-1, 1) / np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
     lanes = line + _LANES[:, None, None] * width_px * normal
@@ -112,7 +116,8 @@ def _fitted(
     residual = (values - smooth)[kept]
     noise = max(float(residual.std()), 0.3 * sigma_m, _LEAST_SIGMA_M) * np.sqrt(_alike(residual))
     depth, gain = _parabolas(at, values, kept, wanted, window)
-    # Where the strand bends more than a parabola, as over another one, half the window shows by how much.
+    # Where the strand bends more than a parabola, as over another one, half the window shows by how
+    # much.
     near, near_gain = _parabolas(at, values, kept, wanted, _NARROW * window)
     bias = np.maximum((near - depth) ** 2 - noise**2 * np.maximum(near_gain**2 - gain**2, 0.0), 0.0)
     return depth, np.sqrt((noise * gain) ** 2 + bias), kept
@@ -121,8 +126,8 @@ def _fitted(
 def _parabolas(
     at: FloatArray, values: FloatArray, kept: BoolArray, wanted: FloatArray, window: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Local quadratic regression at ``wanted`` (m,), and the factor by which its error is that of one sample.
-    Where few samples are near, the window reaches to the nearest ones."""
+    """Local quadratic regression at ``wanted`` (m,), and the factor by which its error is that of
+    one sample. Where few samples are near, the window reaches to the nearest ones."""
     known_at, known_values = at[kept], values[kept]
     away = known_at - wanted[:, None]
     enough = np.sort(np.abs(away), axis=1)[:, min(_LEAST_SAMPLES, len(known_at)) - 1]
@@ -146,9 +151,15 @@ def _alike(residual: FloatArray) -> float:
 
 
 def _curve(
-    places: FloatArray, width_px: float, depth: FloatArray, sigma: FloatArray, camera: Camera, measured: float
+    places: FloatArray,
+    width_px: float,
+    depth: FloatArray,
+    sigma: FloatArray,
+    camera: Camera,
+    measured: float,
 ) -> MetricCurve:
-    """Half the thickness below the surface; errors along the ray from the depth, across it from the picture."""
+    """Half the thickness below the surface; errors along the ray from the depth, across it from the
+    picture."""
     rays = camera.rays(places)
     size = np.linalg.norm(rays, axis=1)
     radius = 0.5 * width_px * depth / camera.focal_px

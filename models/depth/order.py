@@ -43,6 +43,10 @@ def covered_stretches(scene: Scene, number: int) -> list[tuple[float, float]]:
     found = []
     for crossing in scene.crossings:
         if crossing.under.instance == number:
-            half = 0.75 * scene.instances[crossing.over.instance - 1].width_px / max(item.length_px, 1e-9)
+            half = (
+                0.75
+                * scene.instances[crossing.over.instance - 1].width_px
+                / max(item.length_px, 1e-9)
+            )
             found.append((crossing.under.u - half, crossing.under.u + half))
     return found

@@ -1,8 +1,8 @@
 """The plane on which things lie.
 
-Strategy: a plane through three random places is right if many others are within the sensor's noise of it (RANSAC); the
-best is fitted again to the places near it, with what is further off counting less, until nothing changes. Things on
-the table, holes and flying pixels have no say.
+Strategy: a plane through three random places is right if many others are within the sensor's noise
+of it (RANSAC); the best is fitted again to the places near it, with what is further off counting
+less, until nothing changes. Things on the table, holes and flying pixels have no say.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ _LEAST_SIGMA_M = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Points x of it satisfy ``normal · x = offset_m``, in the frame of ``Camera.T_world_camera``; ``normal`` (3,) is
-    of unit length, towards the camera. ``sigma_m``: standard deviation of the depth's noise across it; ``share`` of the
-    known places that are on it."""
+    """Points x of it satisfy ``normal · x = offset_m``, in the frame of ``Camera.T_world_camera``;
+    ``normal`` (3,) is of unit length, towards the camera. ``sigma_m``: standard deviation of the
+    depth's noise across it; ``share`` of the known places that are on it."""
 
     normal: FloatArray
     offset_m: float
@@ -68,7 +68,9 @@ def heights(depth_m: Float32Array, camera: Camera, table: Table) -> Float32Array
     columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     pixels = camera.undistort(np.column_stack([columns.ravel(), rows.ravel()]))
     along = (camera.rays(pixels) @ table.normal).reshape(height, width)
-    above = along * np.where(known(depth_m), depth_m, np.nan) + (table.normal @ camera.center - table.offset_m)
+    above = along * np.where(known(depth_m), depth_m, np.nan) + (
+        table.normal @ camera.center - table.offset_m
+    )
     return np.asarray(above, np.float32)
 
 
@@ -83,7 +85,9 @@ def _points(depth_m: Float32Array, camera: Camera, rng: np.random.Generator) -> 
     return np.asarray(points[np.isfinite(points).all(1)])
 
 
-def _best_of_trials(points: FloatArray, near: float, rng: np.random.Generator) -> tuple[FloatArray, float] | None:
+def _best_of_trials(
+    points: FloatArray, near: float, rng: np.random.Generator
+) -> tuple[FloatArray, float] | None:
     a, b, c = points[rng.integers(0, len(points), (3, _TRIALS))]
     normals = np.cross(b - a, c - a)
     sizes = np.linalg.norm(normals, axis=1)
@@ -97,7 +101,9 @@ def _best_of_trials(points: FloatArray, near: float, rng: np.random.Generator) -
     return normals[best], float(offsets[best])
 
 
-def _refined(points: FloatArray, plane: tuple[FloatArray, float], near: float) -> tuple[FloatArray, float, float]:
+def _refined(
+    points: FloatArray, plane: tuple[FloatArray, float], near: float
+) -> tuple[FloatArray, float, float]:
     """Normal, offset and noise, by least squares with Tukey's weights."""
     (normal, offset), sigma = plane, near / 2
     for _ in range(_ROUNDS):
@@ -111,5 +117,9 @@ def _refined(points: FloatArray, plane: tuple[FloatArray, float], near: float) -
         offset = float(normal @ middle)
         off = np.abs(points @ normal - offset)
         near_it = off[off < 3 * sigma]
-        sigma = float(np.clip(1.4826 * np.median(near_it), _LEAST_SIGMA_M, near)) if len(near_it) else sigma
+        sigma = (
+            float(np.clip(1.4826 * np.median(near_it), _LEAST_SIGMA_M, near))
+            if len(near_it)
+            else sigma
+        )
     return normal, offset, sigma

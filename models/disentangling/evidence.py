@@ -1,5 +1,5 @@
-"""The evidence of whether a turn will work, for a small network to weigh. Lengths are in hands where nothing else is
-written; what is far away counts as a bound."""
+"""The evidence of whether a turn will work, for a small network to weigh. Lengths are in hands
+where nothing else is written; what is far away counts as a bound."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _ALIKE = 0.3
 
 
 class HeldEvidence(NamedTuple):
-    """What does not depend on the angle: how sure the order, the crossings and the branch-points are; what is held and
-    how; how much moves and how far it reaches; what is out of sight."""
+    """What does not depend on the angle: how sure the order, the crossings and the branch-points
+    are; what is held and how; how much moves and how far it reaches; what is out of sight."""
 
     certainty: float
     parted_score: float
@@ -42,8 +42,8 @@ class HeldEvidence(NamedTuple):
 
 
 class CountEvidence(NamedTuple):
-    """Crossings there are, that go, that are left; how many more may be left one and two steps of the angle beside; how
-    often no more are left though arms err."""
+    """Crossings there are, that go, that are left; how many more may be left one and two steps of
+    the angle beside; how often no more are left though arms err."""
 
     crossings: float
     removed: float
@@ -54,9 +54,9 @@ class CountEvidence(NamedTuple):
 
 
 class RoomEvidence(NamedTuple):
-    """Least distance to the rest in widths; share of the room that is wished; least distance over that to the place
-    held; least distance from an end to the rest in widths; share in the picture; distance to its border in widths; the
-    turn as a share of half a turn."""
+    """Least distance to the rest in widths; share of the room that is wished; least distance over
+    that to the place held; least distance from an end to the rest in widths; share in the picture;
+    distance to its border in widths; the turn as a share of half a turn."""
 
     clearance: float
     room_share: float
@@ -68,13 +68,19 @@ class RoomEvidence(NamedTuple):
 
 
 class SetBackEvidence(NamedTuple):
-    """How many more crossings are left if the branch-point is a little, or much, nearer to the bundle than it seems."""
+    """How many more crossings are left if the branch-point is a little, or much, nearer to the
+    bundle than it seems."""
 
     more_little: float
     more_much: float
 
 
-MOVE_FEATURES = (*HeldEvidence._fields, *CountEvidence._fields, *RoomEvidence._fields, *SetBackEvidence._fields)
+MOVE_FEATURES = (
+    *HeldEvidence._fields,
+    *CountEvidence._fields,
+    *RoomEvidence._fields,
+    *SetBackEvidence._fields,
+)
 """Names of the columns that the network of moves weighs."""
 
 
@@ -98,9 +104,14 @@ def held_evidence(topology: Topology, held: Held) -> HeldEvidence:
         pick_room=held.room[0],
         hold_room=held.room[1],
         leaves_view=float(body.leaves_view),
-        others_at_border=float(sum("border" in s.ends for n, s in enumerate(topology.sections) if n not in own)),
+        others_at_border=float(
+            sum("border" in s.ends for n, s in enumerate(topology.sections) if n not in own)
+        ),
         moving_share=moving / max(moving + resting, 1),
-        reach=min(max(float(np.hypot(*(xy - body.center).T).max()) for _, xy in body.moving if len(xy)), 40.0),
+        reach=min(
+            max(float(np.hypot(*(xy - body.center).T).max()) for _, xy in body.moving if len(xy)),
+            40.0,
+        ),
         next_branch=min(nearest / max(2.5 * section.width, 1.0), 6.0),
         pick_distance=min(_away(held, pick), 12.0),
         crossing_distance=min(_away(held, topology.crossings[held.parted[0][0]].xy), 12.0),
@@ -118,12 +129,26 @@ def _away(held: Held, xy: object) -> float:
 
 
 def _entering(topology: Topology, moving: set[int]) -> tuple[int, float]:
-    """Whether the piece may come back into the picture: sections that enter it, reach no branch-point, and are as wide
-    as one of the piece that leaves it; and from where that leaves to the nearest that enters, at most 40 hands."""
-    leaving = [(s.xy[end], s.width) for k in moving for s in (topology.sections[k],) for end in (0, -1)
-               if s.ends[end] == "border"]  # fmt: skip
-    entering = [(s.xy[end], s.width) for k, s in enumerate(topology.sections) for end in (0, -1)
-                if k not in moving and s.ends[end] == "border" and max(s.branches) < 0]  # fmt: skip
-    alike = [float(np.hypot(*(a - b))) for a, wide in leaving for b, other in entering
-             if abs(np.log(wide / other)) < _ALIKE]  # fmt: skip
+    """Whether the piece may come back into the picture: sections that enter it, reach no
+    branch-point, and are as wide as one of the piece that leaves it; and from where that leaves to
+    the nearest that enters, at most 40 hands."""
+    leaving = [
+        (s.xy[end], s.width)
+        for k in moving
+        for s in (topology.sections[k],)
+        for end in (0, -1)
+        if s.ends[end] == "border"
+    ]
+    entering = [
+        (s.xy[end], s.width)
+        for k, s in enumerate(topology.sections)
+        for end in (0, -1)
+        if k not in moving and s.ends[end] == "border" and max(s.branches) < 0
+    ]
+    alike = [
+        float(np.hypot(*(a - b)))
+        for a, wide in leaving
+        for b, other in entering
+        if abs(np.log(wide / other)) < _ALIKE
+    ]
     return len(alike), min([*alike, 40.0])

@@ -1,4 +1,5 @@
-"""Stated probabilities after actions that were carried out: what worked less often than it should is expected less."""
+"""Stated probabilities after actions that were carried out: what worked less often than it should
+is expected less."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ import numpy as np
 from models.geometry.arrays import FloatArray
 
 _SPREAD, _SPREAD_ALIKE = 1.0, 2.0
-"""Of the log odds, how far off they may be for a harness as a whole, and for one turn about one place."""
+"""Of the log odds, how far off they may be for a harness as a whole, and for one turn about one
+place."""
 _NEAR = 1.5
 """Hands between the places held of two turns that are alike …"""
 _ALIKE_RAD = float(np.deg2rad(30))
@@ -20,8 +22,8 @@ _LEAST = 1e-3
 
 @dataclass(frozen=True)
 class Attempt:
-    """A turn that was carried out: ``hold`` where, ``turn`` radians, the ``score`` that it had, and whether no more
-    crossings were left than expected."""
+    """A turn that was carried out: ``hold`` where, ``turn`` radians, the ``score`` that it had, and
+    whether no more crossings were left than expected."""
 
     hold: tuple[float, float]
     turn: float
@@ -32,11 +34,14 @@ class Attempt:
         return replace(self, hold=(factor * self.hold[0], factor * self.hold[1]))
 
 
-def updated(scores: FloatArray, holds: FloatArray, turns: FloatArray, attempts: Sequence[Attempt]) -> FloatArray:
-    """``scores`` (T,) of turns by ``turns`` (T,) about ``holds`` (T, 2) in hands, in the light of the attempts.
+def updated(
+    scores: FloatArray, holds: FloatArray, turns: FloatArray, attempts: Sequence[Attempt]
+) -> FloatArray:
+    """``scores`` (T,) of turns by ``turns`` (T,) about ``holds`` (T, 2) in hands, in the light of
+    the attempts.
 
-    Strategy: two offsets of the log odds, one for all turns and one for those that are alike, each with a normal prior;
-    the posterior's mode after one Newton step.
+    Strategy: two offsets of the log odds, one for all turns and one for those that are alike, each
+    with a normal prior; the posterior's mode after one Newton step.
     """
     if not attempts or not len(scores):
         return scores

@@ -1,4 +1,5 @@
-"""The planner's unit of length: one hand is what a gripper needs beside the strand that it closes on.
+"""The planner's unit of length: one hand is what a gripper needs beside the strand that it closes
+on.
 
 In hands, a scene is the same whatever the picture's resolution, and so is the best action.
 """
@@ -13,8 +14,8 @@ from models.geometry.arrays import FloatArray
 from models.topology.scene import Topology
 
 HAND_WIDTHS = 1.6
-"""Widths of a typical strand that a hand needs where nobody gives the gripper's size: the mean of the scenes that the
-network of moves has learned from."""
+"""Widths of a typical strand that a hand needs where nobody gives the gripper's size: the mean of
+the scenes that the network of moves has learned from."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +33,13 @@ class Frame:
 
 
 def usual_hand_px(topology: Topology) -> float:
-    """A hand for a topology in px: half of the length of its sections is no wider than the strand it is made for."""
+    """A hand for a topology in px: half of the length of its sections is no wider than the strand
+    it is made for."""
     if not topology.sections:
         return 1.0
-    widths, lengths = (np.array([getattr(s, name) for s in topology.sections]) for name in ("width", "length"))
+    widths, lengths = (
+        np.array([getattr(s, name) for s in topology.sections]) for name in ("width", "length")
+    )
     order = np.argsort(widths, kind="stable")
     up_to = np.cumsum(lengths[order])
     return HAND_WIDTHS * float(widths[order][np.searchsorted(up_to, up_to[-1] / 2)])
@@ -50,7 +54,8 @@ def in_hands(topology: Topology, hand_px: float) -> Topology:
     return replace(
         topology,
         sections=tuple(
-            replace(s, xy=s.xy / hand_px, width=s.width / hand_px, length=s.length / hand_px) for s in topology.sections
+            replace(s, xy=s.xy / hand_px, width=s.width / hand_px, length=s.length / hand_px)
+            for s in topology.sections
         ),
         branch_points=tuple(replace(b, xy=point(b.xy)) for b in topology.branch_points),
         crossings=tuple(replace(c, xy=point(c.xy)) for c in topology.crossings),
@@ -59,5 +64,6 @@ def in_hands(topology: Topology, hand_px: float) -> Topology:
 
 
 def allowance(width: float | FloatArray, widths: float, hands: float) -> FloatArray:
-    """So many widths of a strand, and ``hands`` more for what a picture leaves uncertain: the threshold of a length."""
+    """So many widths of a strand, and ``hands`` more for what a picture leaves uncertain: the
+    threshold of a length."""
     return widths * np.asarray(width) + hands

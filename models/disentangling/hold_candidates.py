@@ -1,7 +1,7 @@
 """Places of a harness to hold, and the piece that each lets turn (thesis 6.7).
 
-The thesis holds the branch-point that the upper section hangs on. Here every branch-point and a few places along the
-sections that cross are looked at, for the piece on either side.
+The thesis holds the branch-point that the upper section hangs on. Here every branch-point and a few
+places along the sections that cross are looked at, for the piece on either side.
 """
 
 from __future__ import annotations
@@ -19,16 +19,19 @@ from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Place, Topology
 
 _MOST_CROSSINGS = 24
-"""Crossings that are looked at: more take too long, and those nearest to a free end come first anyway."""
+"""Crossings that are looked at: more take too long, and those nearest to a free end come first
+anyway."""
 _LONG = 6.0
 """Hands; longer stretches are held at several places."""
 _HOLD_SHARES = (0.15, 0.4, 0.6, 0.85)
 """The several places, as shares of a stretch."""
 _PICK_SHARES = np.linspace(0.25, 0.95, 15)
 _USUAL_PICK = 5
-"""Places to pick, as shares of what is beyond the crossing, and the one that is taken where room does not decide."""
+"""Places to pick, as shares of what is beyond the crossing, and the one that is taken where room
+does not decide."""
 _ENOUGH_ROOM = 0.8
-"""With so much of the room that a hand needs beyond the crossing, other places need not be looked at."""
+"""With so much of the room that a hand needs beyond the crossing, other places need not be looked
+at."""
 _OFF_BRANCH = (2.5, 0.75)
 """Widths and hands from a branch-point within which a gripper takes the bundle, not the strand."""
 _LEAST_CERTAINTY = 0.1
@@ -41,9 +44,10 @@ Pick = tuple[int, float]
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A place that is held and what it lets turn. ``parted``: the crossings of which one pass moves and the other
-    rests, with the one that moves; ``certainty``: probability that the piece is on top at all of them; ``pick``:
-    where the piece is grasped; ``room``: shares of what the hands need there and at the pivot."""
+    """A place that is held and what it lets turn. ``parted``: the crossings of which one pass moves
+    and the other rests, with the one that moves; ``certainty``: probability that the piece is on
+    top at all of them; ``pick``: where the piece is grasped; ``room``: shares of what the hands
+    need there and at the pivot."""
 
     pivot: Pivot
     body: Body
@@ -60,16 +64,19 @@ MOST_HOLDS = 120
 def find_holds(topology: Topology, most: int = MOST_HOLDS) -> list[Held]:
     """Places from which something that crosses can be turned.
 
-    At most 24 crossings, those nearest to a free end first as they are easiest to undo (6.7), and ``most`` places are
-    looked at.
+    At most 24 crossings, those nearest to a free end first as they are easiest to undo (6.7), and
+    ``most`` places are looked at.
     """
-    order = sorted(range(len(topology.crossings)), key=lambda k: _depth(topology, k))[:_MOST_CROSSINGS]
+    order = sorted(range(len(topology.crossings)), key=lambda k: _depth(topology, k))[
+        :_MOST_CROSSINGS
+    ]
     found = (_held(topology, order, pivot) for pivot in _pivots(topology, order)[:most])
     return [held for held in found if held is not None]
 
 
 def _depth(topology: Topology, k: int) -> float:
-    """Length from a crossing to the nearest free end along its sections; large where there is none."""
+    """Length from a crossing to the nearest free end along its sections; large where there is
+    none."""
     crossing = topology.crossings[k]
     found = [np.inf]
     for place in (crossing.over, crossing.under):
@@ -81,9 +88,16 @@ def _depth(topology: Topology, k: int) -> float:
 
 
 def _pivots(topology: Topology, order: Sequence[int]) -> list[Pivot]:
-    """Where to hold: the branch-points of the sections that cross, places along these, then all branch-points."""
-    crossed = [p.section for k in order for p in (topology.crossings[k].over, topology.crossings[k].under)]
-    pivots = [p for k in dict.fromkeys(crossed) for p in _branch_pivots(topology, k) + _inner_pivots(topology, k)]
+    """Where to hold: the branch-points of the sections that cross, places along these, then all
+    branch-points."""
+    crossed = [
+        p.section for k in order for p in (topology.crossings[k].over, topology.crossings[k].under)
+    ]
+    pivots = [
+        p
+        for k in dict.fromkeys(crossed)
+        for p in _branch_pivots(topology, k) + _inner_pivots(topology, k)
+    ]
     pivots += [p for k in range(len(topology.sections)) for p in _branch_pivots(topology, k)]
     return list(dict.fromkeys(pivots))
 
@@ -95,12 +109,17 @@ def _branch_pivots(topology: Topology, k: int) -> list[Pivot]:
 
 
 def _inner_pivots(topology: Topology, k: int) -> list[Pivot]:
-    """Places along a section for the piece on either side: between every two crossings on it, and beyond them; not so
-    near to a branch-point that this would be held."""
+    """Places along a section for the piece on either side: between every two crossings on it, and
+    beyond them; not so near to a branch-point that this would be held."""
     section = topology.sections[k]
     if section.closed:
         return []
-    passes = [(a, b) for c in topology.crossings for a, b in ((c.over, c.under), (c.under, c.over)) if a.section == k]
+    passes = [
+        (a, b)
+        for c in topology.crossings
+        for a, b in ((c.over, c.under), (c.under, c.over))
+        if a.section == k
+    ]
     stops = sorted((a.u * section.length, _gap(topology, a, b)) for a, b in passes)
     pivots = []
     near = float(allowance(section.width, *_OFF_BRANCH))
@@ -131,12 +150,19 @@ def _held(topology: Topology, order: Sequence[int], pivot: Pivot) -> Held | None
     if not parted or certainty < _LEAST_CERTAINTY:
         return None
     pick, room = _free_place(topology, body, pivot, parted[0][1])
-    hold_room = 1.0 if pivot.branch >= 0 else float(room_at(topology, pivot.section, np.array([pivot.at]))[0])
+    hold_room = (
+        1.0
+        if pivot.branch >= 0
+        else float(room_at(topology, pivot.section, np.array([pivot.at]))[0])
+    )
     return Held(pivot, body, tuple(parted), certainty, pick, (room, hold_room))
 
 
-def parted_by(topology: Topology, order: Sequence[int], body: Body, pivot: Pivot) -> list[tuple[int, Place]]:
-    """Of some crossings those of which one pass moves and the other rests, with the one that moves."""
+def parted_by(
+    topology: Topology, order: Sequence[int], body: Body, pivot: Pivot
+) -> list[tuple[int, Place]]:
+    """Of some crossings those of which one pass moves and the other rests, with the one that
+    moves."""
     found = []
     for k in order:
         passes = (topology.crossings[k].over, topology.crossings[k].under)
@@ -154,18 +180,21 @@ def moves_with(topology: Topology, place: Place, body: Body, pivot: Pivot) -> bo
 
 
 def _certainty(topology: Topology, body: Body, pivot: Pivot) -> float:
-    """Probability that the body is on top at all crossings with what rests; a lower strand would be dragged."""
+    """Probability that the body is on top at all crossings with what rests; a lower strand would be
+    dragged."""
     certainty = 1.0
     for crossing in topology.crossings:
-        over, under = (moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under))
+        over, under = (
+            moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under)
+        )
         if over != under:
             certainty *= crossing.order_score if over else 1 - crossing.order_score
     return certainty
 
 
 def _free_place(topology: Topology, body: Body, pivot: Pivot, crossed: Place) -> tuple[Pick, float]:
-    """Where to grasp the piece, and how much of the room for a hand there is (0 to 1): beyond the crossing before the
-    section's end, or where that is too narrow, anywhere on the piece."""
+    """Where to grasp the piece, and how much of the room for a hand there is (0 to 1): beyond the
+    crossing before the section's end, or where that is too narrow, anywhere on the piece."""
     section = topology.sections[crossed.section]
     if crossed.section == pivot.section:
         end = section.length if pivot.side > 0 else 0.0
@@ -177,7 +206,9 @@ def _free_place(topology: Topology, body: Body, pivot: Pivot, crossed: Place) ->
     if found[0][1] < _ENOUGH_ROOM:
         for k, _ in body.moving:
             whole = topology.sections[k].length
-            own = (pivot.at, whole if pivot.side > 0 else 0.0) if k == pivot.section else (0.0, whole)
+            own = (
+                (pivot.at, whole if pivot.side > 0 else 0.0) if k == pivot.section else (0.0, whole)
+            )
             found.append(_roomiest(topology, k, *own))
     return max(found, key=lambda f: f[1])
 
@@ -185,13 +216,15 @@ def _free_place(topology: Topology, body: Body, pivot: Pivot, crossed: Place) ->
 def _roomiest(topology: Topology, section: int, start: float, end: float) -> tuple[Pick, float]:
     places = start + _PICK_SHARES * (end - start)
     room = room_at(topology, section, places)
-    best = int(np.argmax(room - 1e-3 * np.abs(places - places[_USUAL_PICK]) / max(abs(end - start), 1e-9)))
+    best = int(
+        np.argmax(room - 1e-3 * np.abs(places - places[_USUAL_PICK]) / max(abs(end - start), 1e-9))
+    )
     return (section, float(places[best])), float(room[best])
 
 
 def room_at(topology: Topology, section: int, places: FloatArray) -> FloatArray:
-    """``(n,)`` shares of what a hand needs between the section at these arc lengths and all other strands, its own
-    other passes included."""
+    """``(n,)`` shares of what a hand needs between the section at these arc lengths and all other
+    strands, its own other passes included."""
     own = topology.sections[section]
     lengths = arc_lengths(own.xy)
     xy = point_at(own.xy, lengths, places)

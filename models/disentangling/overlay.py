@@ -20,12 +20,24 @@ def draw_action(picture: ByteArray, action: Action) -> ByteArray:
     cv2.arrowedLine(out, start, stop, WHITE, max(1, round(2.5 * unit)), cv2.LINE_AA, tipLength=0.9)
     x, y = pixel(np.array(action.hold.xy))
     reach = round(7 * unit)
-    cv2.rectangle(out, (x - reach, y - reach), (x + reach, y + reach), WHITE, max(1, round(2 * unit)))
+    cv2.rectangle(
+        out, (x - reach, y - reach), (x + reach, y + reach), WHITE, max(1, round(2 * unit))
+    )
     for grasp in (action.hold, action.pick, action.place):
         _jaw(out, np.array(grasp.xy), grasp.angle, 11 * unit)
     draw_disc(out, action.pick.xy, (255, 220, 0), 5 * unit)
-    cv2.circle(out, pixel(np.array(action.place.xy)), round(6 * unit), (255, 220, 0), max(1, round(2 * unit)))
-    for text, grasp, below in (("hold", action.hold, 20), ("pick", action.pick, -18), ("place", action.place, -18)):
+    cv2.circle(
+        out,
+        pixel(np.array(action.place.xy)),
+        round(6 * unit),
+        (255, 220, 0),
+        max(1, round(2 * unit)),
+    )
+    for text, grasp, below in (
+        ("hold", action.hold, 20),
+        ("pick", action.pick, -18),
+        ("place", action.place, -18),
+    ):
         draw_tag(out, text, np.array(grasp.xy) + np.array([0, below * unit]), WHITE, 0.4 * unit)
     return out
 
@@ -34,4 +46,6 @@ def _jaw(picture: ByteArray, xy: FloatArray, angle: float, reach: float) -> None
     """Two short strokes across the section: the gripper's fingers."""
     across = reach * np.array([-np.sin(angle), np.cos(angle)])
     for sign in (1, -1):
-        draw_line(picture, np.stack((xy + sign * 0.6 * across, xy + sign * across)), WHITE, 3, False)
+        draw_line(
+            picture, np.stack((xy + sign * 0.6 * across, xy + sign * across)), WHITE, 3, False
+        )

@@ -1,9 +1,11 @@
-"""The dual-arm move that removes a crossing (thesis Algorithm 7, section 6.7), simulated before it is proposed.
+"""The dual-arm move that removes a crossing (thesis Algorithm 7, section 6.7), simulated before it
+is proposed.
 
-Strategy: one arm holds a place of the harness, the other takes the piece beyond it and turns it about that place. A
-small network, which has seen many turns work and fail in a simulated world, gives how likely each turn is to do what
-the simulation foresees; that, how many crossings go at once and how much of the piece stays in view make the ranking.
-All lengths are in hands, so the picture's resolution changes nothing.
+Strategy: one arm holds a place of the harness, the other takes the piece beyond it and turns it
+about that place. A small network, which has seen many turns work and fail in a simulated world,
+gives how likely each turn is to do what the simulation foresees; that, how many crossings go at
+once and how much of the piece stays in view make the ranking. All lengths are in hands, so the
+picture's resolution changes nothing.
 """
 
 from __future__ import annotations
@@ -29,9 +31,10 @@ from models.topology.scene import Topology
 
 @dataclass(frozen=True)
 class DisentangleParams:
-    """``hand_px``: what the gripper needs beside the strand that it closes on, None for what a typical strand of the
-    topology takes; ``clearance_widths``: wished distance to other sections after the move; ``margin_px``: how far
-    outside the picture the piece may end; ``at_most``: actions proposed; ``attempts``: turns done so far, in px."""
+    """``hand_px``: what the gripper needs beside the strand that it closes on, None for what a
+    typical strand of the topology takes; ``clearance_widths``: wished distance to other sections
+    after the move; ``margin_px``: how far outside the picture the piece may end; ``at_most``:
+    actions proposed; ``attempts``: turns done so far, in px."""
 
     hand_px: float | None = None
     clearance_widths: float = 1.0
@@ -53,11 +56,12 @@ class Grasp:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """``crossing`` and ``section``: indices; ``turn`` radians about ``hold``; ``trajectory``: ``(n, 2)`` arc from
-    ``pick`` to ``place``; ``after``: crossings that the simulation counts then, of ``before``; ``passed``: sections
-    that the piece is lifted over; ``certainty``: probability that it is on top wherever it crosses something;
-    ``score``: probability that it does so and leaves the place easy to read, learned in a simulated world;
-    ``touching``: the branch-point that is supposed to be a mere touch, or -1."""
+    """``crossing`` and ``section``: indices; ``turn`` radians about ``hold``; ``trajectory``: ``(n,
+    2)`` arc from ``pick`` to ``place``; ``after``: crossings that the simulation counts then, of
+    ``before``; ``passed``: sections that the piece is lifted over; ``certainty``: probability that
+    it is on top wherever it crosses something; ``score``: probability that it does so and leaves
+    the place easy to read, learned in a simulated world; ``touching``: the branch-point that is
+    supposed to be a mere touch, or -1."""
 
     crossing: int
     section: int
@@ -99,8 +103,8 @@ _LIKELY = 0.4
 _STUCK = 0.02
 """Chance of going on where no turn leaves fewer crossings."""
 _OUT_OF_VIEW = 4
-"""Where crossings are left, a piece of which a tenth leaves the view is worth a third less: they have to be seen again.
-After the last one it is worth a tenth less."""
+"""Where crossings are left, a piece of which a tenth leaves the view is worth a third less: they
+have to be seen again. After the last one it is worth a tenth less."""
 _TOUCHES = 0.2
 """How often a joint that closes a ring turns out to be a mere touch."""
 _MOST_SUPPOSED = 6
@@ -109,19 +113,24 @@ _MOST_SUPPOSED = 6
 _EQUAL = 0.02
 """Chances that differ by less are equal: the network is not that exact."""
 _INSIDE, _HEADING = 1 / 6, 1 / 3
-"""Hands from a section's end within which its direction is not read, and on either side over which it is."""
+"""Hands from a section's end within which its direction is not read, and on either side over which
+it is."""
 _ARC_POINTS = 25
-"""Of a trajectory: a chord of the longest turn, 175 degrees, leaves the arc by 0.2 % of its radius."""
+"""Of a trajectory: a chord of the longest turn, 175 degrees, leaves the arc by 0.2 % of its
+radius."""
 UNSURE_BELOW = 0.3
-"""Below this probability an action more likely fails than works, even where the network is a little off."""
+"""Below this probability an action more likely fails than works, even where the network is a little
+off."""
 
 
-def plan(topology: Topology, classifier: Classifier, params: DisentangleParams | None = None) -> list[Action]:
-    """Actions that leave fewer crossings than there are, or as many where only a preparing one is likely to lead on;
-    best first, one for every place to hold.
+def plan(
+    topology: Topology, classifier: Classifier, params: DisentangleParams | None = None
+) -> list[Action]:
+    """Actions that leave fewer crossings than there are, or as many where only a preparing one is
+    likely to lead on; best first, one for every place to hold.
 
-    Where everything is held at both ends, actions follow that suppose one branch-point to be a mere touch.
-    ``classifier``: of :data:`evidence.MOVE_FEATURES`, the probability that a turn works.
+    Where everything is held at both ends, actions follow that suppose one branch-point to be a mere
+    touch. ``classifier``: of :data:`evidence.MOVE_FEATURES`, the probability that a turn works.
     """
     settings = params or DisentangleParams()
     hand_px = settings.hand_px or usual_hand_px(topology)
@@ -141,8 +150,9 @@ def plan(topology: Topology, classifier: Classifier, params: DisentangleParams |
 
 
 def _preferred(options: list[Option]) -> list[Option]:
-    """One option for every place to hold, best first. Of equally good ones the smaller turn, and for the first action a
-    branch-point, which the thesis holds (6.7): noise in widths must not change the action."""
+    """One option for every place to hold, best first. Of equally good ones the smaller turn, and
+    for the first action a branch-point, which the thesis holds (6.7): noise in widths must not
+    change the action."""
     places: dict[Pivot, list[Option]] = {}
     for option in options:
         places.setdefault(option.turn.held.pivot, []).append(option)
@@ -160,7 +170,8 @@ def _best(options: list[Option]) -> list[Option]:
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A turn, the probability that it works, and the chance that all crossings go if it is chosen."""
+    """A turn, the probability that it works, and the chance that all crossings go if it is
+    chosen."""
 
     turn: Turn
     score: float
@@ -180,8 +191,8 @@ class Looks:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is wished, what was
-    tried, and how many places may still be looked at."""
+    """Options for a scene in hands: how turns are weighed, where a piece may end, how much room is
+    wished, what was tried, and how many places may still be looked at."""
 
     classifier: Classifier
     frame: Frame
@@ -190,8 +201,9 @@ class Search:
     looks: Looks = field(default_factory=lambda: Looks(_MOST_HOLDS_IN_ALL))
 
     def ranked(self, scene: Topology) -> list[Option]:
-        """Strategy: rank by the chance that all crossings go; of the best options that part different crossings, look
-        at what they leave; where none is likely, look at turns too that only prepare another one."""
+        """Strategy: rank by the chance that all crossings go; of the best options that part
+        different crossings, look at what they leave; where none is likely, look at turns too that
+        only prepare another one."""
         options = self.options(scene, 1, MOST_HOLDS)
         if max((o.chance for o in options), default=0.0) < _LIKELY:
             options = self.options(scene, 0, MOST_HOLDS)
@@ -202,11 +214,16 @@ class Search:
         looked = list(different.values())[:_MOST_AHEAD]
         ahead = [self.with_what_follows(scene, o) for o in looked]
         least = min((o.chance for o in ahead), default=0.0)
-        return ahead + [replace(o, chance=min(o.chance, least)) for o in options if all(o is not k for k in looked)]
+        return ahead + [
+            replace(o, chance=min(o.chance, least))
+            for o in options
+            if all(o is not k for k in looked)
+        ]
 
     def options(self, scene: Topology, gain: int, most_holds: int) -> list[Option]:
-        """The best first: as if each crossing that is left took a move as likely to work as this one, and a preparing
-        turn one move more; less if the piece leaves the view, as nobody knows then what it is on."""
+        """The best first: as if each crossing that is left took a move as likely to work as this
+        one, and a preparing turn one move more; less if the piece leaves the view, as nobody knows
+        then what it is on."""
         holds = find_holds(scene, self.looks.taken(most_holds))
         self.looks.left -= len(holds)
         turns = find_turns(scene, holds, self.frame, self.clearance_widths, gain)
@@ -240,7 +257,8 @@ def _seen_again(turn: Turn) -> float:
 
 
 def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) -> Action:
-    """Hold at the pivot; pick where there is room, beyond the crossing if there is; place where the turn brings it."""
+    """Hold at the pivot; pick where there is room, beyond the crossing if there is; place where the
+    turn brings it."""
     pivot, body, angle = turn.held.pivot, turn.held.body, turn.angle
     k, place = turn.held.parted[0]
     picked, at = turn.held.pick
@@ -249,15 +267,29 @@ def action_of(topology: Topology, turn: Turn, score: float, touching: int = -1) 
     pick = point_at(section.xy, lengths, np.array([at]))[0]
     heading = _heading(section.xy, lengths, at)
     hold_at = float(np.clip(pivot.at, _INSIDE, max(held.length - _INSIDE, _INSIDE)))
-    path = np.stack([turned(pick, body.center, float(a)) for a in np.linspace(0, angle, _ARC_POINTS)])
+    path = np.stack(
+        [turned(pick, body.center, float(a)) for a in np.linspace(0, angle, _ARC_POINTS)]
+    )
     return Action(
-        k, place.section, pivot.branch,
+        k,
+        place.section,
+        pivot.branch,
         Grasp(as_pair(body.center), _heading(held.xy, arc_lengths(held.xy), hold_at)),
         Grasp(as_pair(pick), heading),
-        Grasp(as_pair(path[-1]), float(np.arctan2(np.sin(heading + angle), np.cos(heading + angle)))),
-        path, angle, len(topology.crossings), turn.after, Sweep(topology, body).passed_over(angle),
-        turn.clearance, turn.held.certainty, score, body.leaves_view, touching,
-    )  # fmt: skip
+        Grasp(
+            as_pair(path[-1]), float(np.arctan2(np.sin(heading + angle), np.cos(heading + angle)))
+        ),
+        path,
+        angle,
+        len(topology.crossings),
+        turn.after,
+        Sweep(topology, body).passed_over(angle),
+        turn.clearance,
+        turn.held.certainty,
+        score,
+        body.leaves_view,
+        touching,
+    )
 
 
 def _heading(xy: FloatArray, lengths: FloatArray, at: float) -> float:
@@ -274,8 +306,8 @@ class Base:
 
 
 def assign_arms(action: Action, bases: Sequence[Base]) -> tuple[int, int] | None:
-    """Indices of the holding and the moving arm: the pair with the least distance to what each has to reach (6.7);
-    None if neither way is within reach."""
+    """Indices of the holding and the moving arm: the pair with the least distance to what each has
+    to reach (6.7); None if neither way is within reach."""
     best: tuple[float, tuple[int, int]] | None = None
     for hold in range(len(bases)):
         for move in range(len(bases)):
@@ -283,6 +315,10 @@ def assign_arms(action: Action, bases: Sequence[Base]) -> tuple[int, int] | None
                 continue
             near = float(np.hypot(*np.subtract(bases[hold].xy, action.hold.xy)))
             far = float(np.hypot(*(action.trajectory - np.array(bases[move].xy)).T).max())
-            if near <= bases[hold].reach and far <= bases[move].reach and (best is None or near + far < best[0]):
+            if (
+                near <= bases[hold].reach
+                and far <= bases[move].reach
+                and (best is None or near + far < best[0])
+            ):
                 best = (near + far, (hold, move))
     return None if best is None else best[1]

@@ -16,8 +16,8 @@ from models.topology.scene import BranchPoint, Crossing, Place, Section, Topolog
 
 
 def after_turn(topology: Topology, turn: Turn) -> Topology:
-    """The same sections, some of them elsewhere. Crossings within the piece and within the rest stay as they are; where
-    the piece is now over something, it is on top for sure."""
+    """The same sections, some of them elsewhere. Crossings within the piece and within the rest
+    stay as they are; where the piece is now over something, it is on top for sure."""
     pivot, body = turn.held.pivot, turn.held.body
     beyond = {k for k, _ in body.moving} - {pivot.section}
     far = topology.sections[pivot.section].branches[1 if pivot.side > 0 else 0]
@@ -39,9 +39,13 @@ def after_turn(topology: Topology, turn: Turn) -> Topology:
     sections = tuple(section(k, s) for k, s in enumerate(topology.sections))
     kept = []
     for crossing in topology.crossings:
-        over, under = (moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under))
+        over, under = (
+            moves_with(topology, p, body, pivot) for p in (crossing.over, crossing.under)
+        )
         if over == under:
-            kept.append(replace(crossing, xy=as_pair(moved(np.array(crossing.xy)))) if over else crossing)
+            kept.append(
+                replace(crossing, xy=as_pair(moved(np.array(crossing.xy)))) if over else crossing
+            )
     new = [
         Crossing(as_pair(xy), _place(sections, k, xy), _place(sections, rest, xy), 1.0, 1.0)
         for k, rest, xy in Sweep(topology, body).crossings(turn.angle)

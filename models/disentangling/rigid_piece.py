@@ -1,4 +1,5 @@
-"""What moves when a section is turned about a place that is held: the piece beyond it, rigid (thesis 6.7)."""
+"""What moves when a section is turned about a place that is held: the piece beyond it, rigid
+(thesis 6.7)."""
 
 from __future__ import annotations
 
@@ -13,19 +14,22 @@ from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Topology
 
 _STEP = 2 / 3
-"""Hands between the points of a piece that is swept: finer than any strand that a hand can take bends."""
+"""Hands between the points of a piece that is swept: finer than any strand that a hand can take
+bends."""
 _MOST_POINTS = 150
 """Of one section, so that a long thin one takes no longer than its bends need."""
 _HEADING_WIDTHS = 4.0
-"""A section's direction at its end is read off so many widths: beyond the blob where strands meet."""
+"""A section's direction at its end is read off so many widths: beyond the blob where strands
+meet."""
 _BLOB = 1 / 6
 """Hands by which the blob where strands meet reaches beyond half a width."""
 
 
 @dataclass(frozen=True)
 class Pivot:
-    """A place that is held: on ``section`` at arc length ``at``; the piece towards ``side`` (+1: the section's last
-    point, -1: its first) turns about it. ``branch``: the branch-point there, or -1."""
+    """A place that is held: on ``section`` at arc length ``at``; the piece towards ``side`` (+1:
+    the section's last point, -1: its first) turns about it. ``branch``: the branch-point there, or
+    -1."""
 
     section: int
     at: float
@@ -35,7 +39,8 @@ class Pivot:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """``moving`` and ``resting``: polylines ``(n, 2)`` with the index of their section; ``center`` (2,)."""
+    """``moving`` and ``resting``: polylines ``(n, 2)`` with the index of their section; ``center``
+    (2,)."""
 
     center: FloatArray
     moving: tuple[tuple[int, FloatArray], ...]
@@ -44,8 +49,8 @@ class Body:
 
 
 def body_of(topology: Topology, pivot: Pivot) -> Body | None:
-    """The body beyond a pivot, or None where it is also held elsewhere (it is part of a closed cycle) or has no
-    length."""
+    """The body beyond a pivot, or None where it is also held elsewhere (it is part of a closed
+    cycle) or has no length."""
     section = topology.sections[pivot.section]
     lengths = arc_lengths(section.xy)
     far = section.branches[1 if pivot.side > 0 else 0]
@@ -70,8 +75,9 @@ def body_of(topology: Topology, pivot: Pivot) -> Body | None:
 
 
 def set_back(topology: Topology, pivot: Pivot, body: Body, away: float) -> Body | None:
-    """The body if the branch-point that is held is ``away`` hands nearer to the bundle than it seems: strands that
-    leave a bundle side by side show as two only where they part. None where three strands do not meet."""
+    """The body if the branch-point that is held is ``away`` hands nearer to the bundle than it
+    seems: strands that leave a bundle side by side show as two only where they part. None where
+    three strands do not meet."""
     arms = arms_at(topology, pivot.branch)
     if len(arms) != 3:
         return None
@@ -95,21 +101,27 @@ def set_back(topology: Topology, pivot: Pivot, body: Body, away: float) -> Body 
 def arms_at(topology: Topology, branch: int) -> list[tuple[int, int]]:
     """``(section, end)`` of every section end at a branch-point."""
     meeting = sorted(set(topology.branch_points[branch].sections))
-    return [(k, end) for k in meeting for end in (0, 1) if topology.sections[k].branches[end] == branch]
+    return [
+        (k, end) for k in meeting for end in (0, 1) if topology.sections[k].branches[end] == branch
+    ]
 
 
 def heading_from(topology: Topology, section: int, end: int, away: float) -> FloatArray:
-    """``(2,)`` the direction in which a section leaves one of its ends, over a few widths, at least ``away``."""
+    """``(2,)`` the direction in which a section leaves one of its ends, over a few widths, at least
+    ``away``."""
     whole = topology.sections[section]
     xy = whole.xy if end == 0 else whole.xy[::-1]
     lengths = arc_lengths(xy)
     reach = max(_HEADING_WIDTHS * whole.width, away) + _BLOB
-    near, far = point_at(xy, lengths, np.minimum([float(allowance(whole.width, 0.5, _BLOB)), reach], lengths[-1]))
+    near, far = point_at(
+        xy, lengths, np.minimum([float(allowance(whole.width, 0.5, _BLOB)), reach], lengths[-1])
+    )
     return unit(far - near)
 
 
 def _beyond(topology: Topology, section: int, branch: int) -> list[int] | None:
-    """The sections that hang on a branch-point, without going back over ``section``; None if one leads back to it."""
+    """The sections that hang on a branch-point, without going back over ``section``; None if one
+    leads back to it."""
     if branch < 0:
         return []
     found: list[int] = []

@@ -1,7 +1,7 @@
 """Joints at which a section may only touch another one: what can be planned if it does.
 
-From a mask, a free end that comes to touch the side of a section is a branch-point. Where it closes a ring, nothing of
-the ring can be turned about one place, though in truth everything can.
+From a mask, a free end that comes to touch the side of a section is a branch-point. Where it closes
+a ring, nothing of the ring can be turned about one place, though in truth everything can.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from models.topology.scene import Topology
 
 
 def loosened(topology: Topology, most: int) -> Iterator[tuple[int, Topology]]:
-    """Branch-points of three sections in a ring, the least certain first, each with the topology in which the section
-    that goes on least smoothly only touches there and ends freely; ``most`` of them."""
+    """Branch-points of three sections in a ring, the least certain first, each with the topology in
+    which the section that goes on least smoothly only touches there and ends freely; ``most`` of
+    them."""
     order = np.argsort([b.score for b in topology.branch_points], kind="stable").tolist()
     found = 0
     for branch in order:

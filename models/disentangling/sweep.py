@@ -12,14 +12,16 @@ from models.topology.scene import Topology
 
 _ROUNDED = 1e-9
 _HELD = 1 / 3
-"""Hands beyond three quarters of a width within which strands touch where one is held: that is no crossing."""
+"""Hands beyond three quarters of a width within which strands touch where one is held: that is no
+crossing."""
 
 
 class Sweep:
     """A body to be turned.
 
-    Strategy: a turn changes no point's distance to the center, so of all pairs of a moving and a resting segment only
-    those whose ranges of distances overlap can ever cross. They are found once, for all angles.
+    Strategy: a turn changes no point's distance to the center, so of all pairs of a moving and a
+    resting segment only those whose ranges of distances overlap can ever cross. They are found
+    once, for all angles.
     """
 
     def __init__(self, topology: Topology, body: Body) -> None:
@@ -40,8 +42,8 @@ class Sweep:
         return len(self._moving)
 
     def crossings(self, angle: float) -> list[tuple[int, int, FloatArray]]:
-        """``(moving, resting)`` sections of every crossing between the body at an angle (radians) and the rest, and
-        where ``(2,)``; not right at the place held."""
+        """``(moving, resting)`` sections of every crossing between the body at an angle (radians)
+        and the rest, and where ``(2,)``; not right at the place held."""
         start, end = (turned(xy, self._center, angle) for xy in self._moved)
         met, xy = paired_intersections((start, end), self._rest)
         clear = np.flatnonzero(np.hypot(*(xy - self._center).T) > self._apart[met])
@@ -55,7 +57,9 @@ class Sweep:
         return tuple(sorted(on_the_way - at_ends))
 
 
-def _reach(starts: FloatArray, ends: FloatArray, center: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _reach(
+    starts: FloatArray, ends: FloatArray, center: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Least and largest distance ``(S,)`` of every segment to a place."""
     start, end = starts - center, ends - center
     along = end - start

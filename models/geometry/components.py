@@ -8,11 +8,13 @@ from models.geometry.arrays import IntArray
 
 
 def components(pairs: IntArray, count: int) -> IntArray:
-    """``(count,)`` the component, from 0, of each of ``count`` things; ``pairs``: ``(m, 2)`` what belongs together.
+    """``(count,)`` the component, from 0, of each of ``count`` things; ``pairs``: ``(m, 2)`` what
+    belongs together.
 
-    Components are numbered by their first members. For the few things of a picture this takes a tenth of the time
-    of building a sparse matrix for SciPy's. Every round each pair hands the smaller name to both names' owners, and
-    names are followed to their ends: rounds grow with the logarithm of a component's size.
+    Components are numbered by their first members. For the few things of a picture this takes a
+    tenth of the time of building a sparse matrix for SciPy's. Every round each pair hands the
+    smaller name to both names' owners, and names are followed to their ends: rounds grow with the
+    logarithm of a component's size.
     """
     name = np.arange(count)
     a, b = pairs[:, 0], pairs[:, 1]

@@ -12,7 +12,9 @@ _NOTHING = 1e-9
 
 def unit(vectors: FloatArray) -> FloatArray:
     """The vectors at length 1."""
-    out: FloatArray = vectors / np.maximum(np.hypot(vectors[..., 0], vectors[..., 1]), _NOTHING)[..., None]
+    out: FloatArray = (
+        vectors / np.maximum(np.hypot(vectors[..., 0], vectors[..., 1]), _NOTHING)[..., None]
+    )
     return out
 
 

@@ -1,10 +1,11 @@
 """Lenses: where distortion puts a ray that a pinhole would put elsewhere, and back.
 
-Both kinds of places are on the plane at depth 1: *straight* ones ``(x / z, y / z)``, and *bent* ones, which the
-camera matrix takes to pixels of the picture as it was taken. Coefficients are in OpenCV's order.
+Both kinds of places are on the plane at depth 1: *straight* ones ``(x / z, y / z)``, and *bent*
+ones, which the camera matrix takes to pixels of the picture as it was taken. Coefficients are in
+OpenCV's order.
 
-A polynomial lens folds at some radius: beyond it, places further out would be seen further in, which no lens does. All
-that lies beyond is outside of the lens's field, for both directions.
+A polynomial lens folds at some radius: beyond it, places further out would be seen further in,
+which no lens does. All that lies beyond is outside of the lens's field, for both directions.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ COUNTS: dict[DistortionModel, tuple[int, ...]] = {
     "rational_polynomial": (0, 4, 5, 8, 12, 14),
     "equidistant": (0, 4),
 }
-"""``plumb_bob`` and ``rational_polynomial`` are ROS's names for one polynomial, as long as it has coefficients."""
+"""``plumb_bob`` and ``rational_polynomial`` are ROS's names for one polynomial, as long as it has
+coefficients."""
 
 _WIDEST_RAD = np.radians(88.0)
 """From the axis: straight places beyond would be farther out than the numbers are good for."""
@@ -33,11 +35,14 @@ _MISSED = 1e-4
 
 
 def bends(model: DistortionModel, coefficients: tuple[float, ...]) -> bool:
-    """Whether bent places differ from straight ones. An equidistant lens bends even with all coefficients 0."""
+    """Whether bent places differ from straight ones. An equidistant lens bends even with all
+    coefficients 0."""
     return model == "equidistant" or any(coefficients)
 
 
-def bend(straight: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]) -> FloatArray:
+def bend(
+    straight: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]
+) -> FloatArray:
     """(n, 2) straight to bent places; NaN outside of the field."""
     radius = np.hypot(*straight.T)
     inside = radius <= field(model, coefficients)
@@ -46,7 +51,9 @@ def bend(straight: FloatArray, model: DistortionModel, coefficients: tuple[float
     return bent
 
 
-def straighten(bent: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]) -> FloatArray:
+def straighten(
+    bent: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]
+) -> FloatArray:
     """(n, 2) bent to straight places; NaN for what no place of the field is bent to.
 
     Strategy: the radial part is inverted by a table; Newton steps then add what is not radial.
@@ -75,7 +82,9 @@ def bent_field(model: DistortionModel, coefficients: tuple[float, ...]) -> float
     return float(_radial_table(model, coefficients)[1][-1])
 
 
-def _bent(straight: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]) -> FloatArray:
+def _bent(
+    straight: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]
+) -> FloatArray:
     if not len(straight):
         return straight
     if model == "equidistant":
@@ -93,12 +102,17 @@ def _polished(
     step = 1e-6
     for _ in range(_NEWTON_STEPS):
         here = _bent(straight, model, coefficients)
-        columns = [(_bent(straight + step * axis, model, coefficients) - here) / step for axis in np.eye(2)]
+        columns = [
+            (_bent(straight + step * axis, model, coefficients) - here) / step for axis in np.eye(2)
+        ]
         (a, c), (b, d) = columns[0].T, columns[1].T
         off = bent - here
         determinant = a * d - b * c
         safe = np.where(np.abs(determinant) > 1e-9, determinant, np.inf)
-        move = np.stack([d * off[:, 0] - b * off[:, 1], a * off[:, 1] - c * off[:, 0]], axis=1) / safe[:, None]
+        move = (
+            np.stack([d * off[:, 0] - b * off[:, 1], a * off[:, 1] - c * off[:, 0]], axis=1)
+            / safe[:, None]
+        )
         straight = straight + move
         if np.abs(move).max(initial=0.0) < 1e-10:
             break
@@ -106,8 +120,11 @@ def _polished(
 
 
 @lru_cache(maxsize=64)
-def _radial_table(model: DistortionModel, coefficients: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Radii of straight places and those they are bent to, both increasing, up to where the lens folds."""
+def _radial_table(
+    model: DistortionModel, coefficients: tuple[float, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Radii of straight places and those they are bent to, both increasing, up to where the lens
+    folds."""
     angle = np.linspace(0.0, _WIDEST_RAD, _TABLE)
     radius = np.tan(angle)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -117,8 +134,11 @@ def _radial_table(model: DistortionModel, coefficients: tuple[float, ...]) -> tu
     return radius[:end], image[:end]
 
 
-def _radial(angle: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]) -> FloatArray:
-    """Bent radius of straight places seen at ``angle`` from the axis, without what is not radial."""
+def _radial(
+    angle: FloatArray, model: DistortionModel, coefficients: tuple[float, ...]
+) -> FloatArray:
+    """Bent radius of straight places seen at ``angle`` from the axis, without what is not
+    radial."""
     if model == "equidistant":
         k = coefficients or (0.0,) * 4
         return np.asarray(angle * (1 + sum(c * angle ** (2 * n) for n, c in enumerate(k, start=1))))

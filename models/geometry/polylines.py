@@ -1,4 +1,5 @@
-"""Polylines: arrays of points joined in order, ``(n, 2)`` pixels ``(x, y)`` unless stated otherwise."""
+"""Polylines: arrays of points joined in order, ``(n, 2)`` pixels ``(x, y)`` unless stated
+otherwise."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from models.geometry.arrays import FloatArray, IntArray
 
 
 class Intersections(NamedTuple):
-    """Where segments cross: indices of both segments, how far along each (0 to 1), and the point."""
+    """Where segments cross: indices of both segments, how far along each (0 to 1), and the
+    point."""
 
     first: IntArray
     second: IntArray
@@ -21,7 +23,8 @@ class Intersections(NamedTuple):
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:
-    """Length from the first of ``(n, d)`` points to every point, ``(n,)``; the last entry is the whole length."""
+    """Length from the first of ``(n, d)`` points to every point, ``(n,)``; the last entry is the
+    whole length."""
     steps = points[1:] - points[:-1]
     lengths = np.zeros(len(points))
     np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps)), out=lengths[1:])
@@ -29,7 +32,8 @@ def arc_lengths(points: FloatArray) -> FloatArray:
 
 
 def resample(points: FloatArray, count: int) -> FloatArray:
-    """``count`` points at equal arc length along a polyline of ``(n, d)`` points, both ends included."""
+    """``count`` points at equal arc length along a polyline of ``(n, d)`` points, both ends
+    included."""
     lengths = arc_lengths(points)
     wanted = np.linspace(0.0, lengths[-1], count)
     return np.stack([np.interp(wanted, lengths, axis) for axis in points.T], axis=1)
@@ -41,7 +45,11 @@ def point_at(points_xy: FloatArray, lengths: FloatArray, wanted: FloatArray) -> 
 
 
 def bridge(
-    starts_xy: FloatArray, stops_xy: FloatArray, leaving: FloatArray, arriving: FloatArray, shares: FloatArray
+    starts_xy: FloatArray,
+    stops_xy: FloatArray,
+    leaving: FloatArray,
+    arriving: FloatArray,
+    shares: FloatArray,
 ) -> FloatArray:
     """``(n, s, 2)`` points at the ``shares`` (0 to 1) of cubic curves between ``(n, 2)`` places.
 
@@ -59,10 +67,12 @@ def bridge(
 
 
 def crossing_segments(starts_xy: FloatArray, ends_xy: FloatArray) -> Intersections:
-    """All pairs of properly crossing segments, ``first < second``; ``O(S)`` memory for well-spread segments.
+    """All pairs of properly crossing segments, ``first < second``; ``O(S)`` memory for well-spread
+    segments.
 
-    Segments that share an end point or are parallel do not cross. Strategy: two segments can only meet if
-    their middles are nearer than the longest segment, so a k-d tree of the middles proposes the pairs.
+    Segments that share an end point or are parallel do not cross. Strategy: two segments can only
+    meet if their middles are nearer than the longest segment, so a k-d tree of the middles proposes
+    the pairs.
     """
     steps = ends_xy - starts_xy
     reach = float(np.hypot(*steps.T).max(initial=0.0))
@@ -78,12 +88,18 @@ def crossing_segments(starts_xy: FloatArray, ends_xy: FloatArray) -> Intersectio
     return Intersections(i, j, t, u, starts_xy[i] + t[:, None] * steps[i])
 
 
-def segments(parts: tuple[tuple[int, FloatArray], ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Starts and ends ``(m, 2)`` of all segments of numbered polylines, and each one's number ``(m,)``."""
+def segments(
+    parts: tuple[tuple[int, FloatArray], ...],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Starts and ends ``(m, 2)`` of all segments of numbered polylines, and each one's number
+    ``(m,)``."""
     lines = [(k, xy) for k, xy in parts if len(xy) > 1]
     if not lines:
         return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
-    starts, ends = np.concatenate([xy[:-1] for _, xy in lines]), np.concatenate([xy[1:] for _, xy in lines])
+    starts, ends = (
+        np.concatenate([xy[:-1] for _, xy in lines]),
+        np.concatenate([xy[1:] for _, xy in lines]),
+    )
     return starts, ends, np.repeat([float(k) for k, _ in lines], [len(xy) - 1 for _, xy in lines])
 
 
@@ -107,7 +123,8 @@ def intersections(
 def paired_intersections(
     first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
 ) -> tuple[IntArray, FloatArray]:
-    """Rows in which segment k of the first set crosses segment k of the second, and where ``(c, 2)``."""
+    """Rows in which segment k of the first set crosses segment k of the second, and where ``(c,
+    2)``."""
     (p, p2), (q, q2) = first, second
     r, s, between = p2 - p, q2 - q, q - p
     area = _cross(r, s)

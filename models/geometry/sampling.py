@@ -22,10 +22,12 @@ def local_maxima(distances: Float32Array) -> IntArray:
 
 
 def farthest_points(points_xy: IntArray, count: int) -> IntArray:
-    """Indices ``(count,)`` of farthest-point sampling from ``(m, 2)`` whole-number points, from index 0 on.
+    """Indices ``(count,)`` of farthest-point sampling from ``(m, 2)`` whole-number points, from
+    index 0 on.
 
-    Each step takes the point farthest from those taken (the first of equals). ``O(m * count)`` time. One
-    product a step gives all squared distances: ``|p - q|^2 = (x, y, |p|^2, 1) . (-2x_q, -2y_q, 1, |q|^2)``.
+    Each step takes the point farthest from those taken (the first of equals). ``O(m * count)``
+    time. One product a step gives all squared distances: ``|p - q|^2 = (x, y, |p|^2, 1) . (-2x_q,
+    -2y_q, 1, |q|^2)``.
     """
     points = points_xy.astype(np.float64)
     squares = np.einsum("ij,ij->i", points, points)
@@ -44,7 +46,8 @@ def farthest_points(points_xy: IntArray, count: int) -> IntArray:
 
 
 def thin_to_grid(points_xy: IntArray, at_most: int) -> IntArray:
-    """The points, or the first one in each cell of the finest square grid that leaves at most ``at_most``."""
+    """The points, or the first one in each cell of the finest square grid that leaves at most
+    ``at_most``."""
     cell = 2
     kept = points_xy
     while len(kept) > at_most:
@@ -56,8 +59,8 @@ def thin_to_grid(points_xy: IntArray, at_most: int) -> IntArray:
 
 
 def read_nearest(image: Float32Array | BoolArray | ByteArray, points_xy: FloatArray) -> FloatArray:
-    """Values ``(…,)`` of an ``(H, W)`` array at the pixels nearest to ``(…, 2)`` points, clamped; ``(…, C)`` of an
-    ``(H, W, C)`` one."""
+    """Values ``(…,)`` of an ``(H, W)`` array at the pixels nearest to ``(…, 2)`` points, clamped;
+    ``(…, C)`` of an ``(H, W, C)`` one."""
     height, width = image.shape[:2]
     nearest = np.rint(points_xy).astype(np.intp)
     np.maximum(nearest, 0, out=nearest)

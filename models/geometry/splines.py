@@ -21,7 +21,9 @@ class Spline:
 
     def at(self, parameters: FloatArray) -> FloatArray:
         """Points ``(m, 2)`` at ``m`` parameters in [0, 1]."""
-        points: FloatArray = BSpline.construct_fast(self.knots, self.control_xy, self.degree)(parameters)
+        points: FloatArray = BSpline.construct_fast(self.knots, self.control_xy, self.degree)(
+            parameters
+        )
         return points
 
 
@@ -30,10 +32,10 @@ def fit_spline(
 ) -> Spline:
     """Clamped least-squares spline (cubic if there are 4 points or more) within the tolerance.
 
-    ``points_xy``: ``(n, 2)``, ``n >= 2``, no two neighbors equal. The number of spans starts at ``spans``, else at one
-    per 8 points, and doubles until the root mean square distance between points and curve is at most
-    ``tolerance_px``, there are two points a span, or ``spans_at_most`` is reached. The curve starts and ends at the
-    outer points.
+    ``points_xy``: ``(n, 2)``, ``n >= 2``, no two neighbors equal. The number of spans starts at
+    ``spans``, else at one per 8 points, and doubles until the root mean square distance between
+    points and curve is at most ``tolerance_px``, there are two points a span, or ``spans_at_most``
+    is reached. The curve starts and ends at the outer points.
     """
     lengths = arc_lengths(points_xy)
     parameters = lengths / lengths[-1]

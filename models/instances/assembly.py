@@ -33,7 +33,8 @@ MAX_INSTANCES = 255
 _POINT_SPACING_PX = 5.0
 _ONE_PLACE_PX = 1e-6
 _FITTED_PX = 3.0
-"""Nearer points than this, on average, are thinned out before a spline is fitted: a skeleton has one a pixel."""
+"""Nearer points than this, on average, are thinned out before a spline is fitted: a skeleton has
+one a pixel."""
 _TIP_POINTS = 3
 _POINTS_A_SPAN = 8
 _TOLERANCE_PX = 1.0
@@ -42,8 +43,8 @@ SHORTEST_WIDTHS = 3.0
 """Shorter things are not called DLOs; in widths of the scene's typical DLO."""
 _LEAST_SCORE = 0.5
 _LONG_WIDTHS = 15.0
-"""What is less likely a DLO than not is left out, unless it is so long (in widths of the scene's typical DLO): then it
-is kept and called unsure."""
+"""What is less likely a DLO than not is left out, unless it is so long (in widths of the scene's
+typical DLO): then it is kept and called unsure."""
 _COVERED = 0.6
 """Share of a centerline that may lie on a longer DLO before it counts as a part of that one."""
 
@@ -64,14 +65,19 @@ def assemble(
 ) -> Scene:
     """Splines, widths, endpoints, crossings and labels of the chains, longest first.
 
-    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain. With
-    ``follow_edges`` outlines and widths are those of the picture, where it shows them near the mask's.
-    ``tip_widths``: how far a chain may be moved on to the strand's tip.
-    ``order``: what decides which strand lies on top. ``method``: whose calibration turns evidence into
-    probabilities; what is short and less likely a DLO than not is left out. ``watch`` measures the steps.
+    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain.
+    With ``follow_edges`` outlines and widths are those of the picture, where it shows them near the
+    mask's. ``tip_widths``: how far a chain may be moved on to the strand's tip. ``order``: what
+    decides which strand lies on top. ``method``: whose calibration turns evidence into
+    probabilities; what is short and less likely a DLO than not is left out. ``watch`` measures the
+    steps.
     """
     with watch.step("splines"):
-        fitted = [(found, c.doubt) for c in chains if (found := _fit(c, mask, distances, tip_widths)) is not None]
+        fitted = [
+            (found, c.doubt)
+            for c in chains
+            if (found := _fit(c, mask, distances, tip_widths)) is not None
+        ]
         instances, doubts = _without_fragments(fitted, mask.shape)
         shifts = None
         if follow_edges and image is not None:
@@ -103,41 +109,51 @@ def assemble(
 def _likely(instances: list[Instance], in_doubt: int) -> list[int]:
     """Those that are more likely a DLO than not, or so long that they are kept and called unsure.
 
-    Without any, the ``in_doubt`` longest: a mask without a picture was made by somebody who means a DLO.
+    Without any, the ``in_doubt`` longest: a mask without a picture was made by somebody who means a
+    DLO.
     """
     long = _LONG_WIDTHS * _typical_width(instances)
     likely = [k for k, i in enumerate(instances) if i.score >= _LEAST_SCORE or i.length_px >= long]
     return likely or list(range(min(in_doubt, len(instances))))
 
 
-def _fit(chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: float) -> Instance | None:
+def _fit(
+    chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: float
+) -> Instance | None:
     """The instance of one chain, or None if it is too short for its own width."""
     width = width_of(read_nearest(distances, chain.xy))
     points = (
-        np.concatenate((chain.xy, chain.xy[:1])) if chain.closed else _to_the_tips(chain.xy, mask, tip_widths * width)
+        np.concatenate((chain.xy, chain.xy[:1]))
+        if chain.closed
+        else _to_the_tips(chain.xy, mask, tip_widths * width)
     )
     lengths = arc_lengths(points)
     rough_length = float(lengths[-1])
     if rough_length < SHORTEST_WIDTHS * width:
         return None
-    spline = fit_spline(_thinned(points, lengths), tolerance_px=_TOLERANCE_PX, spans=len(points) // _POINTS_A_SPAN)
+    spline = fit_spline(
+        _thinned(points, lengths), tolerance_px=_TOLERANCE_PX, spans=len(points) // _POINTS_A_SPAN
+    )
     count = max(2, round(rough_length / _POINT_SPACING_PX) + 1)
     centerline = resample(spline.at(np.linspace(0, 1, 2 * count)), count)
     length = float(arc_lengths(centerline)[-1])
-    score = float(read_nearest(mask, centerline).mean()) * (1 - float(np.exp(-length / (4 * width))))
+    score = float(read_nearest(mask, centerline).mean()) * (
+        1 - float(np.exp(-length / (4 * width)))
+    )
     return Instance(centerline, width, length, chain.closed, spline, (), score)
 
 
 def _thinned(points: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Every so many of the points, about ``_FITTED_PX`` apart, no two neighbors at one place, the last one included; of
-    a small ring, whose last point is its first, at least three."""
+    """Every so many of the points, about ``_FITTED_PX`` apart, no two neighbors at one place, the
+    last one included; of a small ring, whose last point is its first, at least three."""
     every = max(1, min(round(_FITTED_PX * (len(points) - 1) / lengths[-1]), (len(points) - 1) // 3))
     kept = np.append(np.arange(0, len(points) - 1, every), len(points) - 1)
     return points[kept[np.append(True, np.diff(lengths[kept]) > _ONE_PLACE_PX)]]
 
 
 def _to_the_tips(points: FloatArray, mask: BoolArray, most: float) -> FloatArray:
-    """The points with both ends moved on along the strand while there is foreground, at most so many pixels.
+    """The points with both ends moved on along the strand while there is foreground, at most so
+    many pixels.
 
     Maxima of a distance transform end half a width before the strand does.
     """
@@ -148,7 +164,8 @@ def _to_the_tips(points: FloatArray, mask: BoolArray, most: float) -> FloatArray
 def _without_fragments(
     fitted: list[tuple[Instance, float]], shape: tuple[int, ...]
 ) -> tuple[list[Instance], list[float]]:
-    """The instances and their doubts, longest first, without short ones and those that lie on a longer one."""
+    """The instances and their doubts, longest first, without short ones and those that lie on a
+    longer one."""
     ordered = sorted(fitted, key=lambda pair: -pair[0].length_px)
     typical = _typical_width([instance for instance, _ in ordered])
     taken = np.zeros(shape, dtype=np.uint8)
@@ -157,7 +174,10 @@ def _without_fragments(
     for instance, doubt in ordered:
         if instance.length_px < SHORTEST_WIDTHS * max(typical, instance.width_px):
             continue
-        if read_nearest(taken, instance.centerline_xy).mean() < _COVERED and len(kept) < MAX_INSTANCES:
+        if (
+            read_nearest(taken, instance.centerline_xy).mean() < _COVERED
+            and len(kept) < MAX_INSTANCES
+        ):
             stroke(taken, instance.centerline_xy, 1, instance.width_px)
             kept.append(instance)
             doubts.append(doubt)

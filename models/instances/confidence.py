@@ -46,14 +46,16 @@ _FROM_EDGE = np.array([-4.0, -1.5, 1.5, 4.0])
 _FADING_LEVELS = 20.0
 _FAINT_LEVELS = 12.0
 _SHARP = 0.4
-"""Contrast at which its lack counts 1/e, below which it is a reason; sharpness below which blur is one."""
+"""Contrast at which its lack counts 1/e, below which it is a reason; sharpness below which blur is
+one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Per instance ``(I,)``: ``gap`` share of the centerline off the foreground; ``doubt`` minus the log probability of
-    its joints; ``beside`` share that runs along another instance; ``contrast`` mean difference in gray levels to what
-    lies next to it and ``sharpness`` of its edges, 0 to 1 (both nan without a picture)."""
+    """Per instance ``(I,)``: ``gap`` share of the centerline off the foreground; ``doubt`` minus
+    the log probability of its joints; ``beside`` share that runs along another instance;
+    ``contrast`` mean difference in gray levels to what lies next to it and ``sharpness`` of its
+    edges, 0 to 1 (both nan without a picture)."""
 
     gap: FloatArray
     doubt: FloatArray
@@ -68,12 +70,16 @@ def coefficients() -> dict[str, Any]:
     return tomllib.loads(COEFFICIENTS.read_text()) if COEFFICIENTS.exists() else {}
 
 
-def probability(features: FloatArray, method: str, part: str, names: Sequence[str]) -> FloatArray | None:
+def probability(
+    features: FloatArray, method: str, part: str, names: Sequence[str]
+) -> FloatArray | None:
     """``(n,)`` of ``(n, f)`` features; None without a calibration."""
     table = coefficients().get(method, {}).get(part)
     if table is None:
         return None
-    out: FloatArray = 1 / (1 + np.exp(-np.clip(features @ np.array([table[n] for n in names]), -30, 30)))
+    out: FloatArray = 1 / (
+        1 + np.exp(-np.clip(features @ np.array([table[n] for n in names]), -30, 30))
+    )
     return out
 
 
@@ -89,12 +95,18 @@ def evidence_of(
     gap = 1 - np.bincount(owner, read_nearest(mask, points)) / np.bincount(owner)
     unseen = np.full(len(instances), np.nan)
     contrast, sharpness = (unseen, unseen) if image is None else _edges(instances, image)
-    return Evidence(gap, np.array(doubts, dtype=np.float64), _beside(instances, points, owner), contrast, sharpness)
+    return Evidence(
+        gap,
+        np.array(doubts, dtype=np.float64),
+        _beside(instances, points, owner),
+        contrast,
+        sharpness,
+    )
 
 
 def _beside(instances: Sequence[Instance], points: FloatArray, owner: IntArray) -> FloatArray:
-    """Share of each centerline along which another instance's lies within both widths, in about its direction; all
-    centerlines' ``points`` (N, 2) and whose they are (N,)."""
+    """Share of each centerline along which another instance's lies within both widths, in about its
+    direction; all centerlines' ``points`` (N, 2) and whose they are (N,)."""
     if len(instances) < 2:
         return np.zeros(len(instances))
     steps = np.concatenate([tangents(i.centerline_xy) for i in instances])
@@ -109,7 +121,8 @@ def _beside(instances: Sequence[Instance], points: FloatArray, owner: IntArray) 
 
 
 def _edges(instances: Sequence[Instance], image: ByteArray) -> tuple[FloatArray, FloatArray]:
-    """``(I,)`` contrast in gray levels over both edges, and the share of it that lies within three pixels."""
+    """``(I,)`` contrast in gray levels over both edges, and the share of it that lies within three
+    pixels."""
     lines = [i.centerline_xy[:: max(1, len(i.centerline_xy) // _SAMPLED)] for i in instances]
     owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
     normals = quarter_turned(np.concatenate([tangents(line) for line in lines]))
@@ -118,7 +131,9 @@ def _edges(instances: Sequence[Instance], image: ByteArray) -> tuple[FloatArray,
     signed = np.concatenate((offsets, -offsets), axis=1)
     places = np.concatenate(lines)[:, None] + signed[..., None] * normals[:, None]
     colors = read_nearest(image, places).reshape(len(owner), 2, 4, 3)
-    steps = (np.abs(colors[:, :, a] - colors[:, :, b]).mean(axis=(1, 2)) for a, b in ((3, 0), (2, 1)))
+    steps = (
+        np.abs(colors[:, :, a] - colors[:, :, b]).mean(axis=(1, 2)) for a, b in ((3, 0), (2, 1))
+    )
     whole, inner = (np.bincount(owner, step) / np.bincount(owner) for step in steps)
     return whole, np.minimum(1.0, inner / np.maximum(whole, 1.0))
 
@@ -142,24 +157,42 @@ def instance_features(
     """``(I, 10)`` the measurements of :data:`INSTANCE_FEATURES`."""
     width = np.array([i.width_px for i in instances])
     length = np.array([i.length_px for i in instances])
-    typical = float(np.median(np.repeat(width, np.maximum(length / 10, 1).astype(int)))) if len(width) else 1.0
-    free = np.array([all(e.kind == "free" for e in these) and len(these) > 0 for these in ends], dtype=np.float64)
+    typical = (
+        float(np.median(np.repeat(width, np.maximum(length / 10, 1).astype(int))))
+        if len(width)
+        else 1.0
+    )
+    free = np.array(
+        [all(e.kind == "free" for e in these) and len(these) > 0 for these in ends],
+        dtype=np.float64,
+    )
     unseen = np.isnan(evidence.contrast)
     faint = np.where(unseen, 0.0, np.exp(-np.nan_to_num(evidence.contrast) / _FADING_LEVELS))
     columns = (
-        np.ones(len(width)), np.log(np.clip(length / width, 1, 60)), np.minimum(evidence.gap, 0.5),
-        np.minimum(evidence.doubt, 4.0), free, np.minimum(np.abs(np.log(width / typical)), 1.5),
-        evidence.beside, faint, unseen.astype(np.float64),
+        np.ones(len(width)),
+        np.log(np.clip(length / width, 1, 60)),
+        np.minimum(evidence.gap, 0.5),
+        np.minimum(evidence.doubt, 4.0),
+        free,
+        np.minimum(np.abs(np.log(width / typical)), 1.5),
+        evidence.beside,
+        faint,
+        unseen.astype(np.float64),
         np.minimum(np.log(length.max(initial=1.0) / length), 3.0),
-    )  # fmt: skip
+    )
     return np.stack(columns, axis=1)
 
 
-def reasons_of(instance: Instance, ends: Sequence[Endpoint], evidence: Evidence, k: int) -> tuple[Reason, ...]:
+def reasons_of(
+    instance: Instance, ends: Sequence[Endpoint], evidence: Evidence, k: int
+) -> tuple[Reason, ...]:
     """Why instance ``k`` is unsure, most serious first."""
     at_border = any(e.kind == "border" for e in ends)
     found: list[tuple[bool, Reason]] = [
-        (evidence.gap[k] * instance.length_px > instance.width_px or evidence.doubt[k] > 0.7, "gap"),
+        (
+            evidence.gap[k] * instance.length_px > instance.width_px or evidence.doubt[k] > 0.7,
+            "gap",
+        ),
         (bool(evidence.beside[k] > 0.15), "parallel"),
         (bool(evidence.contrast[k] < _FAINT_LEVELS), "low_contrast"),
         (bool(evidence.sharpness[k] < _SHARP), "blur"),
@@ -169,8 +202,8 @@ def reasons_of(instance: Instance, ends: Sequence[Endpoint], evidence: Evidence,
 
 
 def heaviest_reason(features: FloatArray, weights: dict[str, float]) -> tuple[Reason, ...]:
-    """That of the measurement, of one row of :func:`instance_features`, which lowers the probability most; none when
-    none does."""
+    """That of the measurement, of one row of :func:`instance_features`, which lowers the
+    probability most; none when none does."""
     losses = {name: features[INSTANCE_FEATURES.index(name)] * weights[name] for name in _REASON_OF}
     worst = min(losses, key=lambda name: losses[name])
     return (_REASON_OF[worst],) if losses[worst] < 0 else ()
@@ -192,20 +225,24 @@ def rated(
         reasons: tuple[Reason, ...] = ()
         if score < SURE:
             weights = coefficients()[method]["instance"]
-            reasons = reasons_of(instance, ends[k], evidence, k) or heaviest_reason(features[k], weights)
+            reasons = reasons_of(instance, ends[k], evidence, k) or heaviest_reason(
+                features[k], weights
+            )
         out.append(replace(instance, score=score, reasons=reasons))
     return out
 
 
 def crossing_features(meetings: Sequence[Meeting], instances: Sequence[Instance]) -> FloatArray:
-    """``(K, 3)`` of :data:`CROSSING_FEATURES`: how shallow the angle is, and how sure both strands are."""
+    """``(K, 3)`` of :data:`CROSSING_FEATURES`: how shallow the angle is, and how sure both strands
+    are."""
     strands = [min(instances[m.a].score, instances[m.b].score) for m in meetings]
     slant = [-np.log(max(m.sine, 0.05)) for m in meetings]
     return np.stack((np.ones(len(meetings)), np.array(slant), np.array(strands)), axis=1)
 
 
 def order_features(crossings: Sequence[Crossing]) -> FloatArray:
-    """``(K, 2)`` of :data:`ORDER_FEATURES`: log odds of the order's raw scores, as they are and capped."""
+    """``(K, 2)`` of :data:`ORDER_FEATURES`: log odds of the order's raw scores, as they are and
+    capped."""
     scores = np.array([c.score for c in crossings], dtype=np.float64)
     odds = np.log(scores / np.maximum(1 - scores, 1e-6))
     return np.stack((np.minimum(odds, 6.0), np.minimum(odds, 1.0)), axis=1)

@@ -1,13 +1,15 @@
-"""Where a cable goes on that the foreground lost: from a free end to the border or to another strand.
+"""Where a cable goes on that the foreground lost: from a free end to the border or to another
+strand.
 
-A network that sees half of a cable is often sure that there is none from some place on, without a second opinion at
-its edge. The picture has one: the strip of color between two edges goes on.
+A network that sees half of a cable is often sure that there is none from some place on, without a
+second opinion at its edge. The picture has one: the strip of color between two edges goes on.
 
-Strategy: along the last widths of an instance its color is known. From a free end a few paths at a time are led on in
-steps of a third of a width, each turning a little; what counts is how near the color across the strip stays to the
-instance's own, against its distance from the ground on both sides. A path that leads to the picture's border or to
-other foreground is the rest of the cable. One that is lost on the way is none: cables do not end nowhere, shadows and
-scratches do. A strand that it meets at once covers it: it goes on at the other side.
+Strategy: along the last widths of an instance its color is known. From a free end a few paths at a
+time are led on in steps of a third of a width, each turning a little; what counts is how near the
+color across the strip stays to the instance's own, against its distance from the ground on both
+sides. A path that leads to the picture's border or to other foreground is the rest of the cable.
+One that is lost on the way is none: cables do not end nowhere, shadows and scratches do. A strand
+that it meets at once covers it: it goes on at the other side.
 
 Symbols: B paths, K turns, T positions across, n points.
 """
@@ -36,7 +38,8 @@ _CORE, _LEFT, _RIGHT = (
     slice(*np.flatnonzero(np.abs(_ACROSS - middle) <= reach)[[0, -1]] + (0, 1))
     for middle, reach in ((0.0, 0.32), (-0.93, 0.22), (0.93, 0.22))
 )
-"""Of these positions the cable's core and the ground on both sides; slices, which read without a copy."""
+"""Of these positions the cable's core and the ground on both sides; slices, which read without a
+copy."""
 _LONGEST_PX = 960
 """A larger picture is followed at this size."""
 _SMOOTHING_PX = 0.8
@@ -46,11 +49,12 @@ _FORGETTING = 0.03
 
 @dataclass(frozen=True)
 class ContinuationParams:
-    """Lengths in widths. ``least_chance`` that the instance is a cable, ``in_company`` of one that likely is, and
-    ``certainty`` of the foreground along it; ``least_length`` of the instance, ``least_width_px`` of it. ``known``:
-    what its color is read from, behind the end. ``turn_deg``: most of a step. ``near``: most distance from the color,
-    over that from the ground, which is at least ``contrast`` (CIELAB). ``gap`` that may look different, ``good`` share
-    of the steps that may not; a continuation is at most ``longest``; of that at most ``covered`` is under others, and
+    """Lengths in widths. ``least_chance`` that the instance is a cable, ``in_company`` of one that
+    likely is, and ``certainty`` of the foreground along it; ``least_length`` of the instance,
+    ``least_width_px`` of it. ``known``: what its color is read from, behind the end. ``turn_deg``:
+    most of a step. ``near``: most distance from the color, over that from the ground, which is at
+    least ``contrast`` (CIELAB). ``gap`` that may look different, ``good`` share of the steps that
+    may not; a continuation is at most ``longest``; of that at most ``covered`` is under others, and
     the rest is at least ``shortest``. ``turned``: most of all together, radians."""
 
     least_chance: float = 0.5
@@ -73,8 +77,8 @@ class ContinuationParams:
 
 
 class _Tip(NamedTuple):
-    """The end of a strip: ``xy`` (2,) a width behind it, ``angle`` it goes on in, ``width``, ``color`` (3,) and its
-    ``spread``."""
+    """The end of a strip: ``xy`` (2,) a width behind it, ``angle`` it goes on in, ``width``,
+    ``color`` (3,) and its ``spread``."""
 
     xy: FloatArray
     angle: float
@@ -84,9 +88,9 @@ class _Tip(NamedTuple):
 
 
 class _Paths(NamedTuple):
-    """``xy`` (B, n, 2) so far, ``good`` (B, n) which points look like the cable, ``under`` (B, n) which are on other
-    foreground; ``angle`` (B,) and ``cost`` (B,) at the last point, ``color`` (B, 3) there, ``lost`` (B,) px since the
-    last good one."""
+    """``xy`` (B, n, 2) so far, ``good`` (B, n) which points look like the cable, ``under`` (B, n)
+    which are on other foreground; ``angle`` (B,) and ``cost`` (B,) at the last point, ``color`` (B,
+    3) there, ``lost`` (B,) px since the last good one."""
 
     xy: FloatArray
     good: BoolArray
@@ -98,8 +102,8 @@ class _Paths(NamedTuple):
 
 
 class _Strip(NamedTuple):
-    """``color`` (…, 3) of the core and its ``spread``; ``contrast`` and ``mean_contrast`` (…) to the ground on the
-    less different side, and of both."""
+    """``color`` (…, 3) of the core and its ``spread``; ``contrast`` and ``mean_contrast`` (…) to
+    the ground on the less different side, and of both."""
 
     color: FloatArray
     spread: FloatArray
@@ -115,7 +119,8 @@ def continued(
     image: ByteArray,
     params: ContinuationParams | None = None,
 ) -> BoolArray:
-    """(H, W) what ``cable`` (H, W) lacks of the instances of a scene; ``chances`` (I,) that each is a cable."""
+    """(H, W) what ``cable`` (H, W) lacks of the instances of a scene; ``chances`` (I,) that each is
+    a cable."""
     settings = params or ContinuationParams()
     scale = min(1.0, _LONGEST_PX / max(cable.shape))
     size = tuple(max(1, round(scale * side)) for side in cable.shape[::-1])
@@ -146,10 +151,14 @@ def _resized(picture: ByteArray, size: tuple[int, ...], how: int = cv2.INTER_ARE
 
 def _colors(image: ByteArray) -> ByteArray:
     """CIELAB in 8 bits, as OpenCV has it."""
-    return np.asarray(cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2LAB), (0, 0), _SMOOTHING_PX), np.uint8)
+    return np.asarray(
+        cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2LAB), (0, 0), _SMOOTHING_PX), np.uint8
+    )
 
 
-def _whole_enough(instance: Instance, scale: float, probability: Float32Array, params: ContinuationParams) -> bool:
+def _whole_enough(
+    instance: Instance, scale: float, probability: Float32Array, params: ContinuationParams
+) -> bool:
     width = instance.width_px
     if width * scale < params.least_width_px:
         return False
@@ -178,7 +187,9 @@ def _tip(line: FloatArray, width: float, lab: ByteArray, params: ContinuationPar
     step = at[0] - point_at(line, arc, np.array([4.0 * width]))[0]
     near = max(3, len(places) // 3)
     angle = float(np.arctan2(step[1], step[0]))
-    return _Tip(at[0], angle, width, strips.color[:near].mean(axis=0), float(np.median(strips.spread)))
+    return _Tip(
+        at[0], angle, width, strips.color[:near].mean(axis=0), float(np.median(strips.spread))
+    )
 
 
 def _strips(lab: ByteArray, xy: FloatArray, direction: FloatArray, width: float) -> _Strip:
@@ -198,11 +209,16 @@ def _length(vectors: FloatArray) -> FloatArray:
     return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
 
 
-def _followed(tip: _Tip, lab: ByteArray, foreground: BoolArray, params: ContinuationParams) -> FloatArray | None:
-    """(n, 2) from a width behind the tip to the border or to other foreground; None where it leads nowhere."""
+def _followed(
+    tip: _Tip, lab: ByteArray, foreground: BoolArray, params: ContinuationParams
+) -> FloatArray | None:
+    """(n, 2) from a width behind the tip to the border or to other foreground; None where it leads
+    nowhere."""
     step = max(1.5, tip.width / 3)
     none, start = np.zeros((1, 1), bool), np.full(1, tip.angle)
-    paths = _Paths(tip.xy[None, None], ~none, none, start, np.zeros(1), tip.color[None], np.zeros(1))
+    paths = _Paths(
+        tip.xy[None, None], ~none, none, start, np.zeros(1), tip.color[None], np.zeros(1)
+    )
     own, nothing = 1.5 * tip.width, np.zeros_like(foreground)
     for taken in range(1, int((params.longest + 1) * tip.width / step) + 1):
         other = foreground if taken * step > own else nothing
@@ -234,14 +250,21 @@ def _is_cable(path: _Path, width: float, params: ContinuationParams) -> bool:
     seen = ~path.under[1:]
     length = float(np.hypot(*steps[seen].T).sum())
     long_enough = length >= (1 + params.shortest) * width
-    return bool(long_enough and path.good[1:][seen].mean() >= params.good and turned < params.turned)
+    return bool(
+        long_enough and path.good[1:][seen].mean() >= params.good and turned < params.turned
+    )
 
 
 def _led_on(
-    paths: _Paths, tip: _Tip, step: float, lab: ByteArray, other: BoolArray, params: ContinuationParams
+    paths: _Paths,
+    tip: _Tip,
+    step: float,
+    lab: ByteArray,
+    other: BoolArray,
+    params: ContinuationParams,
 ) -> _Paths:
-    """The cheapest of all paths with each turn; of several at one place in one direction only the first. Under
-    ``other`` (H, W) foreground only turning costs."""
+    """The cheapest of all paths with each turn; of several at one place in one direction only the
+    first. Under ``other`` (H, W) foreground only turning costs."""
     most = np.deg2rad(params.turn_deg)
     turn = np.linspace(-most, most, params.turns)
     angle = paths.angle[:, None] + turn
@@ -275,9 +298,13 @@ def _led_on(
     )
 
 
-def _distinct(xy: FloatArray, angle: FloatArray, cost: FloatArray, width: float, count: int) -> IntArray:
+def _distinct(
+    xy: FloatArray, angle: FloatArray, cost: FloatArray, width: float, count: int
+) -> IntArray:
     """At most ``count`` flat indices, cheapest first, one for each place and direction."""
-    cells = np.column_stack((xy.reshape(-1, 2) / max(1.0, width / 4), np.rad2deg(angle.ravel()) / 15.0))
+    cells = np.column_stack(
+        (xy.reshape(-1, 2) / max(1.0, width / 4), np.rad2deg(angle.ravel()) / 15.0)
+    )
     of_cell: dict[tuple[int, ...], int] = {}
     named = np.floor(cells).astype(np.int64).tolist()
     for index in np.argsort(cost, axis=None, kind="stable").tolist():

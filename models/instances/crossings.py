@@ -31,7 +31,8 @@ class Strand:
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """Two strands (``a <= b``, from 0) meet at ``xy``, at these arc lengths; ``sine`` of their angle."""
+    """Two strands (``a <= b``, from 0) meet at ``xy``, at these arc lengths; ``sine`` of their
+    angle."""
 
     a: int
     b: int
@@ -94,16 +95,19 @@ def _is_same_place(one: Meeting, other: Meeting, strands: list[Strand]) -> bool:
     return abs(one.at_a - other.at_a) < reach and abs(one.at_b - other.at_b) < reach
 
 
-def order_meetings(meetings: list[Meeting], strands: list[Strand], image: ByteArray | None) -> tuple[Crossing, ...]:
+def order_meetings(
+    meetings: list[Meeting], strands: list[Strand], image: ByteArray | None
+) -> tuple[Crossing, ...]:
     """The crossings of all meetings, in their order, by :func:`order_meeting`."""
     return tuple(order_meeting(meeting, strands, image) for meeting in meetings)
 
 
 def order_meeting(meeting: Meeting, strands: list[Strand], image: ByteArray | None) -> Crossing:
-    """The crossing with its order: the strand whose color varies less along the crossing lies on top.
+    """The crossing with its order: the strand whose color varies less along the crossing lies on
+    top.
 
-    ``image``: ``(H, W, 3)`` or None (then the order is arbitrary and the score 0.5). The score is the share
-    of the color variance that the lower strand has, a fixed noise included on both sides.
+    ``image``: ``(H, W, 3)`` or None (then the order is arbitrary and the score 0.5). The score is
+    the share of the color variance that the lower strand has, a fixed noise included on both sides.
     """
     a, b = strands[meeting.a], strands[meeting.b]
     if image is None:
@@ -127,15 +131,19 @@ def _share(at: float, strand: Strand) -> float:
 
 
 def _color_variance(image: ByteArray, strand: Strand, at: float, other_extent: float) -> float:
-    """Mean over R, G, B of the color's variance along the strand, across the other strand and a width beyond.
+    """Mean over R, G, B of the color's variance along the strand, across the other strand and a
+    width beyond.
 
-    The color is averaged over the middle half of the strand's width, so that a highlight counts little.
+    The color is averaged over the middle half of the strand's width, so that a highlight counts
+    little.
     """
     reach = other_extent / 2 + strand.width
     along = np.clip(np.arange(at - reach, at + reach + 1.0), 0.0, strand.lengths[-1])
     points = point_at(strand.xy, strand.lengths, along)
     tangent = points[-1] - points[0]
-    lanes = np.linspace(-0.25, 0.25, 3)[:, None, None] * strand.width * quarter_turned(unit(tangent))
+    lanes = (
+        np.linspace(-0.25, 0.25, 3)[:, None, None] * strand.width * quarter_turned(unit(tangent))
+    )
     colors = np.add.reduce(read_nearest(image, points + lanes)) / len(lanes)
     away = colors - np.add.reduce(colors) / len(colors)
     return float(np.vdot(away, away)) / colors.size + _NOISE_LEVELS**2

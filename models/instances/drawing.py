@@ -23,18 +23,23 @@ def draw_labels(
     crossings: Sequence[Crossing],
     shifts: FloatArray | None = None,
 ) -> ByteArray:
-    """``(H, W)`` uint8 labels: every foreground pixel near a centerline belongs to one instance, at most 255.
+    """``(H, W)`` uint8 labels: every foreground pixel near a centerline belongs to one instance, at
+    most 255.
 
-    Strategy: strokes are painted in three rounds, from too wide to too narrow, so that between neighbors a
-    pixel goes to the nearer centerline; then the upper strand is painted again over each crossing; last, what
-    is not foreground is cleared, so that outlines are those of the mask. Where a centerline bridges a gap
-    of the mask, its stroke stands in for the foreground. ``shifts``: ``(I,)`` pixels by which an instance's edges
-    lie outside the mask; its outline is moved outwards by as much.
+    Strategy: strokes are painted in three rounds, from too wide to too narrow, so that between
+    neighbors a pixel goes to the nearer centerline; then the upper strand is painted again over
+    each crossing; last, what is not foreground is cleared, so that outlines are those of the mask.
+    Where a centerline bridges a gap of the mask, its stroke stands in for the foreground.
+    ``shifts``: ``(I,)`` pixels by which an instance's edges lie outside the mask; its outline is
+    moved outwards by as much.
     """
     labels = np.zeros(mask.shape, dtype=np.uint8)
     for factor in (1.6, 1.0, 0.6):
         for number, instance in enumerate(instances, start=1):
-            width = max(factor * instance.width_px, instance.width_px + 3 if factor > 1 and shifts is not None else 0)
+            width = max(
+                factor * instance.width_px,
+                instance.width_px + 3 if factor > 1 and shifts is not None else 0,
+            )
             stroke(labels, instance.centerline_xy, number, width)
     for crossing in sorted(crossings, key=lambda c: c.score):
         upper, lower = instances[crossing.over.instance - 1], instances[crossing.under.instance - 1]
@@ -93,7 +98,8 @@ def stroke(
 
 
 def palette() -> ByteArray:
-    """``(256, 3)`` RGB colors of the labels: 0 black, then hues a golden section apart: neighbors differ."""
+    """``(256, 3)`` RGB colors of the labels: 0 black, then hues a golden section apart: neighbors
+    differ."""
     colors = [(0.0, 0.0, 0.0)]
     for number in range(255):
         hue, dim = (0.02 + number * 0.61803398875) % 1.0, number // 12 % 3

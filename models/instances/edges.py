@@ -24,15 +24,20 @@ _AT_MOST = 120
 """Sections across an instance."""
 _NOISE_LEVELS = 6.0
 _PRIOR = 0.004
-"""What a shift costs, times its square: shares of the color variance that the edge has to explain."""
+"""What a shift costs, times its square: shares of the color variance that the edge has to
+explain."""
 
 
-def edge_shifts(instances: Sequence[Instance], distances: Float32Array, image: ByteArray) -> FloatArray:
-    """``(I,)`` whole pixels by which each instance's edges in the picture lie outside its mask, 0 to 4.
+def edge_shifts(
+    instances: Sequence[Instance], distances: Float32Array, image: ByteArray
+) -> FloatArray:
+    """``(I,)`` whole pixels by which each instance's edges in the picture lie outside its mask, 0
+    to 4.
 
-    Strategy: colors are read across both edges at many places. For every possible edge, the share of the colors'
-    variance that two means (inside, outside) explain is averaged over all places of the instance; the best one,
-    less a price for moving, is taken. Where an instance meets another, or the picture ends, nothing is read.
+    Strategy: colors are read across both edges at many places. For every possible edge, the share
+    of the colors' variance that two means (inside, outside) explain is averaged over all places of
+    the instance; the best one, less a price for moving, is taken. Where an instance meets another,
+    or the picture ends, nothing is read.
     """
     shifts = np.zeros(len(instances))
     owner, points, normals, half = _sections(instances, distances)
@@ -52,7 +57,8 @@ def edge_shifts(instances: Sequence[Instance], distances: Float32Array, image: B
 
 
 def _best_shifts(explained: FloatArray, known: BoolArray) -> FloatArray:
-    """Entry k of the profile splits between places k and k + 1; the mask's own edge is after place ``_INSIDE_PX``."""
+    """Entry k of the profile splits between places k and k + 1; the mask's own edge is after place
+    ``_INSIDE_PX``."""
     shift = np.arange(explained.shape[1]) - _INSIDE_PX
     allowed = (shift >= 0) & (shift <= _MOST_SHIFT)
     worth = np.where(allowed, explained - _PRIOR * shift**2, -np.inf)
@@ -63,7 +69,8 @@ def _best_shifts(explained: FloatArray, known: BoolArray) -> FloatArray:
 def _sections(
     instances: Sequence[Instance], distances: Float32Array
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Owner ``(N,)``, middle ``(N, 2)``, unit normal ``(N, 2)`` and half width of the mask ``(N,)``."""
+    """Owner ``(N,)``, middle ``(N, 2)``, unit normal ``(N, 2)`` and half width of the mask
+    ``(N,)``."""
     owner, points, normals = [], [], []
     for k, instance in enumerate(instances):
         count = int(np.clip(instance.length_px / _SPACING_PX, 3, _AT_MOST))
@@ -81,8 +88,8 @@ def _sections(
 
 
 def _alone(places: FloatArray, distances: Float32Array, shape: tuple[int, ...]) -> BoolArray:
-    """``(N,)`` nothing but background lies outside the edge, and all of ``(N, M, 2)`` is in the picture: as both of its
-    ends are."""
+    """``(N,)`` nothing but background lies outside the edge, and all of ``(N, M, 2)`` is in the
+    picture: as both of its ends are."""
     outside = read_nearest(distances, places[:, _INSIDE_PX + 2 :]) > 0
     ends = places[:, [0, -1]]
     inside = np.all((ends >= 0) & (ends <= np.array(shape[1::-1]) - 1), axis=(1, 2))
@@ -90,8 +97,11 @@ def _alone(places: FloatArray, distances: Float32Array, shape: tuple[int, ...]) 
 
 
 def _explained(colors: Float32Array) -> Float32Array:
-    """``(M - 1, N)`` share of the variance of ``(N, M, 3)`` colors that a split after each place explains."""
-    rows = np.ascontiguousarray(colors.transpose(1, 2, 0))  # with N last, every operation runs along memory
+    """``(M - 1, N)`` share of the variance of ``(N, M, 3)`` colors that a split after each place
+    explains."""
+    rows = np.ascontiguousarray(
+        colors.transpose(1, 2, 0)
+    )  # with N last, every operation runs along memory
     count = len(rows)
     before = np.arange(1, count, dtype=np.float32)[:, None, None]
     sums = np.cumsum(rows, axis=0)

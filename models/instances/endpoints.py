@@ -14,10 +14,13 @@ _MARGIN_PX = 3.0
 """Gap that a mask may show between a strand and the one it disappears under."""
 
 
-def endpoints_of(instances: Sequence[Instance], shape: tuple[int, ...]) -> list[tuple[Endpoint, ...]]:
+def endpoints_of(
+    instances: Sequence[Instance], shape: tuple[int, ...]
+) -> list[tuple[Endpoint, ...]]:
     """Both endpoints of each instance, in the order of its centerline; none for a closed one.
 
-    ``border``: within a width of the picture's edge. ``hidden``: the stroke reaches that of another instance.
+    ``border``: within a width of the picture's edge. ``hidden``: the stroke reaches that of another
+    instance.
     """
     found = []
     for instance in instances:
@@ -27,7 +30,9 @@ def endpoints_of(instances: Sequence[Instance], shape: tuple[int, ...]) -> list[
     return found
 
 
-def _endpoint(xy: FloatArray, width: float, others: Sequence[Instance], shape: tuple[int, ...]) -> Endpoint:
+def _endpoint(
+    xy: FloatArray, width: float, others: Sequence[Instance], shape: tuple[int, ...]
+) -> Endpoint:
     kind: EndpointKind = "free"
     if not within(xy, shape, max(width, 2.0)):
         kind = "border"

@@ -23,7 +23,9 @@ _ACROSS = np.linspace(-3.0, 3.0, 25)
 """Positions across an instance, in half widths; beyond its edges half a width is 2 px at least."""
 _BODY = np.abs(_ACROSS) <= 0.6
 _LEFT, _RIGHT = ((side * _ACROSS >= 1.5) & (side * _ACROSS <= 2.25) for side in (-1, 1))
-_NEAR_EDGES = [(side * _ACROSS[:-1] + 0.125 > 0.4) & (side * _ACROSS[:-1] + 0.125 < 1.75) for side in (-1, 1)]
+_NEAR_EDGES = [
+    (side * _ACROSS[:-1] + 0.125 > 0.4) & (side * _ACROSS[:-1] + 0.125 < 1.75) for side in (-1, 1)
+]
 _RING = np.abs(_ACROSS) > 1.3
 _LEAST_HALF_PX = 2.0
 _LONGEST_PX = 1280
@@ -34,15 +36,17 @@ _NO_OTHER = -2.0
 
 
 class Likeness(NamedTuple):
-    """``(I,)`` each, by name: the columns of the rule. Odds are logarithms; lengths, widths, colors and crossings
-    are taken as logarithms, too.
+    """``(I,)`` each, by name: the columns of the rule. Odds are logarithms; lengths, widths, colors
+    and crossings are taken as logarithms, too.
 
-    ``certainty`` of the network along it, its ``certainty_low`` and ``certainty_spread``, ``least`` of it; ``ring``:
-    beside it. ``length`` in widths, ``size`` in diagonals of the picture, ``width`` in pixels; ``short`` of the
-    longest instance. ``width_spread``; ``straight``: distance of its ends over its length; ``bow`` in pixels.
-    ``crossed``: crossings; ``free`` ends. ``shading`` across it; ``contrast`` to the ground; ``edge``, usual and
-    ``edge_low``: steps of color a pixel at the weaker of both edges; ``ground``: difference of both sides, and
-    ``ground_spread``, ``body_spread`` along it. ``company``: instances; ``surer``: the surest other one.
+    ``certainty`` of the network along it, its ``certainty_low`` and ``certainty_spread``, ``least``
+    of it; ``ring``: beside it. ``length`` in widths, ``size`` in diagonals of the picture,
+    ``width`` in pixels; ``short`` of the longest instance. ``width_spread``; ``straight``: distance
+    of its ends over its length; ``bow`` in pixels. ``crossed``: crossings; ``free`` ends.
+    ``shading`` across it; ``contrast`` to the ground; ``edge``, usual and ``edge_low``: steps of
+    color a pixel at the weaker of both edges; ``ground``: difference of both sides, and
+    ``ground_spread``, ``body_spread`` along it. ``company``: instances; ``surer``: the surest other
+    one.
     """
 
     certainty: FloatArray
@@ -74,9 +78,11 @@ class Likeness(NamedTuple):
         return np.stack(self, axis=1)
 
 
-def likeness(scene: Scene, probability: Float32Array, mask: BoolArray, image: ByteArray) -> Likeness:
-    """The evidence on every instance of a scene that has some; ``probability`` and ``mask`` (H, W), ``image``
-    (H, W, 3) RGB."""
+def likeness(
+    scene: Scene, probability: Float32Array, mask: BoolArray, image: ByteArray
+) -> Likeness:
+    """The evidence on every instance of a scene that has some; ``probability`` and ``mask`` (H, W),
+    ``image`` (H, W, 3) RGB."""
     instances = scene.instances
     lines = [_thinned(i.centerline_xy) for i in instances]
     along = _Along([len(line) for line in lines])
@@ -102,7 +108,9 @@ def likeness(scene: Scene, probability: Float32Array, mask: BoolArray, image: By
         straight=np.array([np.hypot(*(line[-1] - line[0])) for line in lines]) / length,
         bow=np.log1p([_bow(line) for line in lines]),
         crossed=np.log1p(_crossings(scene.crossings, len(instances))),
-        free=np.array([sum(e.kind == "free" for e in i.endpoints) for i in instances], dtype=np.float64),
+        free=np.array(
+            [sum(e.kind == "free" for e in i.endpoints) for i in instances], dtype=np.float64
+        ),
         company=np.full(len(instances), np.log1p(len(instances))),
         surer=_surest_other(certainty),
         **_colors(lab, along, half),
@@ -128,7 +136,8 @@ class _Along:
         return np.minimum.reduceat(values, self._first)
 
     def quantile(self, values: FloatArray, share: float) -> FloatArray:
-        """``(I,)`` of ``(N,)`` values, or ``(I, 3)`` of ``(N, 3)``: sorted in one table, a row an instance."""
+        """``(I,)`` of ``(N,)`` values, or ``(I, 3)`` of ``(N, 3)``: sorted in one table, a row an
+        instance."""
         table = np.full((len(self.counts), self.counts.max(), *values.shape[1:]), np.inf)
         table[self.owner, self._place] = values
         table.sort(axis=1)
@@ -148,7 +157,9 @@ def _colors(lab: FloatArray, along: _Along, half: FloatArray) -> dict[str, Float
     shading = lab[:, core, 0] - (lab[:, core - 2, 0] + lab[:, core + 2, 0]) / 2
     steps = np.linalg.norm(np.diff(lab, axis=1), axis=2)
     a_step_px = np.maximum(half, 1.0) * (_ACROSS[1] - _ACROSS[0])
-    weaker = np.minimum(*(steps[:, where].max(axis=1) for where in _NEAR_EDGES)) / a_step_px[along.owner]
+    weaker = (
+        np.minimum(*(steps[:, where].max(axis=1) for where in _NEAR_EDGES)) / a_step_px[along.owner]
+    )
     usual = [along.quantile(values, 0.5) for values in (left, right, body)]
     away = [
         along.mean(np.linalg.norm(values - middle[along.owner], axis=1))
@@ -172,10 +183,15 @@ def _thinned(line: FloatArray) -> FloatArray:
 def _across(lines: Sequence[FloatArray], half: FloatArray) -> tuple[Float32Array, Float32Array]:
     """``(N, T)`` x and y of the positions across the lines, ``half`` (N,) their half widths."""
     points = np.concatenate(lines)
-    steps = np.concatenate([np.gradient(line, axis=0) if len(line) > 1 else np.ones((1, 2)) for line in lines])
+    steps = np.concatenate(
+        [np.gradient(line, axis=0) if len(line) > 1 else np.ones((1, 2)) for line in lines]
+    )
     steps = steps / np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
     beyond = np.maximum(np.abs(_ACROSS) - 1, 0.0)
-    reach = half[:, None] * np.minimum(np.abs(_ACROSS), 1.0) + np.maximum(half, _LEAST_HALF_PX)[:, None] * beyond
+    reach = (
+        half[:, None] * np.minimum(np.abs(_ACROSS), 1.0)
+        + np.maximum(half, _LEAST_HALF_PX)[:, None] * beyond
+    )
     offsets = np.sign(_ACROSS) * reach
     x = points[:, :1] - offsets * steps[:, 1:]
     y = points[:, 1:] + offsets * steps[:, :1]
@@ -188,7 +204,8 @@ def _read(picture: ByteArray | Float32Array, at: tuple[Float32Array, Float32Arra
 
 
 def _depths(mask: BoolArray, points: FloatArray) -> FloatArray:
-    """``(N,)`` distance of the points to the background; in a large picture of every second, third … pixel."""
+    """``(N,)`` distance of the points to the background; in a large picture of every second, third
+    … pixel."""
     step = max(1, round(max(mask.shape) / _LONGEST_PX))
     thin = np.ascontiguousarray(mask[::step, ::step]).view(np.uint8)
     distances = np.asarray(cv2.distanceTransform(thin, cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)

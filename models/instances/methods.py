@@ -17,7 +17,8 @@ Extract = Callable[[BoolArray, ByteArray | None], Scene]
 
 @dataclass(frozen=True)
 class Method:
-    """``extract(mask, image, params, networks)``; ``tasks`` of the networks, in the order that it takes them."""
+    """``extract(mask, image, params, networks)``; ``tasks`` of the networks, in the order that it
+    takes them."""
 
     extract: Callable[..., Scene]
     params: type
@@ -28,11 +29,15 @@ METHODS = {
     "section_matching": Method(section_matching.extract, section_matching.SectionMatchingParams),
     "rt_dlo": Method(rt_dlo.extract, rt_dlo.RtDloParams, ("orientation",)),
     "fastdlo": Method(fastdlo.extract, fastdlo.FastDloParams, ("similarity",)),
-    "ariadne_plus": Method(ariadne_plus.extract, ariadne_plus.AriadnePlusParams, ("triplet", "above")),
+    "ariadne_plus": Method(
+        ariadne_plus.extract, ariadne_plus.AriadnePlusParams, ("triplet", "above")
+    ),
 }
 
 
-def method(name: str, network: Callable[[str], Network], **values: Any) -> tuple[Extract, list[Network]]:
+def method(
+    name: str, network: Callable[[str], Network], **values: Any
+) -> tuple[Extract, list[Network]]:
     """Mask and picture to scene, and the networks that take part.
 
     ``network``: the network of a task; ``values``: parameters where they are not the defaults.

@@ -1,7 +1,8 @@
 """The picture of a scene for people: tint, centerlines, endpoints, crossings, ids.
 
-At a crossing the upper centerline runs through and the lower one is interrupted; an uncertain order has a
-``?``. Endpoints: a filled disc is free, a ring is hidden under another DLO, none is drawn at the border.
+At a crossing the upper centerline runs through and the lower one is interrupted; an uncertain order
+has a ``?``. Endpoints: a filled disc is free, a ring is hidden under another DLO, none is drawn at
+the border.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ Color = tuple[int, int, int]
 
 
 def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteArray:
-    """RGB copy of ``image`` (H, W, 3) with the scene drawn in, reduced to a ``longest`` side first: drawing on a large
-    photograph takes longer than finding what is in it. Line widths follow the picture's size."""
+    """RGB copy of ``image`` (H, W, 3) with the scene drawn in, reduced to a ``longest`` side first:
+    drawing on a large photograph takes longer than finding what is in it. Line widths follow the
+    picture's size."""
     if longest is not None and max(image.shape[:2]) > longest:
         image, scene = _reduced(image, scene, -(-max(image.shape[:2]) // longest))
     picture = _tinted(image, scene.labels)
@@ -41,13 +43,19 @@ def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteA
         _draw_endpoints(picture, instance, _color(number), unit)
     if min(image.shape[:2]) >= 64:
         for number, instance in enumerate(scene.instances, start=1):
-            _draw_tag(picture, str(number), _tag_place(instance, number, scene), _color(number), 0.45 * unit)
+            _draw_tag(
+                picture,
+                str(number),
+                _tag_place(instance, number, scene),
+                _color(number),
+                0.45 * unit,
+            )
     return picture
 
 
 def _reduced(image: ByteArray, scene: Scene, factor: int) -> tuple[ByteArray, Scene]:
-    """By a whole number, which is several times faster; a rest at the right and lower border is cut off. Pixel centers
-    are at ``(k + 0.5) s - 0.5``."""
+    """By a whole number, which is several times faster; a rest at the right and lower border is cut
+    off. Pixel centers are at ``(k + 0.5) s - 0.5``."""
     scale = 1 / factor
     height, width = (max(1, side // factor) for side in image.shape[:2])
     part = slice(height * factor), slice(width * factor)
@@ -88,7 +96,8 @@ def _color(number: int) -> Color:
 def _draw_crossing(picture: ByteArray, crossing: Crossing, scene: Scene, unit: float) -> None:
     upper = scene.instances[crossing.over.instance - 1]
     lower = scene.instances[crossing.under.instance - 1]
-    # The lower line stops under a dark bridge as wide as the upper strand; the upper line is drawn over it.
+    # The lower line stops under a dark bridge as wide as the upper strand; the upper line is drawn
+    # over it.
     gap = piece_around(lower, crossing.under.u, max(0.7 * upper.width_px, 5 * unit))
     stroke(picture, gap, _DARK, 3.6 * unit, cv2.LINE_AA)
     bridge = piece_around(upper, crossing.over.u, max(0.9 * lower.width_px, 7 * unit))
@@ -127,8 +136,13 @@ def _draw_tag(picture: ByteArray, text: str, xy: FloatArray, color: Color, scale
     margin = max(2, round(6 * scale))
     reach = np.array([width / 2 + margin, height / 2 + margin])
     center = np.clip(xy, reach, np.maximum(reach, np.array(picture.shape[1::-1]) - 1 - reach))
-    low, high = np.rint(center - reach).astype(int).tolist(), np.rint(center + reach).astype(int).tolist()
+    low, high = (
+        np.rint(center - reach).astype(int).tolist(),
+        np.rint(center + reach).astype(int).tolist(),
+    )
     cv2.rectangle(picture, low, high, color, -1)
     cv2.rectangle(picture, low, high, _DARK, max(1, margin // 3))
     place = (low[0] + margin, high[1] - margin)
-    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, _DARK, thickness, cv2.LINE_AA)
+    cv2.putText(
+        picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, _DARK, thickness, cv2.LINE_AA
+    )

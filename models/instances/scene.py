@@ -10,14 +10,25 @@ from models.geometry.splines import Spline
 
 EndpointKind = Literal["free", "border", "hidden"]
 Reason = Literal[
-    "gap", "border", "parallel", "low_contrast", "blur", "lookalike",
-    "free_ends", "short", "odd_width", "no_picture", "crossing", "order",
-]  # fmt: skip
+    "gap",
+    "border",
+    "parallel",
+    "low_contrast",
+    "blur",
+    "lookalike",
+    "free_ends",
+    "short",
+    "odd_width",
+    "no_picture",
+    "crossing",
+    "order",
+]
 
 
 @dataclass(frozen=True, eq=False)
 class Endpoint:
-    """Where a DLO ends: ``free`` in view, ``border`` at the picture's edge, ``hidden`` under another DLO."""
+    """Where a DLO ends: ``free`` in view, ``border`` at the picture's edge, ``hidden`` under
+    another DLO."""
 
     xy: tuple[float, float]
     kind: EndpointKind
@@ -25,11 +36,12 @@ class Endpoint:
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """One DLO. Its id is its place in :attr:`Scene.instances` plus 1, and its value in :attr:`Scene.labels`.
+    """One DLO. Its id is its place in :attr:`Scene.instances` plus 1, and its value in
+    :attr:`Scene.labels`.
 
-    ``centerline_xy``: ``(n, 2)`` pixels at equal arc length, end to end; a ring repeats its first point.
-    ``score``: probability that it matches one true DLO above IoU 0.5 (``confidence.py``); ``reasons``: what makes it
-    unsure.
+    ``centerline_xy``: ``(n, 2)`` pixels at equal arc length, end to end; a ring repeats its first
+    point. ``score``: probability that it matches one true DLO above IoU 0.5 (``confidence.py``);
+    ``reasons``: what makes it unsure.
     """
 
     centerline_xy: FloatArray
@@ -44,7 +56,8 @@ class Instance:
 
 @dataclass(frozen=True, eq=False)
 class StrandPosition:
-    """A place on an instance: its id (from 1) and ``u``, 0 to 1 by arc length along its centerline."""
+    """A place on an instance: its id (from 1) and ``u``, 0 to 1 by arc length along its
+    centerline."""
 
     instance: int
     u: float
@@ -52,8 +65,8 @@ class StrandPosition:
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """One strand over another, or over itself. ``score``: probability that the order is right, 0.5 (not known) to 1;
-    ``existence``: that two strands cross here."""
+    """One strand over another, or over itself. ``score``: probability that the order is right, 0.5
+    (not known) to 1; ``existence``: that two strands cross here."""
 
     xy: tuple[float, float]
     over: StrandPosition
@@ -66,9 +79,10 @@ class Crossing:
 class Scene:
     """The DLOs of one picture.
 
-    ``labels``: ``(H, W)`` uint8, 0 background, else the id of the instance seen there (at crossings the upper).
-    ``timings_ms``: wall-clock time of each step. ``features``: what the probabilities were computed from, by name
-    (``confidence.py``); not kept for pictures that were worked on at a smaller size.
+    ``labels``: ``(H, W)`` uint8, 0 background, else the id of the instance seen there (at crossings
+    the upper). ``timings_ms``: wall-clock time of each step. ``features``: what the probabilities
+    were computed from, by name (``confidence.py``); not kept for pictures that were worked on at a
+    smaller size.
     """
 
     instances: tuple[Instance, ...]

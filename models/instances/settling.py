@@ -1,8 +1,10 @@
-"""What a picture's foreground is once its strands were looked at: lookalikes go, lost pieces of cables come.
+"""What a picture's foreground is once its strands were looked at: lookalikes go, lost pieces of
+cables come.
 
-The network answers pixel by pixel; whether a strand is a cable at all, and whether it can end where it ends, shows only
-along it. Strategy: the strands are found by the default method and rated. What is hardly a cable leaves the
-foreground. From the free ends of cables it is continued (``continuation.py``).
+The network answers pixel by pixel; whether a strand is a cable at all, and whether it can end where
+it ends, shows only along it. Strategy: the strands are found by the default method and rated. What
+is hardly a cable leaves the foreground. From the free ends of cables it is continued
+(``continuation.py``).
 """
 
 from __future__ import annotations
@@ -24,23 +26,27 @@ from models.strands.foreground import distance_map
 _CONTINUED = 0.75
 """Probability of what was not seen but follows."""
 _SMALL = 0.02
-"""Share of the picture; what fills more is no rest: a network of somebody's own may see other things than cables."""
+"""Share of the picture; what fills more is no rest: a network of somebody's own may see other
+things than cables."""
 _BELOW = 2 / 255
 """Distance from the threshold of what was seen but is none, so that 8 bits keep it below."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """``cable`` (H, W) and the ``probability`` (H, W) that agrees with it at the threshold; ``scene``: its strands by
-    the default method, those left out that are more likely no cable."""
+    """``cable`` (H, W) and the ``probability`` (H, W) that agrees with it at the threshold;
+    ``scene``: its strands by the default method, those left out that are more likely no cable."""
 
     cable: BoolArray
     probability: Float32Array
     scene: Scene
 
 
-def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, threshold: float) -> Settled:
-    """``image`` (H, W, 3) RGB, ``probability`` (H, W) that its network sees and what of it counts, ``cable`` (H, W)."""
+def settle(
+    image: ByteArray, probability: Float32Array, cable: BoolArray, threshold: float
+) -> Settled:
+    """``image`` (H, W, 3) RGB, ``probability`` (H, W) that its network sees and what of it counts,
+    ``cable`` (H, W)."""
     scene = extract(cable, image)
     likely = chances(scene, probability, cable, image)
     kept = _without_hardly_any(cable, scene, likely)
@@ -55,18 +61,23 @@ def settle(image: ByteArray, probability: Float32Array, cable: BoolArray, thresh
 
 
 def _without_hardly_any(cable: BoolArray, scene: Scene, likely: FloatArray) -> BoolArray:
-    """``cable`` (H, W) without the instances that are hardly cables and, where no other is left, without the pieces
-    that are too short for one: they are the rest of nothing."""
+    """``cable`` (H, W) without the instances that are hardly cables and, where no other is left,
+    without the pieces that are too short for one: they are the rest of nothing."""
     none = hardly(likely)
-    kept = np.asarray(cable & ~np.concatenate(([False], none))[scene.labels]) if none.any() else cable
+    kept = (
+        np.asarray(cable & ~np.concatenate(([False], none))[scene.labels]) if none.any() else cable
+    )
     return _without_short_pieces(kept) if none.all() else kept
 
 
 def _without_short_pieces(cable: BoolArray) -> BoolArray:
-    """``cable`` (H, W) without small connected pieces that are no longer than a few of their widths."""
+    """``cable`` (H, W) without small connected pieces that are no longer than a few of their
+    widths."""
     count, pieces, boxes, _ = cv2.connectedComponentsWithStats(cable.view(np.uint8), connectivity=8)
     lengths = np.hypot(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
     widths = 2 * np.asarray(ndimage.maximum(distance_map(cable), pieces, np.arange(count)))
-    kept = (lengths >= SHORTEST_WIDTHS * widths) | (boxes[:, cv2.CC_STAT_AREA] > _SMALL * cable.size)
+    kept = (lengths >= SHORTEST_WIDTHS * widths) | (
+        boxes[:, cv2.CC_STAT_AREA] > _SMALL * cable.size
+    )
     kept[0] = False
     return np.asarray(kept[pieces])

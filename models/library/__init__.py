@@ -1,8 +1,10 @@
-"""Perception and handling of deformable linear objects (cables, wires, ropes), as functions on arrays.
+"""Perception and handling of deformable linear objects (cables, wires, ropes), as functions on
+arrays.
 
-Pictures are ``(H, W, 3)`` uint8 RGB, masks ``(H, W)``, points ``(x, y)`` in pixels with the center of the first pixel
-at ``(0, 0)``; lengths and poses in space are in meters. A wrong argument raises :class:`ArgumentError`, a ValueError
-that names it. Networks are part of the package and are loaded on first use, once a process.
+Pictures are ``(H, W, 3)`` uint8 RGB, masks ``(H, W)``, points ``(x, y)`` in pixels with the center
+of the first pixel at ``(0, 0)``; lengths and poses in space are in meters. A wrong argument raises
+:class:`ArgumentError`, a ValueError that names it. Networks are part of the package and are loaded
+on first use, once a process.
 """
 
 from models.disentangling.plan import Action, DisentangleParams

@@ -24,7 +24,9 @@ def picture(value: ArrayLike, name: str) -> ByteArray:
     """``(H, W, 3)`` uint8 RGB."""
     array = _array(value, name)
     if array.ndim != 3 or array.shape[2] != 3:
-        raise ArgumentError(name, f"has the shape {array.shape}; a picture is (height, width, 3), RGB")
+        raise ArgumentError(
+            name, f"has the shape {array.shape}; a picture is (height, width, 3), RGB"
+        )
     if array.dtype != np.uint8:
         raise ArgumentError(name, f"is of {array.dtype}; a picture is of uint8, 0 to 255")
     _check_size(array, name)
@@ -32,8 +34,8 @@ def picture(value: ArrayLike, name: str) -> ByteArray:
 
 
 def mask(value: ArrayLike, name: str, threshold: float | None = None) -> BoolArray:
-    """``(H, W)`` bool. Integers: what is not 0 is foreground. Floats: probabilities of 0 to 1, foreground from
-    ``threshold`` (0.5) on."""
+    """``(H, W)`` bool. Integers: what is not 0 is foreground. Floats: probabilities of 0 to 1,
+    foreground from ``threshold`` (0.5) on."""
     array = _array(value, name)
     if array.ndim != 2:
         raise ArgumentError(name, f"has the shape {array.shape}; a mask is (height, width)")
@@ -54,7 +56,9 @@ def depth(value: ArrayLike, name: str) -> Float32Array:
     """``(H, W)`` meters to the camera; 0 and NaN are unknown."""
     array = _array(value, name)
     if array.ndim != 2 or not np.issubdtype(array.dtype, np.floating):
-        raise ArgumentError(name, f"is {array.shape} of {array.dtype}; depth is (height, width) floats, in meters")
+        raise ArgumentError(
+            name, f"is {array.shape} of {array.dtype}; depth is (height, width) floats, in meters"
+        )
     return np.asarray(array, np.float32)
 
 

@@ -12,8 +12,8 @@ _runtime = Runtime()
 
 
 def configure(providers: tuple[str, ...] = ("CPUExecutionProvider",), threads: int = 0) -> None:
-    """Where networks run from now on: ONNX Runtime's execution providers in order of preference, and threads a
-    network (0: one a core). Those already loaded are loaded anew."""
+    """Where networks run from now on: ONNX Runtime's execution providers in order of preference,
+    and threads a network (0: one a core). Those already loaded are loaded anew."""
     global _runtime
     _runtime = Runtime(providers=providers, threads=threads)
     _loaded.cache_clear()
@@ -28,7 +28,9 @@ def named(name: str, task: str, argument: str) -> Network:
     """A network of this task; raises ArgumentError for another name."""
     known = [spec.name for spec in inference.manifest().values() if spec.task == task]
     if name not in known:
-        raise ArgumentError(argument, f"is {name!r}; the networks for {task} are {', '.join(known)}")
+        raise ArgumentError(
+            argument, f"is {name!r}; the networks for {task} are {', '.join(known)}"
+        )
     return _loaded(name)
 
 
@@ -38,8 +40,8 @@ def default(task: str) -> Network:
 
 
 def foreground(name: str | None, eight_bit: bool) -> Network:
-    """The foreground network of this name, or the default one; its 8-bit form where that is asked for and there is one.
-    Raises ArgumentError."""
+    """The foreground network of this name, or the default one; its 8-bit form where that is asked
+    for and there is one. Raises ArgumentError."""
     chosen = default("foreground") if name is None else named(name, "foreground", "model")
     return _loaded(inference.eight_bit(chosen.spec.name)) if eight_bit else chosen
 

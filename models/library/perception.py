@@ -32,7 +32,8 @@ MethodParams = SectionMatchingParams | RtDloParams | FastDloParams | AriadnePlus
 
 @dataclass(frozen=True, eq=False)
 class Foreground:
-    """``probability`` ``(H, W)`` of a DLO; ``mask`` ``(H, W)``, what counts as foreground at ``threshold``."""
+    """``probability`` ``(H, W)`` of a DLO; ``mask`` ``(H, W)``, what counts as foreground at
+    ``threshold``."""
 
     probability: Float32Array
     mask: BoolArray
@@ -40,14 +41,18 @@ class Foreground:
 
 
 def segment(
-    picture: ArrayLike, *, model: str | None = None, threshold: float | None = None, effort: Effort = "normal"
+    picture: ArrayLike,
+    *,
+    model: str | None = None,
+    threshold: float | None = None,
+    effort: Effort = "normal",
 ) -> Foreground:
-    """The foreground of a picture (thesis chapter 2), settled: without what is hardly a cable, with what of a cable
-    the network lost.
+    """The foreground of a picture (thesis chapter 2), settled: without what is hardly a cable, with
+    what of a cable the network lost.
 
-    ``picture``: ``(H, W, 3)`` uint8 RGB. ``model``: a network of the task ``foreground``. ``threshold``: 0 to 1; with
-    one, the mask is the network's probability cut there; without, patches that are small or not certain are left
-    out, and the probability agrees with it.
+    ``picture``: ``(H, W, 3)`` uint8 RGB. ``model``: a network of the task ``foreground``.
+    ``threshold``: 0 to 1; with one, the mask is the network's probability cut there; without,
+    patches that are small or not certain are left out, and the probability agrees with it.
     ``effort``: how hard to look, ``fast``, ``normal`` or ``thorough``.
 
     Raises ArgumentError.
@@ -85,8 +90,8 @@ def instances(
     """The DLOs of a picture, of a mask, or of a mask with the picture's colors.
 
     ``picture``: ``(H, W, 3)`` uint8 RGB. ``mask``: ``(H, W)`` bool, integers (not 0: foreground) or
-    probabilities; without it the foreground is found with ``model``, ``threshold`` and ``effort`` as
-    in :func:`segment`. ``params``: those of the ``method``.
+    probabilities; without it the foreground is found with ``model``, ``threshold`` and ``effort``
+    as in :func:`segment`. ``params``: those of the ``method``.
 
     Raises ArgumentError.
     """
@@ -94,7 +99,9 @@ def instances(
         raise ArgumentError("method", f"is {method!r}; there are {', '.join(METHODS)}")
     chosen = METHODS[method]
     if params is not None and type(params) is not chosen.params:
-        raise ArgumentError("params", f"are {type(params).__name__}; {method} takes {chosen.params.__name__}")
+        raise ArgumentError(
+            "params", f"are {type(params).__name__}; {method} takes {chosen.params.__name__}"
+        )
     seen, image, settled = _seen(picture, mask, model, threshold, effort)
     if settled is not None and method == "section_matching" and params is None:
         return settled
@@ -116,8 +123,9 @@ def topology(
 ) -> Topology:
     """Sections, branch-points and crossings of wire harnesses (thesis chapter 6).
 
-    ``picture``, ``mask``, ``model``, ``threshold`` and ``effort`` as for :func:`instances`; ``depth_m``: ``(H, W)``
-    meters to the camera, 0 or NaN where unknown: it shows which strand is on top.
+    ``picture``, ``mask``, ``model``, ``threshold`` and ``effort`` as for :func:`instances`;
+    ``depth_m``: ``(H, W)`` meters to the camera, 0 or NaN where unknown: it shows which strand is
+    on top.
 
     Raises ArgumentError.
     """
@@ -133,9 +141,14 @@ def topology(
 
 
 def _seen(
-    picture: ArrayLike | None, mask: ArrayLike | None, model: str | None, threshold: float | None, effort: Effort
+    picture: ArrayLike | None,
+    mask: ArrayLike | None,
+    model: str | None,
+    threshold: float | None,
+    effort: Effort,
 ) -> tuple[Foreground, ByteArray | None, Scene | None]:
-    """Foreground; the picture if there is one; the strands by the default method where they settled it."""
+    """Foreground; the picture if there is one; the strands by the default method where they settled
+    it."""
     if picture is None and mask is None:
         raise ArgumentError("picture", "or a mask is needed")
     image = None if picture is None else arguments.picture(picture, "picture")

@@ -1,4 +1,5 @@
-"""Action estimation (thesis 5.5.1): the best pick-and-place for every edge at once, eq. 5.7 to 5.9."""
+"""Action estimation (thesis 5.5.1): the best pick-and-place for every edge at once, eq. 5.7 to
+5.9."""
 
 from __future__ import annotations
 
@@ -17,8 +18,9 @@ ACTION_SOLVER = SolverParams()
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """C actions, best first: ``edge`` (C,), ``move`` (C, 3), the states they lead to (C, n, 2), the mean distance of
-    those to the target (C,) m, and whether the optimum was found to the tolerance."""
+    """C actions, best first: ``edge`` (C,), ``move`` (C, 3), the states they lead to (C, n, 2), the
+    mean distance of those to the target (C,) m, and whether the optimum was found to the
+    tolerance."""
 
     edge: IntArray
     move: FloatArray
@@ -32,7 +34,9 @@ class Candidates:
     def joined(self, others: Candidates) -> Candidates:
         """These, then the others."""
         names = self.__dataclass_fields__
-        return Candidates(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
+        return Candidates(
+            *(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names)
+        )
 
 
 def best_actions(
@@ -46,8 +50,8 @@ def best_actions(
 ) -> Candidates:
     """One optimized action for each of ``edges``, from the state (n, 2) towards the target (n, 2).
 
-    ``largest`` (3,) bounds of |dx|, |dy| and |dtheta|. Two starts an edge: no motion, and the motion that puts the edge
-    where the target has it.
+    ``largest`` (3,) bounds of |dx|, |dy| and |dtheta|. Two starts an edge: no motion, and the
+    motion that puts the edge where the target has it.
     """
     starts = np.concatenate([np.zeros((len(edges), 3)), onto_target(state, target, edges)])
     every = np.concatenate([edges, edges])
@@ -56,7 +60,13 @@ def best_actions(
     pick = np.argmin(found.cost.reshape(2, -1), 0) * len(edges) + np.arange(len(edges))
     order = pick[np.argsort(found.cost[pick], kind="stable")]
     reached = found.residuals[order] + target
-    return Candidates(every[order], found.x[order], reached, shape_distance(reached, target), found.converged[order])
+    return Candidates(
+        every[order],
+        found.x[order],
+        reached,
+        shape_distance(reached, target),
+        found.converged[order],
+    )
 
 
 def optimized(
@@ -69,7 +79,8 @@ def optimized(
     largest: FloatArray,
     params: SolverParams,
 ) -> Minimum:
-    """The best move for each of ``edges`` (B,) from its own state (B, n, 2), beginning at ``starts`` (B, 3)."""
+    """The best move for each of ``edges`` (B,) from its own state (B, n, 2), beginning at
+    ``starts`` (B, 3)."""
 
     def residuals(moves: FloatArray) -> tuple[FloatArray, FloatArray]:
         reached, jacobian = dynamics.by_move(states, edges, moves, rope)

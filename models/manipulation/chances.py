@@ -1,8 +1,8 @@
 """How probable it is that an action brings at least half of what is expected of it.
 
 Strategy: what is foreseen has a spread, of the models that may be right and of the share by which
-motions were not as foretold; how often earlier actions of the same DLO ended farther from the target
-than foretold moves what is to be expected.
+motions were not as foretold; how often earlier actions of the same DLO ended farther from the
+target than foretold moves what is to be expected.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ _SPREADS = 2.0
 """By which a whole motion of optimism moves what is to be expected."""
 
 
-def chance_of_half(belief: Belief, state: FloatArray, target: FloatArray, edge: int, move: FloatArray) -> float:
+def chance_of_half(
+    belief: Belief, state: FloatArray, target: FloatArray, edge: int, move: FloatArray
+) -> float:
     """For states (n, 2) m: move (3,) of ``edge`` brings half of the expected gain, 0 to 1."""
     reached = belief.predict(state[None], np.array([edge]), move[None])[:, 0]
     error = shape_distance(reached, target)

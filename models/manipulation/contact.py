@@ -1,8 +1,9 @@
-"""Contact of DLOs with fixtures, as rows of the least squares problem that :mod:`sliding` solves in every step.
+"""Contact of DLOs with fixtures, as rows of the least squares problem that :mod:`sliding` solves in
+every step.
 
-Strategy: a place of the DLO that is inside a capsule is pushed out along the shortest way, one in a filled clip is
-drawn to its middle, with a force in proportion to the depth. Contact has no friction of its own. Only places in
-contact make rows, so that fixtures that nothing touches cost little.
+Strategy: a place of the DLO that is inside a capsule is pushed out along the shortest way, one in a
+filled clip is drawn to its middle, with a force in proportion to the depth. Contact has no friction
+of its own. Only places in contact make rows, so that fixtures that nothing touches cost little.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ from models.manipulation.frames import FloatArray, IntArray
 
 BoolArray = NDArray[np.bool_]
 _HARD, _CLIPPED = 2e5, 1e5
-"""Friction forces of a node for each meter of depth: in a peg or an edge, and off the middle of a clip."""
+"""Friction forces of a node for each meter of depth: in a peg or an edge, and off the middle of a
+clip."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pushes:
-    """P places in contact: the DLO ``sim`` (P,), the ``edge`` (P,) and the ``share`` (P,) of it, the ``direction``
-    (P, 2) of the force, a unit vector, the ``depth`` (P,) m, and the ``hardness`` (P,) of what it is in."""
+    """P places in contact: the DLO ``sim`` (P,), the ``edge`` (P,) and the ``share`` (P,) of it,
+    the ``direction`` (P, 2) of the force, a unit vector, the ``depth`` (P,) m, and the ``hardness``
+    (P,) of what it is in."""
 
     sim: IntArray
     edge: IntArray
@@ -34,15 +37,19 @@ class Pushes:
 
 
 def pushes(shapes: FloatArray, fixtures: Fixtures, held: BoolArray) -> Pushes:
-    """Places where DLOs (B, n, 2) are inside a capsule or leave a clip; ``held`` (B, clips): which clips hold which."""
+    """Places where DLOs (B, n, 2) are inside a capsule or leave a clip; ``held`` (B, clips): which
+    clips hold which."""
     found = [_edges_on_corners(shapes, fixtures), _nodes_on_segments(shapes, fixtures)]
     for clip, sims in zip(fixtures.clips, held.T, strict=True):
         found += [_in_clip(shapes, clip, side, sims) for side in (-0.5, 0.5) if sims.any()]
-    return Pushes(*(np.concatenate([getattr(p, name) for p in found]) for name in Pushes.__dataclass_fields__))
+    return Pushes(
+        *(np.concatenate([getattr(p, name) for p in found]) for name in Pushes.__dataclass_fields__)
+    )
 
 
 def add_rows(found: Pushes, normal: FloatArray, right: FloatArray, system: FloatArray) -> None:
-    """Add the contact's forces to ``right`` (B, n + 1) and its stiffness to ``system`` (B, n + 1, n + 1), in place.
+    """Add the contact's forces to ``right`` (B, n + 1) and its stiffness to ``system`` (B, n + 1, n
+    + 1), in place.
 
     ``normal`` (B, n - 1, 2): derivatives of a node behind an edge by the edge's heading.
     """
@@ -68,13 +75,18 @@ def _edges_on_corners(shapes: FloatArray, fixtures: Fixtures) -> Pushes:
     away = share[:, None] * line - to_corner
     distance = np.hypot(away[:, 0], away[:, 1])
     met = distance < radius[corner]
-    sim, edge, corner, share, away, distance = (v[met] for v in (sim, edge, corner, share, away, distance))
+    sim, edge, corner, share, away, distance = (
+        v[met] for v in (sim, edge, corner, share, away, distance)
+    )
     direction = away / np.maximum(distance, 1e-9)[:, None]
     return Pushes(sim, edge, share, direction, radius[corner] - distance, np.full(len(sim), _HARD))
 
 
-def _near(shapes: FloatArray, corners: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
-    """The DLO, the edge and the corner of all edges (n - 1 a DLO) that may touch a corner: few of many."""
+def _near(
+    shapes: FloatArray, corners: FloatArray, radius: FloatArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """The DLO, the edge and the corner of all edges (n - 1 a DLO) that may touch a corner: few of
+    many."""
     middle, line = (shapes[:, 1:] + shapes[:, :-1]) / 2, shapes[:, 1:] - shapes[:, :-1]
     half = np.hypot(line[..., 0], line[..., 1]).max(1)[:, None, None] / 2
     x, y = (middle[..., None, k] - corners[:, k] for k in (0, 1))
@@ -104,7 +116,8 @@ def _nodes_on_segments(shapes: FloatArray, fixtures: Fixtures) -> Pushes:
 
 
 def _in_clip(shapes: FloatArray, clip: Clip, side: float, sims: BoolArray) -> Pushes:
-    """The DLO where it passes one end of a clip, drawn to the middle: a play would be left and entered in turns."""
+    """The DLO where it passes one end of a clip, drawn to the middle: a play would be left and
+    entered in turns."""
     middle = clip.xy + side * clip.length * clip.along
     ahead = (shapes - middle) @ clip.along
     step = np.diff(ahead, axis=1)
@@ -117,4 +130,6 @@ def _in_clip(shapes: FloatArray, clip: Clip, side: float, sims: BoolArray) -> Pu
     off, share = off[every, edge], share[every, edge]
     held = np.flatnonzero(sims & passing[every, edge])
     direction = -np.sign(off[held])[:, None] * clip.across
-    return Pushes(held, edge[held], share[held], direction, np.abs(off[held]), np.full(len(held), _CLIPPED))
+    return Pushes(
+        held, edge[held], share[held], direction, np.abs(off[held]), np.full(len(held), _CLIPPED)
+    )

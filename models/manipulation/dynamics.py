@@ -1,7 +1,8 @@
-"""The learned model of a DLO: states and actions in meters in the world to next states and their derivatives.
+"""The learned model of a DLO: states and actions in meters in the world to next states and their
+derivatives.
 
-Symbols: B pairs of state and action, n nodes. ``move`` is (B, 3): dx, dy m in the state's frame, dtheta rad; ``rope``
-is (3,) or (B, 3): mass kg, k_b, k_d.
+Symbols: B pairs of state and action, n nodes. ``move`` is (B, 3): dx, dy m in the state's frame,
+dtheta rad; ``rope`` is (3,) or (B, 3): mass kg, k_b, k_d.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ class Dynamics:
     with_move: NetworkLike
     with_rope: NetworkLike
 
-    def predict(self, states: FloatArray, edges: IntArray, moves: FloatArray, rope: FloatArray) -> FloatArray:
+    def predict(
+        self, states: FloatArray, edges: IntArray, moves: FloatArray, rope: FloatArray
+    ) -> FloatArray:
         """Next states (B, n, 2)."""
         placed, inputs = _inputs(states, edges, moves, rope)
         return placed.to_world(self.value.run(*inputs)[0].astype(np.float64))

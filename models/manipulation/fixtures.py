@@ -1,8 +1,10 @@
-"""What stands on the table: pegs, edges that a DLO cannot cross, and clips that hold it across their direction.
+"""What stands on the table: pegs, edges that a DLO cannot cross, and clips that hold it across
+their direction.
 
-Strategy: pegs and edges are capsules, a segment with a radius; a peg's segment has no length. Half of the DLO's
-thickness is part of the radius, so the DLO is a line. A clip is entered from above, by the gripper that presses the
-DLO in; it is no obstacle before and holds the DLO from then on, which may still slide along it.
+Strategy: pegs and edges are capsules, a segment with a radius; a peg's segment has no length. Half
+of the DLO's thickness is part of the radius, so the DLO is a line. A clip is entered from above, by
+the gripper that presses the DLO in; it is no obstacle before and holds the DLO from then on, which
+may still slide along it.
 """
 
 from __future__ import annotations
@@ -17,13 +19,14 @@ from models.geometry.polylines import intersections
 from models.manipulation.frames import FloatArray
 
 _SOFT_M, _PRESSED_M = 1.5e-3, 3e-3
-"""What a DLO in a clip, or what is seen of it, may be beyond the clip's sides; and one that is still pressed in."""
+"""What a DLO in a clip, or what is seen of it, may be beyond the clip's sides; and one that is
+still pressed in."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """``xy`` (2,) m of its middle, ``angle`` rad of the DLO in it, ``play`` m that the DLO's middle line may be off
-    to either side, ``length`` m of the part that it holds."""
+    """``xy`` (2,) m of its middle, ``angle`` rad of the DLO in it, ``play`` m that the DLO's middle
+    line may be off to either side, ``length`` m of the part that it holds."""
 
     xy: FloatArray
     angle: float
@@ -41,7 +44,8 @@ class Clip:
 
 @dataclass(frozen=True, eq=False)
 class Fixtures:
-    """C capsules: ``start`` and ``end`` (C, 2) m, ``radius`` (C,) m with half of the DLO's thickness; and clips."""
+    """C capsules: ``start`` and ``end`` (C, 2) m, ``radius`` (C,) m with half of the DLO's
+    thickness; and clips."""
 
     start: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     end: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
@@ -56,7 +60,8 @@ class Fixtures:
         return points, np.concatenate([self.radius, self.radius[long]])
 
     def filled(self, shapes: FloatArray) -> NDArray[np.bool_]:
-        """(B, clips) which clips each of B DLOs (n, 2) is in, or gets into when it is let go there."""
+        """(B, clips) which clips each of B DLOs (n, 2) is in, or gets into when it is let go
+        there."""
         found = [np.isfinite(in_clips(clip, shapes, _PRESSED_M)) for clip in self.clips]
         return np.stack(found, 1) if found else np.zeros((len(shapes), 0), bool)
 
@@ -66,14 +71,15 @@ class Fixtures:
 
 
 def in_clip(clip: Clip, shape: FloatArray) -> float | None:
-    """Where along a DLO (n, 2), in edges from its first point, it is in the clip. None: it is not."""
+    """Where along a DLO (n, 2), in edges from its first point, it is in the clip. None: it is
+    not."""
     place = float(in_clips(clip, shape[None])[0])
     return None if np.isnan(place) else place
 
 
 def in_clips(clip: Clip, shapes: FloatArray, soft_m: float = _SOFT_M) -> FloatArray:
-    """(B,) where along each of B DLOs (n, 2), in edges from its first point, it is in the clip: it passes both of the
-    clip's ends within the play and ``soft_m``. NaN: it is not."""
+    """(B,) where along each of B DLOs (n, 2), in edges from its first point, it is in the clip: it
+    passes both of the clip's ends within the play and ``soft_m``. NaN: it is not."""
     (first, one), (second, other) = (_pass(clip, shapes, side) for side in (-0.5, 0.5))
     # Both ends by the same stretch of the DLO, not by two that lie side by side.
     edges = np.diff(shapes, axis=1)
@@ -83,14 +89,16 @@ def in_clips(clip: Clip, shapes: FloatArray, soft_m: float = _SOFT_M) -> FloatAr
 
 
 def _pass(clip: Clip, shapes: FloatArray, side: float) -> tuple[FloatArray, FloatArray]:
-    """Where along each DLO, in edges, it passes one end of a clip, and how far m beside it; infinitely if it does
-    not."""
+    """Where along each DLO, in edges, it passes one end of a clip, and how far m beside it;
+    infinitely if it does not."""
     middle = clip.xy + side * clip.length * clip.along
     ahead = (shapes - middle) @ clip.along
     step = np.diff(ahead, axis=1)
     share = np.clip(-ahead[:, :-1] / np.where(step == 0, 1.0, step), 0, 1)
     place = shapes[:, :-1] + share[..., None] * np.diff(shapes, axis=1)
-    beside = np.where(ahead[:, :-1] * ahead[:, 1:] <= 0, np.abs((place - middle) @ clip.across), np.inf)
+    beside = np.where(
+        ahead[:, :-1] * ahead[:, 1:] <= 0, np.abs((place - middle) @ clip.across), np.inf
+    )
     every, k = np.arange(len(shapes)), np.argmin(beside, 1)
     return k + share[every, k], beside[every, k]
 

@@ -1,9 +1,11 @@
-"""Frames in which networks see states and actions (thesis 5.4.2): moved, turned and renumbered, never mirrored.
+"""Frames in which networks see states and actions (thesis 5.4.2): moved, turned and renumbered,
+never mirrored.
 
-Two kinds. ``principal``, the thesis's: the origin is the mean of the nodes, x their first principal axis, nodes run
-from negative to positive x. ``edge``, ours: the origin is the middle of the gripped edge, x its direction, and nodes
-are renumbered so that the edge lies in the first half. There what the gripper does is the same picture for every
-place of the DLO on the table, and for both directions of counting.
+Two kinds. ``principal``, the thesis's: the origin is the mean of the nodes, x their first principal
+axis, nodes run from negative to positive x. ``edge``, ours: the origin is the middle of the gripped
+edge, x its direction, and nodes are renumbered so that the edge lies in the first half. There what
+the gripper does is the same picture for every place of the DLO on the table, and for both
+directions of counting.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ FrameKind = Literal["principal", "edge"]
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """``origin`` (B, 2) m; ``axes`` (B, 2, 2), rows are the frame's x and y in the world, determinant 1;
-    ``reversed`` (B,) whether nodes are counted from the other end."""
+    """``origin`` (B, 2) m; ``axes`` (B, 2, 2), rows are the frame's x and y in the world,
+    determinant 1; ``reversed`` (B,) whether nodes are counted from the other end."""
 
     origin: FloatArray
     axes: FloatArray
@@ -70,7 +72,8 @@ def _principal_frames(states: FloatArray) -> Frames:
     away = states - origin[:, None]
     spread = np.einsum("bni,bnj->bij", away, away)
     axis = np.linalg.eigh(spread)[1][..., -1]
-    # One of the two directions of the axis, always the same: otherwise equal states would have two pictures.
+    # One of the two directions of the axis, always the same: otherwise equal states would have two
+    # pictures.
     axis = np.where((axis[:, :1] < 0) | ((axis[:, :1] == 0) & (axis[:, 1:] < 0)), -axis, axis)
     along = np.einsum("bni,bi->bn", away, axis)
     return Frames(origin, _axes(axis), along[:, -1] < along[:, 0])

@@ -1,8 +1,10 @@
-"""Many small nonlinear problems at once: sum of distances |r_i(x)| over a box, by damped Gauss-Newton.
+"""Many small nonlinear problems at once: sum of distances |r_i(x)| over a box, by damped
+Gauss-Newton.
 
-The thesis takes 500 (actions) or 3000 (parameters) plain gradient steps on the same sum of norms (eq. 5.6). Here each
-step solves the weighted least squares problem that touches it (weights 1 / |r_i|), a few unknowns a problem, with the
-damping of Levenberg and Marquardt; a step that does not help is taken back. Nothing is random.
+The thesis takes 500 (actions) or 3000 (parameters) plain gradient steps on the same sum of norms
+(eq. 5.6). Here each step solves the weighted least squares problem that touches it (weights 1 /
+|r_i|), a few unknowns a problem, with the damping of Levenberg and Marquardt; a step that does not
+help is taken back. Nothing is random.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ Residuals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True)
 class SolverParams:
-    """``steps`` at most; ``tolerance`` relative gain of all problems below which it stops; ``smooth`` m below which a
-    distance counts as zero."""
+    """``steps`` at most; ``tolerance`` relative gain of all problems below which it stops;
+    ``smooth`` m below which a distance counts as zero."""
 
     steps: int = 12
     tolerance: float = 1e-4
@@ -30,8 +32,8 @@ class SolverParams:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """``x`` (B, K), its ``cost`` (B,) sum of distances, the residuals' derivatives there, and whether the last step
-    gained less than the tolerance."""
+    """``x`` (B, K), its ``cost`` (B,) sum of distances, the residuals' derivatives there, and
+    whether the last step gained less than the tolerance."""
 
     x: FloatArray
     cost: FloatArray
@@ -48,7 +50,8 @@ def minimize(
     scale: FloatArray,
     params: SolverParams,
 ) -> Minimum:
-    """From ``start`` (B, K) inside the box ``low`` to ``high`` ((K,) or (B, K)); ``scale`` (K,) of the unknowns."""
+    """From ``start`` (B, K) inside the box ``low`` to ``high`` ((K,) or (B, K)); ``scale`` (K,) of
+    the unknowns."""
     x = np.clip(start, low, high)
     r, jacobian = residuals(x)
     cost = _cost(r)

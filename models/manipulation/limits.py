@@ -15,10 +15,11 @@ from models.manipulation.scaling import MOVE_SCALE
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """``box`` (2, 2) m, lowest and highest x, y that the DLO and the gripper may reach; ``zones`` polygons (k, 2) m
-    that neither may enter; ``base`` (2,) m and ``reach`` (2,) m, least and largest distance of a pick or a place to
-    it; ``gripper`` m, radius of the room that a gripper takes, which no zone may enter; ``shift`` m and ``turn`` rad
-    the largest of an action; ``no_grasp`` edges that must not be gripped. None: no such limit."""
+    """``box`` (2, 2) m, lowest and highest x, y that the DLO and the gripper may reach; ``zones``
+    polygons (k, 2) m that neither may enter; ``base`` (2,) m and ``reach`` (2,) m, least and
+    largest distance of a pick or a place to it; ``gripper`` m, radius of the room that a gripper
+    takes, which no zone may enter; ``shift`` m and ``turn`` rad the largest of an action;
+    ``no_grasp`` edges that must not be gripped. None: no such limit."""
 
     box: FloatArray | None = None
     zones: Sequence[FloatArray] = ()
@@ -48,7 +49,8 @@ class Check:
 
 
 def checks(state: FloatArray, candidates: Candidates, k: int, limits: Limits) -> list[Check]:
-    """What candidate ``k`` keeps of the limits, those that were set and the displacement that always is."""
+    """What candidate ``k`` keeps of the limits, those that were set and the displacement that
+    always is."""
     edge, move, after = int(candidates.edge[k]), candidates.move[k], candidates.predicted[k]
     pick = state[edge : edge + 2].mean(0)
     place = pick + move[:2]
@@ -63,9 +65,14 @@ def checks(state: FloatArray, candidates: Candidates, k: int, limits: Limits) ->
         found.append(Check("workspace", bool(np.all((points >= low) & (points <= high)))))
     if limits.base is not None:
         away = np.hypot(*(np.stack([pick, place]) - limits.base).T)
-        found.append(Check("reach", bool(np.all((away >= limits.reach[0]) & (away <= limits.reach[1])))))
+        found.append(
+            Check("reach", bool(np.all((away >= limits.reach[0]) & (away <= limits.reach[1]))))
+        )
     if limits.zones:
-        met = any(carried_into(pick, place, limits.gripper, z) or inside(dense(after), z).any() for z in limits.zones)
+        met = any(
+            carried_into(pick, place, limits.gripper, z) or inside(dense(after), z).any()
+            for z in limits.zones
+        )
         found.append(Check("keep_out", not met))
     if limits.no_grasp:
         found.append(Check("grasp", edge not in limits.no_grasp))
@@ -73,7 +80,8 @@ def checks(state: FloatArray, candidates: Candidates, k: int, limits: Limits) ->
 
 
 def carried_into(pick: FloatArray, place: FloatArray, radius: float, zone: FloatArray) -> bool:
-    """Whether a circle (``radius`` m) that goes straight from ``pick`` to ``place`` (2,) meets a polygon (k, 2)."""
+    """Whether a circle (``radius`` m) that goes straight from ``pick`` to ``place`` (2,) meets a
+    polygon (k, 2)."""
     if inside(np.stack([pick, place]), zone).any():
         return True
     away = segment_distance(pick[None], place[None], zone, np.roll(zone, -1, 0))

@@ -1,4 +1,5 @@
-"""States of any number of points to the network's nodes, by arc length, and what is predicted back to them."""
+"""States of any number of points to the network's nodes, by arc length, and what is predicted back
+to them."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ def to_nodes(points: FloatArray) -> FloatArray:
 
 
 def back_to_points(points: FloatArray, nodes: FloatArray, moved: FloatArray) -> FloatArray:
-    """``points`` (N, 2) displaced as the ``nodes`` (16, 2) were to ``moved``, interpolated by arc length."""
+    """``points`` (N, 2) displaced as the ``nodes`` (16, 2) were to ``moved``, interpolated by arc
+    length."""
     shares = arc_lengths(points)
     at = shares / shares[-1] * (len(nodes) - 1)
     shift = moved - nodes

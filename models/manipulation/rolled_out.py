@@ -1,4 +1,5 @@
-"""Several actions one after the other by the model that is believed in, and their moves optimized together."""
+"""Several actions one after the other by the model that is believed in, and their moves optimized
+together."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ _DIFFERENCE = np.array([2e-3, 2e-3, 2e-2])
 
 
 def roll_out(belief: Belief, states: FloatArray, edges: IntArray, moves: FloatArray) -> FloatArray:
-    """(B, h, n, 2) states after each of ``moves`` (B, h, 3) on ``edges`` (B, h), from ``states`` (B, n, 2)."""
+    """(B, h, n, 2) states after each of ``moves`` (B, h, 3) on ``edges`` (B, h), from ``states``
+    (B, n, 2)."""
     current, reached = states, []
     for k in range(edges.shape[1]):
         current = belief.likeliest(current, edges[:, k], moves[:, k])
@@ -31,8 +33,8 @@ def polished(
     largest: FloatArray,
     params: SolverParams,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """``moves`` (B, h, 3), those of each row optimized together for where its last action ends, and whether the
-    optimizer came to rest (B,); ``largest`` (3,).
+    """``moves`` (B, h, 3), those of each row optimized together for where its last action ends, and
+    whether the optimizer came to rest (B,); ``largest`` (3,).
 
     Forward differences: one roll-out an unknown, all rows in one batch.
     """

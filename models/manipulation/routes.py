@@ -1,9 +1,9 @@
 """Routes: a DLO around pegs and through clips, in order, and the shape that it has on one.
 
-Strategy: from its first point the DLO goes straight to where it touches the first fixture, around a peg on an arc,
-through a clip along its direction, and so on; behind the last fixture straight on. A peg that the straight way does
-not bend around is passed at a point. The distance kept from pegs is a third of the slack, so that what an action
-misses stays within it.
+Strategy: from its first point the DLO goes straight to where it touches the first fixture, around a
+peg on an arc, through a clip along its direction, and so on; behind the last fixture straight on. A
+peg that the straight way does not bend around is passed at a point. The distance kept from pegs is
+a third of the slack, so that what an action misses stays within it.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ _KEPT = 1 / 3
 """Share of the slack that the shape keeps from a peg."""
 _ARC_RAD = 0.1
 _MOST_AROUND = 1.5 * np.pi
-"""A peg that the DLO would have to wind around by more is on the outer side of a bend the other way."""
+"""A peg that the DLO would have to wind around by more is on the outer side of a bend the other
+way."""
 
 
 class Impossible(ValueError):
-    """A route that no DLO can take: ``stop`` is the index of the stop that is at fault, or ``needed`` the length in m
-    that it has."""
+    """A route that no DLO can take: ``stop`` is the index of the stop that is at fault, or
+    ``needed`` the length in m that it has."""
 
     def __init__(self, text: str, stop: int | None = None, needed: float | None = None) -> None:
         super().__init__(text)
@@ -36,8 +37,8 @@ class Impossible(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """A peg at ``xy`` (2,) m whose ``radius`` m has half of the DLO's thickness in it, on the DLO's left (``side`` 1)
-    or right (-1), or a clip, whose direction is taken either way."""
+    """A peg at ``xy`` (2,) m whose ``radius`` m has half of the DLO's thickness in it, on the DLO's
+    left (``side`` 1) or right (-1), or a clip, whose direction is taken either way."""
 
     xy: FloatArray
     radius: float = 0.0
@@ -47,8 +48,8 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """``slack`` m of the largest gap between the DLO and a peg; ``start`` (2,) of the DLO's first point; ``end`` (2,)
-    towards which it goes behind the last stop, None: straight on."""
+    """``slack`` m of the largest gap between the DLO and a peg; ``start`` (2,) of the DLO's first
+    point; ``end`` (2,) towards which it goes behind the last stop, None: straight on."""
 
     stops: Sequence[Stop]
     slack: float
@@ -62,7 +63,9 @@ class Route:
         if lengths[-1] > length:
             text = f"the way is {lengths[-1]:.3f} m long, the DLO {length:.3f} m"
             raise Impossible(text, needed=float(lengths[-1]))
-        line[-1] += (line[-1] - line[-2]) / (lengths[-1] - lengths[-2]) * max(length - lengths[-1], 0.0)
+        line[-1] += (
+            (line[-1] - line[-2]) / (lengths[-1] - lengths[-2]) * max(length - lengths[-1], 0.0)
+        )
         return point_at(line, arc_lengths(line), np.linspace(0, length, nodes))
 
     def missed(self, shape: FloatArray) -> list[int]:
@@ -71,10 +74,13 @@ class Route:
 
     def misses(self, shapes: FloatArray) -> FloatArray:
         """(B,) how many stops each of B DLOs (n, 2) misses."""
-        return np.array([len(_missed(places)) for places in self._places(shapes).tolist()], np.float64)
+        return np.array(
+            [len(_missed(places)) for places in self._places(shapes).tolist()], np.float64
+        )
 
     def _places(self, shapes: FloatArray) -> FloatArray:
-        """(B, stops) where along each DLO, in edges, it is at a stop as it should be; NaN: nowhere."""
+        """(B, stops) where along each DLO, in edges, it is at a stop as it should be; NaN:
+        nowhere."""
         found = [_places(stop, shapes, self.slack) for stop in self.stops]
         return np.stack(found, 1) if found else np.zeros((len(shapes), 0))
 
@@ -84,7 +90,10 @@ class Route:
         headings = [_heading(*pair) for pair in pairwise(turns)]
         points = [self.start]
         for k in range(1, len(turns)):
-            arriving, leaving = headings[k - 1], headings[k] if k < len(headings) else headings[k - 1]
+            arriving, leaving = (
+                headings[k - 1],
+                headings[k] if k < len(headings) else headings[k - 1],
+            )
             points += _around(turns[k], arriving, leaving)
         line = np.array(points)
         steps = np.hypot(*np.diff(line, axis=0).T)
@@ -93,7 +102,8 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """A circle that the way touches; ``offset`` m is its radius, positive where it is on the left."""
+    """A circle that the way touches; ``offset`` m is its radius, positive where it is on the
+    left."""
 
     xy: FloatArray
     offset: float = 0.0
@@ -120,11 +130,14 @@ def _next_place(route: Route, k: int) -> FloatArray:
 
 
 def _heading(here: _Turn, there: _Turn) -> float:
-    """Of the straight way that touches both circles. Raises Impossible where one is inside the other."""
+    """Of the straight way that touches both circles. Raises Impossible where one is inside the
+    other."""
     between, offset = there.xy - here.xy, there.offset - here.offset
     distance = float(np.hypot(*between))
     if distance <= abs(offset) or distance < 1e-9:
-        raise Impossible("is so near to what comes before it that the DLO does not fit between", there.stop)
+        raise Impossible(
+            "is so near to what comes before it that the DLO does not fit between", there.stop
+        )
     return float(np.arctan2(between[1], between[0]) - np.arcsin(offset / distance))
 
 
@@ -163,7 +176,11 @@ def _places(stop: Stop, shapes: FloatArray, slack: float) -> FloatArray:
     away = to_peg - share[..., None] * edges
     distance = np.hypot(away[..., 0], away[..., 1])
     every, k = np.arange(len(shapes)), np.argmin(distance, 1)
-    (along, off), share, distance = (v[every, k] for v in (edges, away)), share[every, k], distance[every, k]
+    (along, off), share, distance = (
+        (v[every, k] for v in (edges, away)),
+        share[every, k],
+        distance[every, k],
+    )
     side = along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0]
     at_end = ((k == 0) & (share == 0)) | ((k == edges.shape[1] - 1) & (share == 1))
     there = ~at_end & (side * stop.side > 0) & (distance <= stop.radius + slack)

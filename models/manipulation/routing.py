@@ -1,11 +1,12 @@
 """The next pick-and-place (or pull) for a DLO among fixtures: around pegs, into clips.
 
-Strategy: the network knows no contact, so dry friction with contact (:mod:`sliding`, :mod:`contact`) foresees what an
-action does. The distance to the target is the mean way of the DLO's points around the fixtures (:mod:`detours`), which
-has no rest where the DLO is on the wrong side of a peg: there the way leads back around it, so an end is pulled out
-and threaded. For several edges the move along the first straight leg of this way, as far as one action reaches, and
-for every clip the move that presses the edge in that belongs there, each with a few turns; all are simulated roughly in
-one batch, and what seems best then exactly.
+Strategy: the network knows no contact, so dry friction with contact (:mod:`sliding`,
+:mod:`contact`) foresees what an action does. The distance to the target is the mean way of the
+DLO's points around the fixtures (:mod:`detours`), which has no rest where the DLO is on the wrong
+side of a peg: there the way leads back around it, so an end is pulled out and threaded. For several
+edges the move along the first straight leg of this way, as far as one action reaches, and for every
+clip the move that presses the edge in that belongs there, each with a few turns; all are simulated
+roughly in one batch, and what seems best then exactly.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ _ENOUGH = 2
 _GRASPS = np.array([0, 5, 10, 15, 20, 25, 29])
 """Edges that are gripped."""
 _LEGS = ((1.0, 0.0, True), (0.5, 0.0, True), (1.0, 0.6, False), (1.0, -0.6, False))
-"""Share of the first leg, how far its direction is turned, and whether with every turn of the edge."""
+"""Share of the first leg, how far its direction is turned, and whether with every turn of the
+edge."""
 _TURNS = np.array([-1.0, 0.0, 1.0])
 """Turns of an edge, as shares of the largest, beside the one to its direction in the target."""
 _STIFFNESSES = np.geomspace(0.03, 2.0, 8)
@@ -58,13 +60,15 @@ _UNFILLED_M = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """The shape (31, 2) that a DLO should have, and the route that this is of, None where only the shape counts."""
+    """The shape (31, 2) that a DLO should have, and the route that this is of, None where only the
+    shape counts."""
 
     shape: FloatArray
     route: Route | None = None
 
     def reached(self, state: FloatArray, fixtures: Fixtures, tolerance: float) -> bool:
-        """Whether a DLO (31, 2) is on the route; without one, within the tolerance in m of the shape."""
+        """Whether a DLO (31, 2) is on the route; without one, within the tolerance in m of the
+        shape."""
         if self.route is not None:
             return not self.route.missed(state)
         return float(self.away(state[None], fixtures)[0]) <= tolerance
@@ -84,7 +88,8 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Fixtures, limits, and the stiffness s in m of the DLO over its friction, in nodes of the coarse chain."""
+    """Fixtures, limits, and the stiffness s in m of the DLO over its friction, in nodes of the
+    coarse chain."""
 
     fixtures: Fixtures
     limits: Limits
@@ -98,11 +103,13 @@ class World:
         stiffness: FloatArray | None = None,
         params: SlidingParams = _SLIDING,
     ) -> FloatArray:
-        """(B, T, 31, 2) shapes during B actions on DLOs (B, 31, 2), the last one after it; by default of the one
-        stiffness."""
+        """(B, T, 31, 2) shapes during B actions on DLOs (B, 31, 2), the last one after it; by
+        default of the one stiffness."""
         finer = (FINE - 1) / (_COARSE - 1)
         stiff = np.full(len(edges), self.stiffness) if stiffness is None else stiffness
-        return ways_slid(states, edges, moves, Sliders.straight(stiff * finer**2, FINE), params, self._contact_of)
+        return ways_slid(
+            states, edges, moves, Sliders.straight(stiff * finer**2, FINE), params, self._contact_of
+        )
 
     def _contact_of(self, shapes: FloatArray) -> Contact:
         held = self.fixtures.filled(shapes)
@@ -110,13 +117,15 @@ class World:
 
 
 def routed(world: World, state: FloatArray, goal: Goal, most: int = 4) -> Candidates:
-    """At most so many actions for a DLO (31, 2), best first; ``edge`` counts the fine edges, ``error`` is the goal's
-    cost."""
+    """At most so many actions for a DLO (31, 2), best first; ``edge`` counts the fine edges,
+    ``error`` is the goal's cost."""
     edges, moves = _proposed(world, state, goal)
     possible = _reachable(world, state, edges, moves)
     edges, moves = edges[possible], moves[possible]
     order = _promising(world, state, goal, edges, moves)
-    found = Candidates(edges[:0], moves[:0], np.zeros((0, *state.shape)), np.zeros(0), np.zeros(0, bool))
+    found = Candidates(
+        edges[:0], moves[:0], np.zeros((0, *state.shape)), np.zeros(0), np.zeros(0, bool)
+    )
     for first in range(0, len(order), _PROMISING):
         rows = order[first : first + _PROMISING]
         found = found.joined(_foreseen(world, state, goal, edges[rows], moves[rows], most))
@@ -125,9 +134,11 @@ def routed(world: World, state: FloatArray, goal: Goal, most: int = 4) -> Candid
     return found.taken(np.argsort(found.error, kind="stable")[:most])
 
 
-def _promising(world: World, state: FloatArray, goal: Goal, edges: IntArray, moves: FloatArray) -> IntArray:
-    """Rows of the actions, best first, by what a rough look foresees: how far it leaves the DLO from the goal, and how
-    deep it has it in a fixture on the way."""
+def _promising(
+    world: World, state: FloatArray, goal: Goal, edges: IntArray, moves: FloatArray
+) -> IntArray:
+    """Rows of the actions, best first, by what a rough look foresees: how far it leaves the DLO
+    from the goal, and how deep it has it in a fixture on the way."""
     if not len(edges):
         return edges
     states = np.broadcast_to(state, (len(edges), *state.shape))
@@ -138,8 +149,11 @@ def _promising(world: World, state: FloatArray, goal: Goal, edges: IntArray, mov
     return np.asarray(finite[np.argsort(cost, kind="stable")])
 
 
-def _foreseen(world: World, state: FloatArray, goal: Goal, edges: IntArray, moves: FloatArray, most: int) -> Candidates:
-    """At most so many of some actions that a real DLO can follow within the limits, with what they lead to."""
+def _foreseen(
+    world: World, state: FloatArray, goal: Goal, edges: IntArray, moves: FloatArray, most: int
+) -> Candidates:
+    """At most so many of some actions that a real DLO can follow within the limits, with what they
+    lead to."""
     states = np.broadcast_to(state, (len(edges), *state.shape))
     ways = np.concatenate([states[:, None], world.ways(states, edges, moves)], 1)
     found = Candidates(edges, moves, ways[:, -1], np.zeros(len(edges)), np.ones(len(edges), bool))
@@ -147,14 +161,22 @@ def _foreseen(world: World, state: FloatArray, goal: Goal, edges: IntArray, move
     kept = kept[_depth(world, ways[kept]) <= _JAMMED_M]
     if not len(kept):
         return found.taken(kept)
-    found, ways = replace(found.taken(kept), error=goal.cost(ways[kept, -1], world.fixtures)), ways[kept]
+    found, ways = (
+        replace(found.taken(kept), error=goal.cost(ways[kept, -1], world.fixtures)),
+        ways[kept],
+    )
     order = np.argsort(found.error, kind="stable").tolist()
-    clear = (k for k in order if not any(enters(ways[k], zone) for zone in [*_cores(world), *world.limits.zones]))
+    clear = (
+        k
+        for k in order
+        if not any(enters(ways[k], zone) for zone in [*_cores(world), *world.limits.zones])
+    )
     return found.taken(np.array(list(islice(clear, most)), np.int64))
 
 
 def _sound(world: World, found: Candidates, k: int, way: FloatArray) -> bool:
-    """Whether action ``k`` comes to an end (T, 31, 2) without the DLO meeting itself there, and keeps the limits."""
+    """Whether action ``k`` comes to an end (T, 31, 2) without the DLO meeting itself there, and
+    keeps the limits."""
     if not np.isfinite(way).all() or len(crossing_segments(way[-1, :-1], way[-1, 1:]).xy):
         return False
     return all(c.passed for c in checks(way[0], found, k, world.limits))
@@ -170,7 +192,8 @@ def _depth(world: World, ways: FloatArray) -> FloatArray:
 
 
 def _cores(world: World) -> list[FloatArray]:
-    """Segments (2, 2) within every capsule. What sweeps over one has gone through it, in a step too long to see it."""
+    """Segments (2, 2) within every capsule. What sweeps over one has gone through it, in a step too
+    long to see it."""
     start, end = world.fixtures.start, world.fixtures.end
     short = 0.1 * world.fixtures.radius[:, None] * [1.0, 0.0]
     return list(np.stack([start - short, end + short], 1))
@@ -221,7 +244,8 @@ def _turn(state: FloatArray, target: FloatArray, edge: int) -> float:
 
 
 def _pressing(world: World, state: FloatArray, goal: Goal) -> list[tuple[int, FloatArray]]:
-    """For every clip of the route that is empty, edges about the one that belongs in it, pressed in."""
+    """For every clip of the route that is empty, edges about the one that belongs in it, pressed
+    in."""
     found = []
     stops = [] if goal.route is None else goal.route.stops
     for clip in [s.clip for s in stops if s.clip is not None and in_clip(s.clip, state) is None]:
@@ -230,7 +254,9 @@ def _pressing(world: World, state: FloatArray, goal: Goal) -> list[tuple[int, Fl
             continue
         for edge in np.unique(np.clip(int(at) + np.array([-2, -1, 0, 1, 2]), 0, FINE - 2)).tolist():
             here = state[edge + 1] - state[edge]
-            there = (np.sign((goal.shape[int(at) + 1] - goal.shape[int(at)]) @ clip.along) or 1.0) * clip.along
+            there = (
+                np.sign((goal.shape[int(at) + 1] - goal.shape[int(at)]) @ clip.along) or 1.0
+            ) * clip.along
             turn = np.arctan2(here[0] * there[1] - here[1] * there[0], here @ there)
             move = np.array([*(clip.xy - state[edge : edge + 2].mean(0)), turn])
             if (np.abs(move) <= world.limits.largest).all():
@@ -239,17 +265,22 @@ def _pressing(world: World, state: FloatArray, goal: Goal) -> list[tuple[int, Fl
 
 
 def _reachable(world: World, state: FloatArray, edges: IntArray, moves: FloatArray) -> IntArray:
-    """Rows whose gripper keeps clear of all capsules on its straight way, and does not hold a clip's part."""
+    """Rows whose gripper keeps clear of all capsules on its straight way, and does not hold a
+    clip's part."""
     middle = (state[edges] + state[edges + 1]) / 2
     clear = (world.fixtures.gap(middle, middle + moves[:, :2]) > world.limits.gripper).all(1)
     held = [in_clip(clip, state) for clip in world.fixtures.clips]
-    outside = np.array([all(h is None or abs(h - e - 0.5) > 1.0 for h in held) for e in edges.tolist()], bool)
+    outside = np.array(
+        [all(h is None or abs(h - e - 0.5) > 1.0 for h in held) for e in edges.tolist()], bool
+    )
     return np.flatnonzero(clear & outside)
 
 
-def likely_stiffness(world: World, before: FloatArray, edges: IntArray, moves: FloatArray, after: FloatArray) -> float:
-    """The stiffness s in m under which simulations with contact explain best what M actions did, from ``before`` to
-    ``after`` (M, 31, 2). Without actions the usual one."""
+def likely_stiffness(
+    world: World, before: FloatArray, edges: IntArray, moves: FloatArray, after: FloatArray
+) -> float:
+    """The stiffness s in m under which simulations with contact explain best what M actions did,
+    from ``before`` to ``after`` (M, 31, 2). Without actions the usual one."""
     tried, items = len(_STIFFNESSES), len(edges)
     cost = (np.log(_STIFFNESSES / _USUAL_M) / _SPREAD) ** 2
     if items:

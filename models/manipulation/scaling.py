@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.manipulation.simulator import BENDING, DAMPING, LARGEST_SHIFT_M, LARGEST_TURN_RAD, MASS_KG
+from models.manipulation.simulator import (
+    BENDING,
+    DAMPING,
+    LARGEST_SHIFT_M,
+    LARGEST_TURN_RAD,
+    MASS_KG,
+)
 
 FloatArray = NDArray[np.float64]
 

@@ -1,10 +1,12 @@
-"""The analytical model of thesis section 5.3.1 for many DLOs at once: masses, axial and bending springs, damping.
+"""The analytical model of thesis section 5.3.1 for many DLOs at once: masses, axial and bending
+springs, damping.
 
-Strategy: the springs' energy is E = sum k_s (l_i - l0)^2 / 2 + sum k_b beta_i^2 / 2; its negative gradient is what
-eq. 5.2 and 5.3 write out for the plane. With the thesis's parameters these springs are so stiff that forward Euler
-needs steps of 20 microseconds. Here each step is linearly implicit: (M + dt D + dt^2 H) dv = dt (f - D v - dt H v)
-with the Gauss-Newton part H of the Hessian, one small dense system a simulation, all solved in one call. The two
-nodes of the gripped edge follow the gripper exactly.
+Strategy: the springs' energy is E = sum k_s (l_i - l0)^2 / 2 + sum k_b beta_i^2 / 2; its negative
+gradient is what eq. 5.2 and 5.3 write out for the plane. With the thesis's parameters these springs
+are so stiff that forward Euler needs steps of 20 microseconds. Here each step is linearly implicit:
+(M + dt D + dt^2 H) dv = dt (f - D v - dt H v) with the Gauss-Newton part H of the Hessian, one
+small dense system a simulation, all solved in one call. The two nodes of the gripped edge follow
+the gripper exactly.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ LARGEST_TURN_RAD = np.pi / 4
 
 @dataclass(frozen=True)
 class SimulationParams:
-    """``axial`` k_s in N/m, so high that lengths change by about 1 % (5.4.1); ``duration_s`` of the gripper's way and
-    ``steps`` it is cut into."""
+    """``axial`` k_s in N/m, so high that lengths change by about 1 % (5.4.1); ``duration_s`` of the
+    gripper's way and ``steps`` it is cut into."""
 
     axial: float = 3e4
     duration_s: float = 1.0
@@ -38,8 +40,8 @@ class SimulationParams:
 
 @dataclass(frozen=True, eq=False)
 class Ropes:
-    """B DLOs: ``mass`` (B,) kg, ``bending`` (B,) k_b in N m/rad a joint, ``damping`` (B,) k_d in N s/m a node,
-    ``length`` (B,) m. Mass and length are spread evenly over nodes and edges."""
+    """B DLOs: ``mass`` (B,) kg, ``bending`` (B,) k_b in N m/rad a joint, ``damping`` (B,) k_d in N
+    s/m a node, ``length`` (B,) m. Mass and length are spread evenly over nodes and edges."""
 
     mass: FloatArray
     bending: FloatArray
@@ -96,16 +98,21 @@ def energy(states: FloatArray, ropes: Ropes, params: SimulationParams) -> FloatA
     return np.asarray(stretch + bend)
 
 
-def forces_and_stiffness(states: FloatArray, ropes: Ropes, params: SimulationParams) -> tuple[FloatArray, FloatArray]:
+def forces_and_stiffness(
+    states: FloatArray, ropes: Ropes, params: SimulationParams
+) -> tuple[FloatArray, FloatArray]:
     """Spring forces (B, 2n) and the Gauss-Newton stiffness (B, 2n, 2n), positive semidefinite.
 
-    Every spring's energy is k r^2 / 2 of one residual r (a length or an angle), so with its gradient g the force is
-    -k r g and the stiffness k g g^T. ``rows`` of the Jacobian are all these gradients.
+    Every spring's energy is k r^2 / 2 of one residual r (a length or an angle), so with its
+    gradient g the force is -k r g and the stiffness k g g^T. ``rows`` of the Jacobian are all these
+    gradients.
     """
     batch, nodes, _ = states.shape
     edges, lengths = edge_lengths(states)
     along = edges / lengths[..., None]
-    normal = np.stack([-along[..., 1], along[..., 0]], -1) / lengths[..., None]  # d(heading) / d(edge)
+    normal = (
+        np.stack([-along[..., 1], along[..., 0]], -1) / lengths[..., None]
+    )  # d(heading) / d(edge)
     joints, links = np.arange(nodes - 2), np.arange(nodes - 1)
     stretch = np.zeros((batch, nodes - 1, nodes, 2))
     stretch[:, links, links], stretch[:, links, links + 1] = -along, along
@@ -114,17 +121,26 @@ def forces_and_stiffness(states: FloatArray, ropes: Ropes, params: SimulationPar
     bend[:, joints, joints + 1] = -normal[:, 1:] - normal[:, :-1]
     bend[:, joints, joints + 2] = normal[:, 1:]
     rows = np.concatenate([stretch, bend], 1).reshape(batch, -1, 2 * nodes)
-    residual = np.concatenate([lengths - ropes.length[:, None] / (nodes - 1), bend_angles(states)], 1)
+    residual = np.concatenate(
+        [lengths - ropes.length[:, None] / (nodes - 1), bend_angles(states)], 1
+    )
     stiffness = np.concatenate(
-        [np.full((batch, nodes - 1), params.axial), np.repeat(ropes.bending[:, None], nodes - 2, 1)], 1
+        [
+            np.full((batch, nodes - 1), params.axial),
+            np.repeat(ropes.bending[:, None], nodes - 2, 1),
+        ],
+        1,
     )
     weighted = rows * stiffness[..., None]
     force = -np.matmul(residual[:, None], weighted)[:, 0]
     return force, np.matmul(weighted.transpose(0, 2, 1), rows)
 
 
-def simulate(states: FloatArray, actions: Actions, ropes: Ropes, params: SimulationParams | None = None) -> FloatArray:
-    """(B, n, 2) states to those when the gripper has arrived; the DLO rests before, and stays where it is after."""
+def simulate(
+    states: FloatArray, actions: Actions, ropes: Ropes, params: SimulationParams | None = None
+) -> FloatArray:
+    """(B, n, 2) states to those when the gripper has arrived; the DLO rests before, and stays where
+    it is after."""
     params = params or SimulationParams()
     positions = np.array(states, dtype=np.float64)
     batch, nodes, _ = positions.shape
@@ -147,7 +163,9 @@ def simulate(states: FloatArray, actions: Actions, ropes: Ropes, params: Simulat
         force, stiffness = forces_and_stiffness(positions, ropes, params)
         system = step**2 * stiffness
         system[:, diagonal, diagonal] += inertia + step * drag
-        right = step * (force - drag * velocity - step * np.matmul(stiffness, velocity[..., None])[..., 0])
+        right = step * (
+            force - drag * velocity - step * np.matmul(stiffness, velocity[..., None])[..., 0]
+        )
         right -= np.matmul(system, np.where(held, change, 0.0)[..., None])[..., 0]
         free = ~held
         system *= free[:, :, None] & free[:, None, :]
@@ -165,7 +183,9 @@ def gripped(start: FloatArray, actions: Actions, share: float) -> FloatArray:
     middle = pair.mean(1, keepdims=True)
     cos, sin = np.cos(share * actions.turn)[:, None], np.sin(share * actions.turn)[:, None]
     arm = pair - middle
-    turned = np.stack([cos * arm[..., 0] - sin * arm[..., 1], sin * arm[..., 0] + cos * arm[..., 1]], -1)
+    turned = np.stack(
+        [cos * arm[..., 0] - sin * arm[..., 1], sin * arm[..., 0] + cos * arm[..., 1]], -1
+    )
     return np.asarray(middle + turned + share * actions.shift[:, None])
 
 

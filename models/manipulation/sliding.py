@@ -1,12 +1,13 @@
 """A DLO on a table with dry friction: it stays where the bending moments are too small to move it.
 
-Strategy: quasi-static, so that nothing but the order of motions counts. A chain of edges of fixed length is given by
-its first node and its headings. In each small step of the gripper the DLO takes the shape of least
-0.5 s sum (bend - rest)^2 + sum f |displacement|, which is the bending energy and the work of Coulomb friction, both in
-units of the friction force of an inner node. The distances are smoothed and their weights taken from the step before
-(iteratively reweighted least squares): one small dense system a DLO and step, all solved in one call. At last the
-gripper lets go and the DLO springs back as far as the friction lets it. The thesis's model (:mod:`simulator`) has
-viscous friction instead, under which a DLO that is let go creeps until it is straight.
+Strategy: quasi-static, so that nothing but the order of motions counts. A chain of edges of fixed
+length is given by its first node and its headings. In each small step of the gripper the DLO takes
+the shape of least 0.5 s sum (bend - rest)^2 + sum f |displacement|, which is the bending energy and
+the work of Coulomb friction, both in units of the friction force of an inner node. The distances
+are smoothed and their weights taken from the step before (iteratively reweighted least squares):
+one small dense system a DLO and step, all solved in one call. At last the gripper lets go and the
+DLO springs back as far as the friction lets it. The thesis's model (:mod:`simulator`) has viscous
+friction instead, under which a DLO that is let go creeps until it is straight.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ Contact = Callable[[FloatArray], Pushes]
 
 @dataclass(frozen=True)
 class SlidingParams:
-    """``steps`` of the gripper's way, ``rounds`` of reweighting each; ``slip_m`` below which friction grows with the
-    displacement; ``released`` steps after the gripper has let go; ``grip`` weight of the held nodes' places."""
+    """``steps`` of the gripper's way, ``rounds`` of reweighting each; ``slip_m`` below which
+    friction grows with the displacement; ``released`` steps after the gripper has let go; ``grip``
+    weight of the held nodes' places."""
 
     steps: int = 8
     rounds: int = 1
@@ -42,8 +44,8 @@ class SlidingParams:
 
 @dataclass(frozen=True, eq=False)
 class Sliders:
-    """B DLOs: ``stiffness`` (B,) s in m, the bending moment of a joint a rad over the friction force of an inner node;
-    ``rest`` (B, n - 2) rad, bend angles without load."""
+    """B DLOs: ``stiffness`` (B,) s in m, the bending moment of a joint a rad over the friction
+    force of an inner node; ``rest`` (B, n - 2) rad, bend angles without load."""
 
     stiffness: FloatArray
     rest: FloatArray
@@ -76,9 +78,14 @@ class _Chains:
 
 
 def slide(
-    states: FloatArray, edges: IntArray, moves: FloatArray, ropes: Sliders, params: SlidingParams | None = None
+    states: FloatArray,
+    edges: IntArray,
+    moves: FloatArray,
+    ropes: Sliders,
+    params: SlidingParams | None = None,
 ) -> FloatArray:
-    """(B, n, 2) states to those after each action: grip ``edges`` (B,), move by ``moves`` (B, 3), let go."""
+    """(B, n, 2) states to those after each action: grip ``edges`` (B,), move by ``moves`` (B, 3),
+    let go."""
     return ways_slid(states, edges, moves, ropes, params or SlidingParams())[:, -1]
 
 
@@ -90,9 +97,11 @@ def ways_slid(
     params: SlidingParams,
     contact_of: Callable[[FloatArray], Contact] | None = None,
 ) -> FloatArray:
-    """(B, T, n, 2) the states after every step of the gripper's way, and at last after it has let go.
+    """(B, T, n, 2) the states after every step of the gripper's way, and at last after it has let
+    go.
 
-    ``contact_of`` is asked at the beginning, and again before the gripper lets go: clips hold then what was pressed in.
+    ``contact_of`` is asked at the beginning, and again before the gripper lets go: clips hold then
+    what was pressed in.
     """
     chains = _Chains.of(states)
     here = now = states
@@ -105,7 +114,9 @@ def ways_slid(
     for k in range(1, params.steps + 1):
         wanted[held] = gripped(states, actions, k / params.steps).reshape(-1, 2)
         for _ in range(params.rounds):
-            now = _relaxed(chains, now, here, ropes, _weight(pace, params.slip_m), grip, wanted, contact)
+            now = _relaxed(
+                chains, now, here, ropes, _weight(pace, params.slip_m), grip, wanted, contact
+            )
             pace = np.hypot(*np.moveaxis(now - here, -1, 0))
         here = now
         way.append(now)
@@ -113,10 +124,14 @@ def ways_slid(
     return np.stack([*way, _released(chains, here, pace, ropes, params, at_last)], 1)
 
 
-def left_alone(states: FloatArray, ropes: Sliders, params: SlidingParams | None = None) -> FloatArray:
+def left_alone(
+    states: FloatArray, ropes: Sliders, params: SlidingParams | None = None
+) -> FloatArray:
     """(B, n, 2) states to those at which the DLO comes to rest when nobody holds it."""
     params = params or SlidingParams(released=40)
-    return _released(_Chains.of(states), states, np.full(states.shape[:2], params.slip_m), ropes, params)
+    return _released(
+        _Chains.of(states), states, np.full(states.shape[:2], params.slip_m), ropes, params
+    )
 
 
 def _released(
@@ -129,7 +144,9 @@ def _released(
 ) -> FloatArray:
     now, free = before, np.zeros(pace.shape)
     for _ in range(params.released):
-        now = _relaxed(chains, now, before, ropes, _weight(pace, params.slip_m), free, before, contact)
+        now = _relaxed(
+            chains, now, before, ropes, _weight(pace, params.slip_m), free, before, contact
+        )
         pace = np.hypot(*np.moveaxis(now - before, -1, 0))
     return now
 
@@ -157,8 +174,8 @@ def _relaxed(
     wanted: FloatArray,
     contact: Contact | None,
 ) -> FloatArray:
-    """The nodes after one step of reweighted least squares from ``nodes`` towards the shape of least energy; the
-    chains change in place."""
+    """The nodes after one step of reweighted least squares from ``nodes`` towards the shape of
+    least energy; the chains change in place."""
     both = weight + grip
     force = both[..., None] * nodes - weight[..., None] * before - grip[..., None] * wanted
     beyond, weights = (np.cumsum(a[:, ::-1], 1)[:, ::-1] for a in (force, both))
@@ -203,7 +220,8 @@ def _system(normal: FloatArray, weights: FloatArray, stiffness: FloatArray) -> F
 
 @cache
 def _constant(count: int) -> tuple[IntArray, FloatArray]:
-    """(count, count): the later of two edges, and second derivatives of half the sum of squared bends."""
+    """(count, count): the later of two edges, and second derivatives of half the sum of squared
+    bends."""
     k = np.arange(count)
     joints = np.diff(np.eye(count), axis=0)
     return np.maximum(k[:, None], k), joints.T @ joints

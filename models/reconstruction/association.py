@@ -20,13 +20,14 @@ _LEAST_SHARE = 0.08
 _FITS = 0.4
 """Share of the samples in a picture that must lie on strands for its view to count."""
 _SAME_SHAPE_PX = 4.0
-"""A strand that, shifted as a whole, lies this near to where the DLO should be is the DLO seen from another pose."""
+"""A strand that, shifted as a whole, lies this near to where the DLO should be is the DLO seen from
+another pose."""
 
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """How a view supports a curve: ``strands`` that belong to it, ``share`` of the samples in the picture that lie
-    on them, mean distance ``reprojection_px`` of those, and how it ended."""
+    """How a view supports a curve: ``strands`` that belong to it, ``share`` of the samples in the
+    picture that lie on them, mean distance ``reprojection_px`` of those, and how it ended."""
 
     verdict: Verdict
     strands: tuple[int, ...]
@@ -51,10 +52,15 @@ def belonging(points_m: FloatArray, view: View, reach_px: float = _VOTE_PX) -> I
 def supports(refined: Refined, views: list[View], strands: list[IntArray]) -> list[Support]:
     """One for each view, from the residuals of the refinement."""
     points = refined.spline.at(refined.parameters)
-    return [_support(view, points, refined.residual_px[k], refined.used[k], strands[k]) for k, view in enumerate(views)]
+    return [
+        _support(view, points, refined.residual_px[k], refined.used[k], strands[k])
+        for k, view in enumerate(views)
+    ]
 
 
-def _support(view: View, points: FloatArray, residual: FloatArray, used: BoolArray, strands: IntArray) -> Support:
+def _support(
+    view: View, points: FloatArray, residual: FloatArray, used: BoolArray, strands: IntArray
+) -> Support:
     xy = np.nan_to_num(view.camera.project(points), nan=-1e6)
     inside = view.camera.sees(xy)
     if inside.sum() < 0.15 * len(points):
@@ -72,8 +78,8 @@ def _support(view: View, points: FloatArray, residual: FloatArray, used: BoolArr
 
 
 def _shifted(expected_xy: FloatArray, view: View) -> float | None:
-    """By how many pixels a strand of the same shape is off, or None: (n, 2) points are laid onto each strand by
-    a shift alone, found by going to the nearest points a few times."""
+    """By how many pixels a strand of the same shape is off, or None: (n, 2) points are laid onto
+    each strand by a shift alone, found by going to the nearest points a few times."""
     for strand in view.strands:
         if strand.length_px < 0.5 * float(np.hypot(*np.diff(expected_xy, axis=0).T).sum()):
             continue
@@ -98,4 +104,6 @@ def claimed(points_m: FloatArray, view: View, reach_px: float = 4.0) -> dict[int
     near = np.zeros(len(samples.xy), bool)
     for around in samples.tree.query_ball_point(xy, reach_px):
         near[around] = True
-    return {int(k): float(near[samples.strand == k].mean()) for k in np.unique(samples.strand[near])}
+    return {
+        int(k): float(near[samples.strand == k].mean()) for k in np.unique(samples.strand[near])
+    }

@@ -1,13 +1,16 @@
-"""Centerlines to a fraction of a pixel: the middle between the two edges of the foreground probability.
+"""Centerlines to a fraction of a pixel: the middle between the two edges of the foreground
+probability.
 
-Strategy: at every point of a centerline the probability is read along the normal; from the center outward, each
-edge is where it falls to half. The point moves to the middle of the edges, and the distance between them is the
-DLO's width there. Where the edges are missing or too far apart (another DLO crosses or touches, the border of the
-picture cuts the profile) nothing is known: the offset is interpolated between the neighbors, and the ends of the
-centerline, which the instance methods let run into the border, are cut. Offsets are smoothed along the DLO.
+Strategy: at every point of a centerline the probability is read along the normal; from the center
+outward, each edge is where it falls to half. The point moves to the middle of the edges, and the
+distance between them is the DLO's width there. Where the edges are missing or too far apart
+(another DLO crosses or touches, the border of the picture cuts the profile) nothing is known: the
+offset is interpolated between the neighbors, and the ends of the centerline, which the instance
+methods let run into the border, are cut. Offsets are smoothed along the DLO.
 
-With the picture beside it, each edge then goes to where the picture's colors, smoothed along the DLO, change the most:
-a soft shadow beside a DLO moves the edge of the probability, in one view and not in the other, but is no such edge.
+With the picture beside it, each edge then goes to where the picture's colors, smoothed along the
+DLO, change the most: a soft shadow beside a DLO moves the edge of the probability, in one view and
+not in the other, but is no such edge.
 """
 
 from __future__ import annotations
@@ -29,15 +32,17 @@ _MOST_PLACES = 4_000_000
 _OUTSIDE = 4
 """Places at either end of a profile that show the ground."""
 _COLORED, _LEAST_HUE = 0.3, 12.0
-"""Share of the difference between DLO and ground that is one of hue, and its size (of 255), to be used alone."""
+"""Share of the difference between DLO and ground that is one of hue, and its size (of 255), to be
+used alone."""
 
 
 @dataclass(frozen=True)
 class CenterParams:
-    """``level``: of the edge, as a share of the profile's height at its center. ``wider``: edges farther apart than so
-    many typical widths belong to two DLOs. ``smooth_px`` along the DLO. ``rounds``: normals improve with the line.
-    ``colors_px``: how far along the DLO the picture's colors are smoothed; its edges are looked for within ``reach_px``
-    of those of the probability, or ``reach`` widths."""
+    """``level``: of the edge, as a share of the profile's height at its center. ``wider``: edges
+    farther apart than so many typical widths belong to two DLOs. ``smooth_px`` along the DLO.
+    ``rounds``: normals improve with the line. ``colors_px``: how far along the DLO the picture's
+    colors are smoothed; its edges are looked for within ``reach_px`` of those of the probability,
+    or ``reach`` widths."""
 
     level: float = 0.5
     wider: float = 1.5
@@ -55,10 +60,11 @@ def center(
     image: ByteArray | None = None,
     params: CenterParams | None = None,
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """(n, 2) centerline about every pixel, its (n,) widths, and (n,) where both edges are clear; None if they are
-    nowhere.
+    """(n, 2) centerline about every pixel, its (n,) widths, and (n,) where both edges are clear;
+    None if they are nowhere.
 
-    ``probability`` (H, W) 0 to 1 of the picture ``image`` (H, W, 3) that ``centerline_xy`` (m, 2) is from.
+    ``probability`` (H, W) 0 to 1 of the picture ``image`` (H, W, 3) that ``centerline_xy`` (m, 2)
+    is from.
     """
     settings = params or CenterParams()
     count = max(int(arc_lengths(centerline_xy)[-1] / _STEP_PX) + 1, 4)
@@ -82,8 +88,8 @@ def center(
 def _onto_edges(
     line: FloatArray, width: FloatArray, known: BoolArray, image: ByteArray, params: CenterParams
 ) -> tuple[FloatArray, FloatArray]:
-    """``line`` (n, 2) in the middle between the picture's edges, and the (n,) distance of those; between what is
-    ``known`` (n,) they are interpolated."""
+    """``line`` (n, 2) in the middle between the picture's edges, and the (n,) distance of those;
+    between what is ``known`` (n,) they are interpolated."""
     normal = _normals(line)
     reach = max(params.reach_px, params.reach * float(np.median(width)))
     half = int(np.ceil((float(width.max()) / 2 + reach + 1.0) / _PROFILE_PX))
@@ -96,7 +102,9 @@ def _onto_edges(
     colors = gaussian_filter1d(read.astype(np.float64), params.colors_px, axis=0, mode="nearest")
     colors = gaussian_filter1d(colors, 0.5 / _PROFILE_PX, axis=1, mode="nearest")
     index, sure = np.arange(len(line)), np.flatnonzero(known)
-    steepest = [_steepest(_change(colors, half, side), across, width, side, reach) for side in (-1, 1)]
+    steepest = [
+        _steepest(_change(colors, half, side), across, width, side, reach) for side in (-1, 1)
+    ]
     low, high = (np.interp(index, sure, places[sure]) for places in steepest)
     low, high = _smooth(low, params.smooth_px), _smooth(high, params.smooth_px)
     return line + ((low + high) / 2)[:, None] * normal, np.maximum(high - low, _PROFILE_PX)
@@ -105,12 +113,15 @@ def _onto_edges(
 def _change(colors: FloatArray, middle: int, side: int) -> FloatArray:
     """(n, a) how much (n, a, 3) ``colors`` change across the DLO whose center is at ``middle``.
 
-    A shadow scales the color of the ground. Where the DLO has another hue than the ground on that ``side`` only what
-    goes from one hue to the other counts.
+    A shadow scales the color of the ground. Where the DLO has another hue than the ground on that
+    ``side`` only what goes from one hue to the other counts.
     """
     slope = np.gradient(colors, axis=1)
     edge = colors[:, :_OUTSIDE] if side < 0 else colors[:, -_OUTSIDE:]
-    ground, own = np.median(edge, axis=(0, 1)), np.median(colors[:, middle - 2 : middle + 3], axis=(0, 1))
+    ground, own = (
+        np.median(edge, axis=(0, 1)),
+        np.median(colors[:, middle - 2 : middle + 3], axis=(0, 1)),
+    )
     gray = ground / max(float(np.linalg.norm(ground)), 1e-9)
     away = own - ground
     hue = away - (away @ gray) * gray
@@ -120,9 +131,11 @@ def _change(colors: FloatArray, middle: int, side: int) -> FloatArray:
     return np.asarray(np.abs(slope @ (hue / size)))
 
 
-def _steepest(change: FloatArray, across: FloatArray, width: FloatArray, side: int, reach: float) -> FloatArray:
-    """(n,) where (n, a) ``change`` at the places ``across`` (a,) is largest within ``reach`` of half the (n,) ``width``
-    to the ``side``: the top of the parabola through three values."""
+def _steepest(
+    change: FloatArray, across: FloatArray, width: FloatArray, side: int, reach: float
+) -> FloatArray:
+    """(n,) where (n, a) ``change`` at the places ``across`` (a,) is largest within ``reach`` of
+    half the (n,) ``width`` to the ``side``: the top of the parabola through three values."""
     near = np.where(np.abs(across[None] - side * width[:, None] / 2) <= reach, change, -1.0)
     top = np.clip(np.argmax(near, axis=1), 1, len(across) - 2)
     rows = np.arange(len(width))
@@ -133,7 +146,11 @@ def _steepest(change: FloatArray, across: FloatArray, width: FloatArray, side: i
 
 
 def _edges(
-    line: FloatArray, normal: FloatArray, width_px: float, probability: Float32Array, params: CenterParams
+    line: FloatArray,
+    normal: FloatArray,
+    width_px: float,
+    probability: Float32Array,
+    params: CenterParams,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """(n,) signed distances of the two edges along the normal, and where both are known."""
     reach = max(width_px, 2.0) * params.wider / 2 + 2.0
@@ -142,11 +159,15 @@ def _edges(
     at = line[:, None] + across[:, None] * normal[:, None]
     x, y = (at[..., axis].astype(np.float32) for axis in (0, 1))
     outside = -1.0
-    read = cv2.remap(probability, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=outside)
+    read = cv2.remap(
+        probability, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=outside
+    )
     profile = np.asarray(read, np.float32)
     # the center may lie beside a thin DLO at first: start from the highest place nearby
     near = np.abs(across) <= max(width_px / 2, 1.5)
-    top = np.flatnonzero(near)[0] + np.argmax(profile[:, near] - 1e-3 * np.abs(across[near]), axis=1)
+    top = np.flatnonzero(near)[0] + np.argmax(
+        profile[:, near] - 1e-3 * np.abs(across[near]), axis=1
+    )
     height = profile[np.arange(len(line)), top]
     level = params.level * height[:, None]
     above = profile >= level
@@ -157,11 +178,20 @@ def _edges(
     known = inside & (height > 0.2) & np.isfinite(low) & np.isfinite(high)
     width = np.where(known, high - low, np.nan)
     typical = float(np.nanmedian(width)) if known.any() else 0.0
-    return low, high, known & (np.nan_to_num(width) < params.wider * typical) & (np.nan_to_num(width) > typical / 2)
+    return (
+        low,
+        high,
+        known
+        & (np.nan_to_num(width) < params.wider * typical)
+        & (np.nan_to_num(width) > typical / 2),
+    )
 
 
-def _crossing(profile: Float32Array, level: Float32Array, above: BoolArray, start: FloatArray) -> FloatArray:
-    """(n,) index, with fraction, at which each row first falls below its level after ``start``; NaN if never."""
+def _crossing(
+    profile: Float32Array, level: Float32Array, above: BoolArray, start: FloatArray
+) -> FloatArray:
+    """(n,) index, with fraction, at which each row first falls below its level after ``start``; NaN
+    if never."""
     columns = np.arange(profile.shape[1])
     below = ~above & (columns[None] > np.asarray(start)[:, None])
     first = np.argmax(below, axis=1)

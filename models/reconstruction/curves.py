@@ -16,7 +16,8 @@ DEGREE = 3
 
 @dataclass(frozen=True, eq=False)
 class Spline3D:
-    """Clamped cubic B-spline over the parameter 0 to 1; ``control_m`` (m, 3), ``len(knots) == m + 4``."""
+    """Clamped cubic B-spline over the parameter 0 to 1; ``control_m`` (m, 3), ``len(knots) == m +
+    4``."""
 
     knots: FloatArray
     control_m: FloatArray
@@ -37,9 +38,10 @@ class Spline3D:
 class Curve:
     """One DLO in the world.
 
-    ``points_m`` (n, 3) at about equal arc length; ``covariance_m2`` (n, 3, 3) of the position *across* the curve
-    (how far along it a point lies is a matter of convention, so the direction of the curve carries none);
-    ``radius_m`` (n,), NaN where it is not known, and ``radius_sigma_m`` of the whole.
+    ``points_m`` (n, 3) at about equal arc length; ``covariance_m2`` (n, 3, 3) of the position
+    *across* the curve (how far along it a point lies is a matter of convention, so the direction of
+    the curve carries none); ``radius_m`` (n,), NaN where it is not known, and ``radius_sigma_m`` of
+    the whole.
     """
 
     spline: Spline3D
@@ -79,13 +81,17 @@ def clamped_knots(spans: int) -> FloatArray:
 
 def basis(knots: FloatArray, parameters: FloatArray) -> FloatArray:
     """(n, m) values of the B-spline functions (the matrix B of thesis section 4.5.2)."""
-    dense: FloatArray = BSpline.design_matrix(np.clip(parameters, 0.0, 1.0), knots, DEGREE).toarray()
+    dense: FloatArray = BSpline.design_matrix(
+        np.clip(parameters, 0.0, 1.0), knots, DEGREE
+    ).toarray()
     return dense
 
 
-def fit(points_m: FloatArray, spans: int, smooth: float = 1e-4, parameters: FloatArray | None = None) -> Spline3D:
-    """Least squares through (n, 3) points in order; ``smooth`` weighs the third differences of the control points,
-    so that fewer points than control points do no harm."""
+def fit(
+    points_m: FloatArray, spans: int, smooth: float = 1e-4, parameters: FloatArray | None = None
+) -> Spline3D:
+    """Least squares through (n, 3) points in order; ``smooth`` weighs the third differences of the
+    control points, so that fewer points than control points do no harm."""
     if parameters is None:
         along = arc_lengths(points_m)
         parameters = along / along[-1]
@@ -97,8 +103,11 @@ def fit(points_m: FloatArray, spans: int, smooth: float = 1e-4, parameters: Floa
     return Spline3D(knots, np.asarray(np.linalg.solve(normal, matrix.T @ points_m), np.float64))
 
 
-def at_equal_lengths(spline: Spline3D, count: int, begin: float = 0.0, end: float = 1.0) -> FloatArray:
-    """(count,) parameters of points at equal arc length between the parameters ``begin`` and ``end``."""
+def at_equal_lengths(
+    spline: Spline3D, count: int, begin: float = 0.0, end: float = 1.0
+) -> FloatArray:
+    """(count,) parameters of points at equal arc length between the parameters ``begin`` and
+    ``end``."""
     fine = np.linspace(begin, end, max(20 * count, 400))
     along = arc_lengths(spline.at(fine))
     return np.interp(np.linspace(0, along[-1], count), along, fine)

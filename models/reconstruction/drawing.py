@@ -13,17 +13,28 @@ from models.reconstruction.curves import Curve
 _DARK = (20, 20, 20)
 _TARGET = (255, 214, 10)
 _OTHERS = (
-    (64, 196, 255), (255, 110, 180), (120, 230, 120), (255, 150, 60), (190, 150, 255),
-    (0, 210, 190), (230, 70, 60), (200, 210, 60), (245, 245, 245), (150, 110, 80),
-)  # fmt: skip
+    (64, 196, 255),
+    (255, 110, 180),
+    (120, 230, 120),
+    (255, 150, 60),
+    (190, 150, 255),
+    (0, 210, 190),
+    (230, 70, 60),
+    (200, 210, 60),
+    (245, 245, 245),
+    (150, 110, 80),
+)
 _FRACTION_BITS = 4
 
 Color = tuple[int, int, int]
 
 
-def reprojection(image: ByteArray, camera: Camera, curves: list[Curve], dropped: str | None = None) -> ByteArray:
-    """Copy of (H, W, 3) RGB ``image`` with the curves' centerlines and outlines as the camera should see them; the
-    first one is the target. ``dropped``: why the view took no part, written into it."""
+def reprojection(
+    image: ByteArray, camera: Camera, curves: list[Curve], dropped: str | None = None
+) -> ByteArray:
+    """Copy of (H, W, 3) RGB ``image`` with the curves' centerlines and outlines as the camera
+    should see them; the first one is the target. ``dropped``: why the view took no part, written
+    into it."""
     picture = image.copy()
     unit = max(1.0, min(image.shape[:2]) / 480)
     for number, curve in enumerate(curves):
@@ -36,8 +47,22 @@ def reprojection(image: ByteArray, camera: Camera, curves: list[Curve], dropped:
             for side in _outline(points, camera, curve.mean_radius_m):
                 _line(picture, side, color, 1)
     if dropped:
-        cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, picture.shape[0] - 1), (220, 40, 30), round(4 * unit))
-        cv2.putText(picture, dropped, (10, round(24 * unit)), cv2.FONT_HERSHEY_SIMPLEX, 0.5 * unit, (220, 40, 30), 1)
+        cv2.rectangle(
+            picture,
+            (0, 0),
+            (picture.shape[1] - 1, picture.shape[0] - 1),
+            (220, 40, 30),
+            round(4 * unit),
+        )
+        cv2.putText(
+            picture,
+            dropped,
+            (10, round(24 * unit)),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.5 * unit,
+            (220, 40, 30),
+            1,
+        )
     return picture
 
 
@@ -49,7 +74,8 @@ def _outline(points: FloatArray, camera: Camera, radius: float) -> list[FloatArr
 
 
 def _line(picture: ByteArray, xy: FloatArray, color: Color, thickness: int) -> None:
-    """Pieces between points that are not in front of the camera, or far outside the picture, are left out."""
+    """Pieces between points that are not in front of the camera, or far outside the picture, are
+    left out."""
     limit = 4 * max(picture.shape[:2])
     good = np.isfinite(xy).all(axis=1) & (np.abs(np.nan_to_num(xy)) < limit).all(axis=1)
     for piece in np.split(np.arange(len(xy)), np.flatnonzero(np.diff(good)) + 1):

@@ -1,12 +1,14 @@
-"""Which pieces of strands are one DLO: decided again from all views, where one picture leaves it open.
+"""Which pieces of strands are one DLO: decided again from all views, where one picture leaves it
+open.
 
-The instance methods join strands in one picture. Where DLOs of one color cross at a low angle or lie side by side that
-is a guess, and the same guess in every view. Strategy: every strand is cut where its two edges are not both seen
-(``Strand.known``): another DLO crosses or touches it there. The pieces are matched against the other views one by one,
-so that each has a depth of its own. A join of two ends costs what the curve that bridges them bends, how far their
-depths are apart, how long it is and how much of it runs beside the foreground. Of all ways to join the ends of a
-view the cheapest is taken; a join is left out where another way is nearly as cheap: the DLO then ends there, which
-is better than going on as another one.
+The instance methods join strands in one picture. Where DLOs of one color cross at a low angle or
+lie side by side that is a guess, and the same guess in every view. Strategy: every strand is cut
+where its two edges are not both seen (``Strand.known``): another DLO crosses or touches it there.
+The pieces are matched against the other views one by one, so that each has a depth of its own. A
+join of two ends costs what the curve that bridges them bends, how far their depths are apart, how
+long it is and how much of it runs beside the foreground. Of all ways to join the ends of a view the
+cheapest is taken; a join is left out where another way is nearly as cheap: the DLO then ends there,
+which is better than going on as another one.
 
 Costs are in squared standard deviations. Symbols as in ``piece_ends``.
 """
@@ -31,13 +33,15 @@ from models.strands.walks import follow
 
 @dataclass(frozen=True)
 class JoinParams:
-    """``shortest_px`` of a piece; ``trim_px`` of it are cut off where another DLO begins to disturb it.
+    """``shortest_px`` of a piece; ``trim_px`` of it are cut off where another DLO begins to disturb
+    it.
 
-    ``turn`` (radians): what directions are off by; ``bend`` (radians a pixel): how much DLOs bend; ``rise``: how much
-    their slope changes, pixels of disparity a pixel; ``depth_at_most``: a depth may have been matched wrongly;
-    ``steepest_turn`` (radians) of an end against the chord; ``far_widths``: a gap so wide costs 1;
-    ``beside``: cost of a bridge that lies beside the foreground; ``kept``: what is taken off for a join that the
-    instance method made too. ``dearest``: join that is made; ``margin``: by which any other way must be dearer.
+    ``turn`` (radians): what directions are off by; ``bend`` (radians a pixel): how much DLOs bend;
+    ``rise``: how much their slope changes, pixels of disparity a pixel; ``depth_at_most``: a depth
+    may have been matched wrongly; ``steepest_turn`` (radians) of an end against the chord;
+    ``far_widths``: a gap so wide costs 1; ``beside``: cost of a bridge that lies beside the
+    foreground; ``kept``: what is taken off for a join that the instance method made too.
+    ``dearest``: join that is made; ``margin``: by which any other way must be dearer.
     ``gap_widths``: longest gap; up to ``short_widths`` the bridge counts as seen.
     """
 
@@ -60,14 +64,16 @@ class JoinParams:
 
 @dataclass(frozen=True, eq=False)
 class Rejoined:
-    """``view`` with its new strands; ``share_px`` (new, old) how many pixels of each old strand are in each new one."""
+    """``view`` with its new strands; ``share_px`` (new, old) how many pixels of each old strand are
+    in each new one."""
 
     view: View
     share_px: FloatArray
 
 
 def rejoin(views: list[View], params: JoinParams | None = None) -> list[Rejoined]:
-    """The views with strands that all of them agree on; a view without any doubtful stretch stays as it is."""
+    """The views with strands that all of them agree on; a view without any doubtful stretch stays
+    as it is."""
     settings = params or JoinParams()
     cut = [_pieces(view, settings) for view in views]
     return [_rejoined(k, cut, views[k], settings) for k in range(len(views))]
@@ -75,7 +81,8 @@ def rejoin(views: list[View], params: JoinParams | None = None) -> list[Rejoined
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """``view`` with pieces as strands; ``origin`` (P,) the strand that each was cut from, in order along it."""
+    """``view`` with pieces as strands; ``origin`` (P,) the strand that each was cut from, in order
+    along it."""
 
     view: View
     origin: IntArray
@@ -115,11 +122,13 @@ def _rejoined(number: int, cut: list[_Pieces], whole: View, params: JoinParams) 
     return _joined(own, ends, partners(cost, params), width, len(whole.strands), params)
 
 
-def join_costs(ends: PieceEnds, origin: IntArray, width_px: float, params: JoinParams) -> FloatArray:
+def join_costs(
+    ends: PieceEnds, origin: IntArray, width_px: float, params: JoinParams
+) -> FloatArray:
     """(E, E) cost of joining two ends, infinite where they do not face each other.
 
-    A bridge of length L that leaves at an angle a to the chord and arrives at b has the bending energy
-    (4 / L) (a² + a b + b²) of a cubic beam; an arc has b = -a.
+    A bridge of length L that leaves at an angle a to the chord and arrives at b has the bending
+    energy (4 / L) (a² + a b + b²) of a cubic beam; an arc has b = -a.
     """
     chord = ends.tip[None] - ends.tip[:, None]
     gap = np.hypot(chord[..., 0], chord[..., 1])
@@ -157,8 +166,11 @@ def _angle(reference: FloatArray, vector: FloatArray) -> FloatArray:
     return angle
 
 
-def _beside(ends: PieceEnds, possible: BoolArray, whole: View, width_px: float, params: JoinParams) -> FloatArray:
-    """(E, E) cost of the share of each possible bridge that lies beside all strands as they were found."""
+def _beside(
+    ends: PieceEnds, possible: BoolArray, whole: View, width_px: float, params: JoinParams
+) -> FloatArray:
+    """(E, E) cost of the share of each possible bridge that lies beside all strands as they were
+    found."""
     cost = np.zeros(possible.shape)
     tree = cKDTree(np.concatenate([s.xy for s in whole.strands]))
     for a, b in np.argwhere(np.triu(possible)).tolist():
@@ -176,8 +188,8 @@ def _bridge(ends: PieceEnds, a: int, b: int, start: FloatArray, stop: FloatArray
 
 
 def partners(cost: FloatArray, params: JoinParams) -> IntArray:
-    """(E,) the end that each one goes on in, itself where it stops. Ends that no possible join connects are decided
-    apart from one another."""
+    """(E,) the end that each one goes on in, itself where it stops. Ends that no possible join
+    connects are decided apart from one another."""
     partner = np.arange(len(cost))
     group = components(np.argwhere(cost < params.dearest), len(cost))
     for number in np.flatnonzero(np.bincount(group) > 1):
@@ -207,7 +219,12 @@ def _cheapest(cost: FloatArray, stop: float) -> tuple[IntArray, float]:
 
 
 def _joined(
-    own: _Pieces, ends: PieceEnds, partner: IntArray, width_px: float, count: int, params: JoinParams
+    own: _Pieces,
+    ends: PieceEnds,
+    partner: IntArray,
+    width_px: float,
+    count: int,
+    params: JoinParams,
 ) -> Rejoined:
     chains = [entered for entered, _ in follow(partner)]
     share = np.zeros((len(chains), count))
@@ -219,7 +236,9 @@ def _joined(
     return Rejoined(replace(own.view, strands=strands), share)
 
 
-def _strand(pieces: tuple[Strand, ...], chain: list[int], ends: PieceEnds, short_px: float) -> Strand:
+def _strand(
+    pieces: tuple[Strand, ...], chain: list[int], ends: PieceEnds, short_px: float
+) -> Strand:
     parts = [pieces[chain[0] // 2].turned(chain[0] % 2 == 1)]
     for before, end in pairwise(chain):
         piece = pieces[end // 2].turned(end % 2 == 1)
@@ -230,5 +249,7 @@ def _strand(pieces: tuple[Strand, ...], chain: list[int], ends: PieceEnds, short
         parts += [Strand(filled, np.zeros_like(filled), width, known), piece]
     if len(parts) == 1:
         return parts[0]
-    xy, width, known = (np.concatenate([getattr(p, name) for p in parts]) for name in ("xy", "width_px", "known"))
+    xy, width, known = (
+        np.concatenate([getattr(p, name) for p in parts]) for name in ("xy", "width_px", "known")
+    )
     return Strand.through(xy, width, known)

@@ -1,11 +1,11 @@
 """Which point of the other pictures is which point of this one: dynamic programming along the DLO.
 
-Strategy: a sample of the reference strand lies, in every other view, somewhere on its epipolar line. Where the
-line crosses a strand of that view, and where a strand runs along it (tangency: no crossing, or a whole stretch
-of equally good ones), is a candidate depth. A candidate costs what the *other* views say about it: how far from
-any strand its point falls there, and whether the widths agree. From sample to sample a change of depth costs
-as much as the DLO would have to tilt. The cheapest path through the candidates is the match; samples whose
-candidates are all bad get none.
+Strategy: a sample of the reference strand lies, in every other view, somewhere on its epipolar
+line. Where the line crosses a strand of that view, and where a strand runs along it (tangency: no
+crossing, or a whole stretch of equally good ones), is a candidate depth. A candidate costs what the
+*other* views say about it: how far from any strand its point falls there, and whether the widths
+agree. From sample to sample a change of depth costs as much as the DLO would have to tilt. The
+cheapest path through the candidates is the match; samples whose candidates are all bad get none.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from models.reconstruction.views import Samples, Strand, View
 class MatchParams:
     """Distances in pixels, costs in units of a point that lies nowhere near a strand.
 
-    ``reach_px``: farther from every strand than this is all the same (the DLO is hidden or was not found there).
-    ``tangent_px``: a strand this near to an epipolar line runs along it; ``tangent_step_px`` between candidates then.
-    ``tilt``: cost of a step at 45° to the picture; it grows with the square up to ``tilt_at_most``.
-    ``switch``: of going over to another strand of the same view. ``nothing``: of a sample without a match.
-    ``width``: of widths that differ by a factor of 1.65; the square of the logarithm, up to 1. ``steepest``: see
-    without_leaps.
+    ``reach_px``: farther from every strand than this is all the same (the DLO is hidden or was not
+    found there). ``tangent_px``: a strand this near to an epipolar line runs along it;
+    ``tangent_step_px`` between candidates then. ``tilt``: cost of a step at 45° to the picture; it
+    grows with the square up to ``tilt_at_most``. ``switch``: of going over to another strand of the
+    same view. ``nothing``: of a sample without a match. ``width``: of widths that differ by a
+    factor of 1.65; the square of the logarithm, up to 1. ``steepest``: see without_leaps.
     """
 
     reach_px: float = 4.0
@@ -49,7 +49,8 @@ class MatchParams:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """``depth`` (n,) of each sample along its ray, NaN where nothing matches; ``cost`` the mean a matched sample."""
+    """``depth`` (n,) of each sample along its ray, NaN where nothing matches; ``cost`` the mean a
+    matched sample."""
 
     depth: FloatArray
     cost: float
@@ -61,7 +62,8 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
-    """A row per candidate: the sample it is for, depth along the ray, the view (index) and strand it comes from."""
+    """A row per candidate: the sample it is for, depth along the ray, the view (index) and strand
+    it comes from."""
 
     sample: IntArray
     depth: FloatArray
@@ -79,11 +81,14 @@ def match(
 ) -> Match:
     """Depths of the samples ``index`` (n,) of ``strand`` in ``reference``.
 
-    ``prior_depth`` (n,): where an earlier reconstruction expects them, NaN where it expects nothing.
+    ``prior_depth`` (n,): where an earlier reconstruction expects them, NaN where it expects
+    nothing.
     """
     xy = strand.xy[index]
     rays = reference.camera.rays(xy)
-    found = _join([_candidates(reference.camera, xy, rays, k, view, params) for k, view in enumerate(others)])
+    found = _join(
+        [_candidates(reference.camera, xy, rays, k, view, params) for k, view in enumerate(others)]
+    )
     if not len(found.sample):
         return Match(np.full(len(index), np.nan), float("inf"))
     cost = _evidence(reference.camera, rays, strand.width_px[index], found, others, params)
@@ -98,9 +103,9 @@ def match(
 def without_leaps(depth: FloatArray, steps: FloatArray, steepest: float) -> FloatArray:
     """The longest stretch of ``depth`` (n,) that no leap interrupts, NaN elsewhere.
 
-    ``steps`` (n - 1,) angle between neighboring samples. A leap: from one matched sample to the next the depth changes
-    by more than ``steepest`` times their distance across the ray. Past it another DLO was followed, most often where
-    the own one was found in no other view.
+    ``steps`` (n - 1,) angle between neighboring samples. A leap: from one matched sample to the
+    next the depth changes by more than ``steepest`` times their distance across the ray. Past it
+    another DLO was followed, most often where the own one was found in no other view.
     """
     at = np.flatnonzero(np.isfinite(depth))
     if len(at) < 2:
@@ -116,8 +121,8 @@ def without_leaps(depth: FloatArray, steps: FloatArray, steepest: float) -> Floa
 
 
 def steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera]) -> FloatArray:
-    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is largest: how
-    well a match shows the depth."""
+    """(n,) sine of the angle between the strand and the epipolar line of the view in which it is
+    largest: how well a match shows the depth."""
     best = np.zeros(len(index))
     for other in others:
         pole = camera.intrinsics.matrix @ (camera.rotation.T @ (other.center - camera.center))
@@ -129,7 +134,8 @@ def steepness(line: Strand, index: IntArray, camera: Camera, others: list[Camera
 def _candidates(
     camera: Camera, xy: FloatArray, rays: FloatArray, number: int, view: View, params: MatchParams
 ) -> _Candidates:
-    """Crossings of the samples' epipolar lines with the strands of one other view, and stretches along them."""
+    """Crossings of the samples' epipolar lines with the strands of one other view, and stretches
+    along them."""
     samples = view.samples
     lines = epipolar_lines(camera, view.camera, xy)
     off = lines[:, :2] @ samples.xy.T + lines[:, 2:]
@@ -146,13 +152,15 @@ def _candidates(
     directions = view.camera.rays(place)
     depth = depth_on_ray(camera.center, rays[sample], view.camera.center, directions)
     points = camera.center + np.where(np.isfinite(depth), depth, 0.0)[:, None] * rays[sample]
-    fine = np.isfinite(depth) & (depth > NEAREST_M) & (view.camera.in_camera(points)[:, 2] > NEAREST_M)
+    fine = (
+        np.isfinite(depth) & (depth > NEAREST_M) & (view.camera.in_camera(points)[:, 2] > NEAREST_M)
+    )
     return _Candidates(sample[fine], depth[fine], np.full(int(fine.sum()), number), strand[fine])
 
 
 def _along(off: FloatArray, samples: Samples, params: MatchParams) -> tuple[IntArray, IntArray]:
-    """Where strands run along a line: every few samples of a stretch within ``tangent_px``, and the nearest
-    point of a strand that only comes near."""
+    """Where strands run along a line: every few samples of a stretch within ``tangent_px``, and the
+    nearest point of a strand that only comes near."""
     near = np.abs(off) < params.tangent_px
     every = np.arange(off.shape[1]) % max(int(params.tangent_step_px), 1) == 0
     padded = np.pad(np.abs(off), ((0, 0), (1, 1)), constant_values=np.inf)
@@ -171,10 +179,15 @@ def _join(parts: list[_Candidates]) -> _Candidates:
 
 
 def _evidence(
-    camera: Camera, rays: FloatArray, width_px: FloatArray, found: _Candidates, others: list[View], params: MatchParams
+    camera: Camera,
+    rays: FloatArray,
+    width_px: FloatArray,
+    found: _Candidates,
+    others: list[View],
+    params: MatchParams,
 ) -> FloatArray:
-    """(c,) mean over the other views of the squared distance to the nearest strand, in reaches, at most 1,
-    and of the disagreement of the widths."""
+    """(c,) mean over the other views of the squared distance to the nearest strand, in reaches, at
+    most 1, and of the disagreement of the widths."""
     points = camera.center + found.depth[:, None] * rays[found.sample]
     metric = width_px[found.sample] * found.depth
     total = np.zeros(len(points))
@@ -192,8 +205,11 @@ def _evidence(
     return total / len(others)
 
 
-def _cheapest(found: _Candidates, cost: FloatArray, steps: FloatArray, count: int, params: MatchParams) -> Match:
-    """Viterbi over at most ``candidates`` a sample, and one state without a match (the last column).
+def _cheapest(
+    found: _Candidates, cost: FloatArray, steps: FloatArray, count: int, params: MatchParams
+) -> Match:
+    """Viterbi over at most ``candidates`` a sample, and one state without a match (the last
+    column).
 
     ``steps`` (count - 1,) angle between neighboring samples.
     """
@@ -209,7 +225,9 @@ def _cheapest(found: _Candidates, cost: FloatArray, steps: FloatArray, count: in
         tilt = (depth[j, None] - depth[j - 1, :, None]) / (middle * max(float(steps[j - 1]), 1e-9))
         step = np.full((unary.shape[1], unary.shape[1]), params.switch)
         step[:-1, :-1] = params.tilt * np.minimum(tilt**2, params.tilt_at_most / params.tilt)
-        changed = (view[j - 1, :, None] == view[j, None]) & (strand[j - 1, :, None] != strand[j, None])
+        changed = (view[j - 1, :, None] == view[j, None]) & (
+            strand[j - 1, :, None] != strand[j, None]
+        )
         step[:-1, :-1] += params.switch * changed
         step[-1, -1] = 0.0
         through = best[:, None] + step

@@ -1,13 +1,14 @@
 """Sections of one DLO to one filtered curve (thesis section 4.5.5): local regression, as LOWESS.
 
-Strategy: the sections are laid behind one another along a common arc length: each is projected onto what lies there
-already and adds what reaches beyond it. At every place of the result a parabola is fitted to the points around it,
-weighted by nearness (tricube), by their stated uncertainty, and by how well they fitted the last time (bisquare).
-A parabola where LOWESS has a line: a line cuts the bends. Points of one section err together, those of different
-sections apart: the covariance of the result adds up by the share each section has in it.
+Strategy: the sections are laid behind one another along a common arc length: each is projected onto
+what lies there already and adds what reaches beyond it. At every place of the result a parabola is
+fitted to the points around it, weighted by nearness (tricube), by their stated uncertainty, and by
+how well they fitted the last time (bisquare). A parabola where LOWESS has a line: a line cuts the
+bends. Points of one section err together, those of different sections apart: the covariance of the
+result adds up by the share each section has in it.
 
-Symbols: K sections, n points of all of them in order of their place, q places of the result, w pairs of a place and
-a point in its window.
+Symbols: K sections, n points of all of them in order of their place, q places of the result, w
+pairs of a place and a point in its window.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ _SHORTEST_M = 1e-6
 
 @dataclass(frozen=True)
 class MergeParams:
-    """``window_m``: length of DLO a local fit sees; ``spacing_m`` between points of the result, of which there are at
-    most ``points``; ``coarser``: more would be needed, so they are farther apart. ``rounds`` of the bisquare weights;
-    ``far_m``: sections farther apart than this are not of one DLO."""
+    """``window_m``: length of DLO a local fit sees; ``spacing_m`` between points of the result, of
+    which there are at most ``points``; ``coarser``: more would be needed, so they are farther
+    apart. ``rounds`` of the bisquare weights; ``far_m``: sections farther apart than this are not
+    of one DLO."""
 
     window_m: float = 0.03
     spacing_m: float = 0.005
@@ -50,7 +52,8 @@ class MergeParams:
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """``disagreement_m``: mean distance of the sections' points from the curve; ``outliers``: points of weight 0."""
+    """``disagreement_m``: mean distance of the sections' points from the curve; ``outliers``:
+    points of weight 0."""
 
     curve: Curve
     disagreement_m: float
@@ -58,8 +61,8 @@ class Merged:
 
 
 class NotMergeable(ValueError):
-    """The sections make no curve, or none of the size that was asked for. ``about``: ``spacing_m``, ``window_m`` or
-    ``curves``; ``section``: the number of one that does not continue the others."""
+    """The sections make no curve, or none of the size that was asked for. ``about``: ``spacing_m``,
+    ``window_m`` or ``curves``; ``section``: the number of one that does not continue the others."""
 
     def __init__(self, message: str, about: str = "curves", section: int | None = None) -> None:
         super().__init__(message)
@@ -68,7 +71,8 @@ class NotMergeable(ValueError):
 
 
 def merge(sections: list[Curve], params: MergeParams) -> Merged:
-    """Sections in the order of the scan; the direction of each may be either. Raises NotMergeable."""
+    """Sections in the order of the scan; the direction of each may be either. Raises
+    NotMergeable."""
     placed, place = _laid_out(sections, params)
     section = np.repeat(np.arange(len(placed)), [len(c.points_m) for c in placed])
     points = np.concatenate([c.points_m for c in placed])
@@ -91,15 +95,17 @@ def merge(sections: list[Curve], params: MergeParams) -> Merged:
 
 
 def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], FloatArray]:
-    """The sections, all in the direction of the first, and the arc length (n,) of all their points; it counts from
-    where the first section begins, and is negative for what lies before."""
+    """The sections, all in the direction of the first, and the arc length (n,) of all their points;
+    it counts from where the first section begins, and is negative for what lies before."""
     placed, places = [sections[0]], [arc_lengths(sections[0].points_m)]
     backbone, origin = sections[0].points_m, 0.0
     for number, section in enumerate(sections[1:], start=1):
         turned = in_direction_of(section, placed[-1])
         gap = float(curves.distances(turned.points_m, backbone).min())
         if gap > params.far_m:
-            text = f"lies {1000 * gap:.0f} mm from the sections before it: it is not of the same DLO"
+            text = (
+                f"lies {1000 * gap:.0f} mm from the sections before it: it is not of the same DLO"
+            )
             raise NotMergeable(text, section=number)
         place = _project(turned.points_m, backbone) + origin
         before = place < origin
@@ -112,7 +118,8 @@ def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], 
 
 
 def _project(points: FloatArray, backbone: FloatArray) -> FloatArray:
-    """(n,) arc length of (n, 3) points in order along the backbone; beyond its end they count on."""
+    """(n,) arc length of (n, 3) points in order along the backbone; beyond its end they count
+    on."""
     along = arc_lengths(backbone)
     own = arc_lengths(points)
     fine = np.linspace(0, along[-1], int(np.clip(10 * len(backbone), 200, _MOST_FINE)))
@@ -142,8 +149,9 @@ def _count(length_m: float, params: MergeParams) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
-    """``first`` (q + 1,): pairs ``first[i]`` to ``first[i + 1]`` are those of place i; ``point`` (w,) the number of
-    each pair's point, ``offset`` (w,) its distance from the place in half windows, -1 to 1; ``points`` n."""
+    """``first`` (q + 1,): pairs ``first[i]`` to ``first[i + 1]`` are those of place i; ``point``
+    (w,) the number of each pair's point, ``offset`` (w,) its distance from the place in half
+    windows, -1 to 1; ``points`` n."""
 
     first: IntArray
     point: IntArray
@@ -152,10 +160,14 @@ class _Windows:
 
     @classmethod
     def around(cls, at: FloatArray, place: FloatArray, window_m: float) -> _Windows:
-        """Of ``place`` (n,) in order around ``at`` (q,). Raises NotMergeable for more pairs than memory should hold."""
+        """Of ``place`` (n,) in order around ``at`` (q,). Raises NotMergeable for more pairs than
+        memory should hold."""
         farthest = cKDTree(place[:, None]).query(at[:, None], k=[min(_FEWEST, len(place))])[0][:, 0]
         half = np.maximum(farthest * 1.01, window_m / 2)
-        begin, end = np.searchsorted(place, at - half, "left"), np.searchsorted(place, at + half, "right")
+        begin, end = (
+            np.searchsorted(place, at - half, "left"),
+            np.searchsorted(place, at + half, "right"),
+        )
         counts = end - begin
         if counts.sum() > _MOST_PAIRS:
             text = f"holds {counts.mean():.0f} points on average: {len(at)} such fits are too many, make it smaller"
@@ -175,13 +187,17 @@ class _Windows:
         return np.asarray(np.add.reduceat(values, self.first[:-1]))
 
 
-def _local_fit(windows: _Windows, points: FloatArray, weight: FloatArray) -> tuple[FloatArray, csr_array]:
+def _local_fit(
+    windows: _Windows, points: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, csr_array]:
     """(q, 3) values of local parabolas, and (q, n) the share of each point in them."""
     offset, row = windows.offset, windows.row
     kernel = np.clip(1 - np.abs(offset) ** 3, 0, 1) ** 3 * weight[windows.point]
     kernel /= np.maximum(windows.sums(kernel), 1e-300)[row]
     moments = [windows.sums(kernel * offset**power) for power in range(5)]
-    normal = np.stack([np.stack(moments[k : k + 3], axis=1) for k in range(3)], axis=1) + 1e-9 * np.eye(3)
+    normal = np.stack(
+        [np.stack(moments[k : k + 3], axis=1) for k in range(3)], axis=1
+    ) + 1e-9 * np.eye(3)
     first = np.linalg.solve(normal, np.eye(3)[None, :, :1].repeat(len(normal), axis=0))[row, :, 0]
     shares = kernel * (first[:, 0] + first[:, 1] * offset + first[:, 2] * offset**2)
     shares /= windows.sums(shares)[row]
@@ -208,7 +224,9 @@ def _as_curve(points: FloatArray, spread: FloatArray, placed: list[Curve]) -> Cu
     spans = max(3, min(len(points) // 2, 120))
     along = arc_lengths(points)
     if along[-1] < _SHORTEST_M:
-        raise NotMergeable("fold back onto themselves within `window_m`: no curve is left", "curves")
+        raise NotMergeable(
+            "fold back onto themselves within `window_m`: no curve is left", "curves"
+        )
     spline = curves.fit(points, spans, smooth=1e-6)
     tangents = spline.tangents(along / along[-1])
     radii = np.array([c.mean_radius_m for c in placed])

@@ -1,6 +1,7 @@
 """The ends of pieces of strands: where each lies, which way it points, and how deep it is.
 
-Symbols: P pieces, E = 2 P ends; end ``2 p`` is the first sample of piece ``p``, ``2 p + 1`` its last.
+Symbols: P pieces, E = 2 P ends; end ``2 p`` is the first sample of piece ``p``, ``2 p + 1`` its
+last.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ _SLOPE = 0.15
 
 @dataclass(frozen=True, eq=False)
 class PieceEnds:
-    """``tip`` (E, 2) ideal pixels; ``outward`` (E, 2) unit direction out of the piece; ``disparity`` (E,) pixels
-    against the farthest other view, ``slope`` (E,) its change by pixel outward; ``sigma``, ``slope_sigma`` (E,)
-    their standard deviations, infinite where no other view shows the piece."""
+    """``tip`` (E, 2) ideal pixels; ``outward`` (E, 2) unit direction out of the piece;
+    ``disparity`` (E,) pixels against the farthest other view, ``slope`` (E,) its change by pixel
+    outward; ``sigma``, ``slope_sigma`` (E,) their standard deviations, infinite where no other view
+    shows the piece."""
 
     tip: FloatArray
     outward: FloatArray
@@ -54,7 +56,9 @@ def _both_ends(view: View, strand: Strand, others: list[View], params: MatchPara
     index = np.unique(np.linspace(0, last, int(np.clip(last / _SAMPLE_PX, 4, 60))).astype(np.int64))
     disparity, steep = np.full(len(index), np.nan), np.zeros(len(index))
     if others:
-        base = max(float(np.linalg.norm(other.camera.center - view.camera.center)) for other in others)
+        base = max(
+            float(np.linalg.norm(other.camera.center - view.camera.center)) for other in others
+        )
         disparity = view.camera.focal_px * base / match(view, strand, index, others, params).depth
         steep = steepness(strand, index, view.camera, [other.camera for other in others])
     ends = []
@@ -69,17 +73,20 @@ def _both_ends(view: View, strand: Strand, others: list[View], params: MatchPara
 
 
 def _direction(line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Tip and outward direction of a line that begins there: of a parabola through its first samples."""
+    """Tip and outward direction of a line that begins there: of a parabola through its first
+    samples."""
     part = line[:_LOOK_PX]
     fit = np.polyfit(np.arange(len(part)), part, 2 if len(part) >= _CURVED_FROM_PX else 1)
     return fit[-1], -fit[-2] / np.hypot(*fit[-2])
 
 
 def _trend(at: IntArray, values: FloatArray) -> tuple[float, float, float, float]:
-    """Value at the tip, slope outward, and the standard deviations of both, of ``values`` (n,) ``at`` (n,) pixels
-    from it."""
+    """Value at the tip, slope outward, and the standard deviations of both, of ``values`` (n,)
+    ``at`` (n,) pixels from it."""
     near = (at <= 2 * _LOOK_PX) & np.isfinite(values)
-    near[near] = np.abs(values[near] - np.median(values[near])) < _SAME_PIECE_PX if near.any() else False
+    near[near] = (
+        np.abs(values[near] - np.median(values[near])) < _SAME_PIECE_PX if near.any() else False
+    )
     if near.sum() < 3:
         return 0.0, 0.0, np.inf, _SLOPE
     matrix = np.stack([np.ones(int(near.sum())), at[near]], axis=1)

@@ -1,11 +1,12 @@
 """Views to 3D curves: match, refine, ask every view whether it agrees, and keep what holds.
 
-Strategy: for a strand of a reference view, match it against all other views at once, refine, and see which views
-support the result. If some do not, the match may have followed a wrong view: it is repeated against each other
-view alone, and the curve with the most supporting views wins (then the smallest cost). Views that still do not
-support it are dropped with the reason, and the curve is refined on the rest. For all DLOs of a scene every strand
-of every view is tried in turn; those with the most supporting views come first and take their strands, so that
-identical cables cannot share one.
+Strategy: for a strand of a reference view, match it against all other views at once, refine, and
+see which views support the result. If some do not, the match may have followed a wrong view: it is
+repeated against each other view alone, and the curve with the most supporting views wins (then the
+smallest cost). Views that still do not support it are dropped with the reason, and the curve is
+refined on the rest. For all DLOs of a scene every strand of every view is tried in turn; those with
+the most supporting views come first and take their strands, so that identical cables cannot share
+one.
 """
 
 from __future__ import annotations
@@ -36,11 +37,12 @@ class NotReconstructable(ValueError):
 
 @dataclass(frozen=True)
 class ReconstructParams:
-    """``sample_px`` between matched samples of the reference strand; ``span_px`` of it to a span of the spline;
-    ``points`` of the resulting curve. ``wide_reach_px``: the second try's reach of the matching, for poses that are
-    a little off. ``shared_px``: standard deviation of what all centerlines have in common (light and shadow move the
-    edges of a DLO the same way in every view), which no number of views averages out. ``stray``: see
-    Refined.covariance_at. ``smooth``: of the depth along the DLO that the refinement starts from."""
+    """``sample_px`` between matched samples of the reference strand; ``span_px`` of it to a span of
+    the spline; ``points`` of the resulting curve. ``wide_reach_px``: the second try's reach of the
+    matching, for poses that are a little off. ``shared_px``: standard deviation of what all
+    centerlines have in common (light and shadow move the edges of a DLO the same way in every
+    view), which no number of views averages out. ``stray``: see Refined.covariance_at. ``smooth``:
+    of the depth along the DLO that the refinement starts from."""
 
     sample_px: float = 8.0
     samples: tuple[int, int] = (12, 60)
@@ -58,7 +60,8 @@ class ReconstructParams:
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """A curve, how each view supports it, and where it came from: strand ``strand`` of view ``reference``.
+    """A curve, how each view supports it, and where it came from: strand ``strand`` of view
+    ``reference``.
 
     ``noise_px`` of the centerlines as the residuals show it; ``cost`` of the match.
     """
@@ -80,7 +83,11 @@ class Reconstruction:
 
 
 def reconstruct_strand(
-    views: list[View], reference: int, strand: int, params: ReconstructParams, previous: Curve | None = None
+    views: list[View],
+    reference: int,
+    strand: int,
+    params: ReconstructParams,
+    previous: Curve | None = None,
 ) -> Reconstruction:
     """The DLO that is strand ``strand`` in view ``reference``. Raises NotReconstructable."""
     others = [k for k, view in enumerate(views) if k != reference and len(view.strands)]
@@ -96,12 +103,15 @@ def reconstruct_strand(
             break
     if best is None or best.supporting < 2:
         name = views[reference].name
-        raise NotReconstructable(f"no other view shows the DLO that was chosen in {name} where it could be the same")
+        raise NotReconstructable(
+            f"no other view shows the DLO that was chosen in {name} where it could be the same"
+        )
     return _finish(best, views, reference, strand, params)
 
 
 def reconstruct_all(views: list[View], params: ReconstructParams) -> list[Reconstruction]:
-    """Every DLO that at least two views agree on, longest first; of each view its longest strands are tried."""
+    """Every DLO that at least two views agree on, longest first; of each view its longest strands
+    are tried."""
     accepted: list[Reconstruction] = []
     partial: list[Reconstruction] = []
     taken: list[set[int]] = [set() for _ in views]
@@ -118,7 +128,11 @@ def reconstruct_all(views: list[View], params: ReconstructParams) -> list[Recons
         if candidate.strand in taken[candidate.reference]:
             continue
         again = any(set(s.strands) & t for s, t in zip(candidate.supports, taken, strict=True))
-        found = _exclusive(views, candidate.reference, candidate.strand, taken, params) if again else candidate
+        found = (
+            _exclusive(views, candidate.reference, candidate.strand, taken, params)
+            if again
+            else candidate
+        )
         if found is not None:
             accepted.append(found)
             _take(found, views, taken)
@@ -127,7 +141,8 @@ def reconstruct_all(views: list[View], params: ReconstructParams) -> list[Recons
 
 @dataclass(frozen=True, eq=False)
 class _Attempt:
-    """A refined curve, the strands that belong to it in each view, and what the views say about it."""
+    """A refined curve, the strands that belong to it in each view, and what the views say about
+    it."""
 
     refined: Refined
     strands: list[IntArray]
@@ -183,7 +198,10 @@ def _refined(
     kept = index[matched.found]
     along = (kept - kept[0]) / (kept[-1] - kept[0])
     spans = int(np.clip((kept[-1] - kept[0]) / params.span_px, *params.spans))
-    weight = steepness(line, kept, camera, [v.camera for k, v in enumerate(views) if k != reference]) ** 4
+    weight = (
+        steepness(line, kept, camera, [v.camera for k, v in enumerate(views) if k != reference])
+        ** 4
+    )
     depth = _smooth_depth(matched.depth[matched.found], along, weight, spans, params.smooth)
     points = camera.center + depth[:, None] * camera.rays(line.xy[kept])
     spline = curves.fit(points, spans, smooth=1e-3, parameters=along)
@@ -195,14 +213,19 @@ def _refined(
     return _Attempt(refined, strands, supports(refined, views, strands), matched.cost)
 
 
-def _smooth_depth(depth: FloatArray, along: FloatArray, weight: FloatArray, spans: int, smooth: float) -> FloatArray:
-    """(n,) depths on a spline of the inverse depth along the strand; where the matches say little (small ``weight``) it
-    bridges from where they say more, and it passes over single ones that are off by more than a few percent."""
+def _smooth_depth(
+    depth: FloatArray, along: FloatArray, weight: FloatArray, spans: int, smooth: float
+) -> FloatArray:
+    """(n,) depths on a spline of the inverse depth along the strand; where the matches say little
+    (small ``weight``) it bridges from where they say more, and it passes over single ones that are
+    off by more than a few percent."""
     inverse = 1 / depth
     middle = float(np.median(inverse))
     matrix = curves.basis(curves.clamped_knots(spans), along)
     rough = np.diff(np.eye(matrix.shape[1]), n=2, axis=0)
-    bending = smooth * len(depth) / spans * rough.T @ rough + 1e-6 * len(depth) * np.eye(matrix.shape[1])
+    bending = smooth * len(depth) / spans * rough.T @ rough + 1e-6 * len(depth) * np.eye(
+        matrix.shape[1]
+    )
     trust = weight
     for _ in range(4):
         normal = matrix.T @ (matrix * trust[:, None]) + bending
@@ -225,7 +248,9 @@ def _finish(
     curve = _curve(refined, parameters, views, strands, params)
     renewed = [
         new if kept else old
-        for new, old, kept in zip(supports(refined, views, strands), attempt.supports, keep, strict=True)
+        for new, old, kept in zip(
+            supports(refined, views, strands), attempt.supports, keep, strict=True
+        )
     ]
     return Reconstruction(curve, tuple(renewed), reference, strand, refined.noise_px, attempt.cost)
 
@@ -238,7 +263,11 @@ def _seen_range(refined: Refined) -> tuple[float, float]:
 
 
 def _curve(
-    refined: Refined, parameters: FloatArray, views: list[View], strands: list[IntArray], params: ReconstructParams
+    refined: Refined,
+    parameters: FloatArray,
+    views: list[View],
+    strands: list[IntArray],
+    params: ReconstructParams,
 ) -> Curve:
     points, tangents = refined.spline.at(parameters), refined.spline.tangents(parameters)
     cameras = [view.camera for view, which in zip(views, strands, strict=True) if len(which)]
@@ -246,7 +275,9 @@ def _curve(
     shared = (params.shared_px * a_pixel)[:, None, None] ** 2 * np.eye(3)
     covariance = refined.covariance_at(parameters, params.stray) + across(shared, tangents)
     covariance = admitted(covariance, points, cameras)
-    dense = refined.spline.at(np.linspace(parameters[0], parameters[-1], 12 * len(refined.spline.control_m)))
+    dense = refined.spline.at(
+        np.linspace(parameters[0], parameters[-1], 12 * len(refined.spline.control_m))
+    )
     spline: Spline3D = curves.fit(dense, len(refined.spline.control_m) - 3, smooth=0.0)
     radius, sigma = radius_along(points, views, strands)
     return Curve(spline, points, covariance, radius, sigma)
@@ -255,15 +286,22 @@ def _curve(
 def _exclusive(
     views: list[View], reference: int, strand: int, taken: list[set[int]], params: ReconstructParams
 ) -> Reconstruction | None:
-    """As reconstruct_strand, but the strands that are taken do not exist; strand numbers are those of ``views``."""
-    left = [[k for k in range(len(v.strands)) if k not in t] for v, t in zip(views, taken, strict=True)]
-    reduced = [replace(v, strands=tuple(v.strands[k] for k in free)) for v, free in zip(views, left, strict=True)]
+    """As reconstruct_strand, but the strands that are taken do not exist; strand numbers are those
+    of ``views``."""
+    left = [
+        [k for k in range(len(v.strands)) if k not in t] for v, t in zip(views, taken, strict=True)
+    ]
+    reduced = [
+        replace(v, strands=tuple(v.strands[k] for k in free))
+        for v, free in zip(views, left, strict=True)
+    ]
     try:
         found = reconstruct_strand(reduced, reference, left[reference].index(strand), params)
     except NotReconstructable:
         return None
     renamed = tuple(
-        replace(s, strands=tuple(free[k] for k in s.strands)) for s, free in zip(found.supports, left, strict=True)
+        replace(s, strands=tuple(free[k] for k in s.strands))
+        for s, free in zip(found.supports, left, strict=True)
     )
     return replace(found, supports=renamed, strand=strand)
 
@@ -277,11 +315,13 @@ def _take(found: Reconstruction, views: list[View], taken: list[set[int]]) -> No
 
 
 def _longest_first(views: list[View], at_most: int) -> list[tuple[int, int]]:
-    """(view, strand) of the longest strands of each view. The same DLO may be whole in one view and in parts in another
-    one, where it was open how it goes on."""
+    """(view, strand) of the longest strands of each view. The same DLO may be whole in one view and
+    in parts in another one, where it was open how it goes on."""
     every = [
         (-strand.length_px, k, number)
         for k, view in enumerate(views)
-        for number, strand in sorted(enumerate(view.strands), key=lambda s: -s[1].length_px)[:at_most]
+        for number, strand in sorted(enumerate(view.strands), key=lambda s: -s[1].length_px)[
+            :at_most
+        ]
     ]
     return [(k, number) for _, k, number in sorted(every)]

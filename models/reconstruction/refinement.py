@@ -1,16 +1,19 @@
 """Bundle adjustment of the spline over all views, and the covariance that comes with it.
 
-Strategy: the unknowns are the B-spline's control points. A residual is how far, in pixels and across the strand,
-a sample of the curve projects from the nearest strand of its DLO; along the strand nothing is measured, so no
-correspondence has to be right and a DLO along the baseline does no harm. Third differences of the control points
-carry a smoothness prior whose weight is found together with the noise by evidence maximization: effective numbers
-of parameters against what is left over. Residuals of neighboring samples are alike (a centerline strays for a
-while), so the information of the data is divided by (1 + r) / (1 - r) of their correlation r before anything is
-stated about uncertainty. Each iteration is one dense Gauss-Newton step of 3 m unknowns (m about 10 to 45).
+Strategy: the unknowns are the B-spline's control points. A residual is how far, in pixels and
+across the strand, a sample of the curve projects from the nearest strand of its DLO; along the
+strand nothing is measured, so no correspondence has to be right and a DLO along the baseline does
+no harm. Third differences of the control points carry a smoothness prior whose weight is found
+together with the noise by evidence maximization: effective numbers of parameters against what is
+left over. Residuals of neighboring samples are alike (a centerline strays for a while), so the
+information of the data is divided by (1 + r) / (1 - r) of their correlation r before anything is
+stated about uncertainty. Each iteration is one dense Gauss-Newton step of 3 m unknowns (m about 10
+to 45).
 
-What is stated is not what the steps are made with: there, "across the strand" is across the strand as it was found,
-whose direction is noisy. Where a DLO runs along the epipolar lines only that noise seems to say something about the
-depth. So the covariance is that of residuals across the *curve* as it projects, which is smooth.
+What is stated is not what the steps are made with: there, "across the strand" is across the strand
+as it was found, whose direction is noisy. Where a DLO runs along the epipolar lines only that noise
+seems to say something about the depth. So the covariance is that of residuals across the *curve* as
+it projects, which is smooth.
 """
 
 from __future__ import annotations
@@ -33,10 +36,11 @@ _ANYWHERE = 2.0
 
 @dataclass(frozen=True)
 class RefineParams:
-    """``gate_px``: farther strands say nothing; it closes from the first to the second value. ``turn``: largest sine
-    between curve and strand. ``slide``: how far samples may slide along the curve in a step, in sample spacings.
-    ``least_noise_px``: centerlines are never believed to be better than this. ``offset_px``: by so much all centerlines
-    of a view may be shifted, in x and in y, against those of the others."""
+    """``gate_px``: farther strands say nothing; it closes from the first to the second value.
+    ``turn``: largest sine between curve and strand. ``slide``: how far samples may slide along the
+    curve in a step, in sample spacings. ``least_noise_px``: centerlines are never believed to be
+    better than this. ``offset_px``: by so much all centerlines of a view may be shifted, in x and
+    in y, against those of the others."""
 
     samples_per_span: int = 6
     iterations: int = 10
@@ -49,9 +53,10 @@ class RefineParams:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """``residual_px`` (k, n) signed, across the strand; ``used`` (k, n); ``parameters`` (n,) of the samples;
-    ``covariance`` (m, 3, m, 3) of the control points; ``noise_px`` of one residual; ``correlation`` of neighbors;
-    ``alone_m2`` (n, 3, 3) covariance of a sample by itself, seen with a noise of one pixel across the curve."""
+    """``residual_px`` (k, n) signed, across the strand; ``used`` (k, n); ``parameters`` (n,) of the
+    samples; ``covariance`` (m, 3, m, 3) of the control points; ``noise_px`` of one residual;
+    ``correlation`` of neighbors; ``alone_m2`` (n, 3, 3) covariance of a sample by itself, seen with
+    a noise of one pixel across the curve."""
 
     spline: Spline3D
     parameters: FloatArray
@@ -63,8 +68,9 @@ class Refined:
     alone_m2: FloatArray
 
     def covariance_at(self, parameters: FloatArray, stray: float = 0.0) -> FloatArray:
-        """(n, 3, 3) of the position across the curve. ``stray``: share of the noise that does not average out along
-        the curve; it counts for most where strands run along the epipolar lines."""
+        """(n, 3, 3) of the position across the curve. ``stray``: share of the noise that does not
+        average out along the curve; it counts for most where strands run along the epipolar
+        lines."""
         weights = basis(self.spline.knots, parameters)
         half = np.einsum("na,aibj->nibj", weights, self.covariance)
         full = np.einsum("nibj,nb->nij", half, weights)
@@ -82,8 +88,9 @@ def across(covariance: FloatArray, tangents: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What a view shows of n samples: signed residual, (n, 3) its derivative by the point, whether it counts; and
-    ``across`` (n, 3) the derivative of a residual along ``normal`` (n, 2), across the curve as it projects."""
+    """What a view shows of n samples: signed residual, (n, 3) its derivative by the point, whether
+    it counts; and ``across`` (n, 3) the derivative of a residual along ``normal`` (n, 2), across
+    the curve as it projects."""
 
     residual: FloatArray
     gradient: FloatArray
@@ -92,8 +99,11 @@ class _Measured:
     normal: FloatArray
 
 
-def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params: RefineParams) -> Refined:
-    """``strands``: for each view the numbers of its strands that belong to this DLO, perhaps none."""
+def refine(
+    spline: Spline3D, views: list[View], strands: list[IntArray], params: RefineParams
+) -> Refined:
+    """``strands``: for each view the numbers of its strands that belong to this DLO, perhaps
+    none."""
     seen = [Samples.of(view.strands, which) for view, which in zip(views, strands, strict=True)]
     cameras = [view.camera for view in views]
     spans = len(spline.control_m) - 3
@@ -110,7 +120,9 @@ def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params:
             break
     measured = _measure_all(cameras, seen, state.spline, parameters, gate, params)
     points = state.spline.at(parameters)
-    distance = np.maximum(np.min([np.linalg.norm(points - c.center, axis=1) for c in cameras], axis=0), NEAREST_M)
+    distance = np.maximum(
+        np.min([np.linalg.norm(points - c.center, axis=1) for c in cameras], axis=0), NEAREST_M
+    )
     return Refined(
         state.spline,
         parameters,
@@ -124,30 +136,47 @@ def refine(spline: Spline3D, views: list[View], strands: list[IntArray], params:
 
 
 def _alone(measured: list[_Measured], distance: FloatArray) -> FloatArray:
-    """(n, 3, 3) inverse information of the views' residuals, bounded by a share of the distance to the cameras."""
+    """(n, 3, 3) inverse information of the views' residuals, bounded by a share of the distance to
+    the cameras."""
     gradients = np.stack([m.across * m.used[:, None] for m in measured])
     information = np.einsum("kni,knj->nij", gradients, gradients)
-    inverse: FloatArray = np.linalg.inv(information + np.eye(3) / (_UNSURE * distance)[:, None, None] ** 2)
+    inverse: FloatArray = np.linalg.inv(
+        information + np.eye(3) / (_UNSURE * distance)[:, None, None] ** 2
+    )
     return inverse
 
 
 def _stated(
-    state: _State, parameters: FloatArray, weights: FloatArray, rough: FloatArray, measured: list[_Measured],
-    distance: FloatArray, params: RefineParams,
-) -> FloatArray:  # fmt: skip
-    """(m, 3, m, 3) covariance of the control points, of residuals across the curve and of shifts of whole views."""
+    state: _State,
+    parameters: FloatArray,
+    weights: FloatArray,
+    rough: FloatArray,
+    measured: list[_Measured],
+    distance: FloatArray,
+    params: RefineParams,
+) -> FloatArray:
+    """(m, 3, m, 3) covariance of the control points, of residuals across the curve and of shifts of
+    whole views."""
     residual = np.concatenate([np.where(m.used, m.residual, 0.0) for m in measured])
     used = np.concatenate([m.used for m in measured])
     robust = used / (1 + (residual / (2.5 * state.noise)) ** 2)
-    rows = np.concatenate([(weights[:, :, None] * m.across[:, None]).reshape(len(weights), -1) for m in measured])
+    rows = np.concatenate(
+        [(weights[:, :, None] * m.across[:, None]).reshape(len(weights), -1) for m in measured]
+    )
     weighed = rows * (robust / (state.noise**2 * _spread(state)))[:, None]
     share = 1 / (len(weights) * (_ANYWHERE * distance) ** 2)
     anywhere = np.kron((weights * share[:, None]).T @ weights, np.eye(3))
     prior = state.smooth * np.kron(rough.T @ rough, np.eye(3))
-    normal = rows.T @ weighed + prior + anywhere + _held(state, parameters, weights, len(parameters))
-    covariance = np.linalg.inv(normal + 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal)))
+    normal = (
+        rows.T @ weighed + prior + anywhere + _held(state, parameters, weights, len(parameters))
+    )
+    covariance = np.linalg.inv(
+        normal + 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal))
+    )
     normals = np.stack([m.normal for m in measured])
-    pulls = np.einsum("kna,kni->kia", weighed.reshape(*normals.shape[:2], -1), normals).reshape(-1, len(normal))
+    pulls = np.einsum("kna,kni->kia", weighed.reshape(*normals.shape[:2], -1), normals).reshape(
+        -1, len(normal)
+    )
     shifted = params.offset_px * pulls @ covariance
     count = weights.shape[1]
     return np.asarray(covariance + shifted.T @ shifted).reshape(count, 3, count, 3)
@@ -159,10 +188,11 @@ def _spread(state: _State) -> float:
 
 
 def _held(state: _State, parameters: FloatArray, weights: FloatArray, slide: float) -> FloatArray:
-    """(3 m, 3 m) information that holds samples along the curve, where nothing is measured, to ``slide`` spacings.
+    """(3 m, 3 m) information that holds samples along the curve, where nothing is measured, to
+    ``slide`` spacings.
 
-    That is for the steps: as information about the DLO it would be wrong, for it ties where a curve lies to how its
-    samples are spread along it.
+    That is for the steps: as information about the DLO it would be wrong, for it ties where a curve
+    lies to how its samples are spread along it.
     """
     tangents = state.spline.tangents(parameters)
     steps = np.linalg.norm(np.diff(state.spline.at(parameters), axis=0), axis=1)
@@ -188,11 +218,18 @@ def _measure_all(
     params: RefineParams,
 ) -> list[_Measured]:
     points, tangents = spline.at(parameters), spline.tangents(parameters)
-    return [_measure(c, s, points, tangents, gate, params) for c, s in zip(cameras, seen, strict=True)]
+    return [
+        _measure(c, s, points, tangents, gate, params) for c, s in zip(cameras, seen, strict=True)
+    ]
 
 
 def _measure(
-    camera: Camera, seen: Samples, points: FloatArray, tangents: FloatArray, gate: float, params: RefineParams
+    camera: Camera,
+    seen: Samples,
+    points: FloatArray,
+    tangents: FloatArray,
+    gate: float,
+    params: RefineParams,
 ) -> _Measured:
     local = camera.in_camera(points)
     front = local[:, 2] > 1e-6
@@ -203,7 +240,9 @@ def _measure(
     xy = plane * focal + middle
     if not len(seen.xy):
         nothing = np.zeros((len(xy), 3))
-        return _Measured(np.full(len(xy), np.nan), nothing, np.zeros(len(xy), bool), nothing, nothing[:, :2])
+        return _Measured(
+            np.full(len(xy), np.nan), nothing, np.zeros(len(xy), bool), nothing, nothing[:, :2]
+        )
     _, nearest = seen.tree.query(np.where(front[:, None], xy, -1e6))
     normal, off = seen.normals[nearest], xy - seen.xy[nearest]
     residual = np.einsum("ni,ni->n", normal, off)
@@ -239,7 +278,9 @@ def _step(
     residual = np.concatenate([np.where(m.used, m.residual, 0.0) for m in measured])
     used = np.concatenate([m.used for m in measured])
     robust = used / (1 + (residual / (2.5 * state.noise)) ** 2)
-    rows = np.concatenate([(weights[:, :, None] * m.gradient[:, None]).reshape(len(weights), -1) for m in measured])
+    rows = np.concatenate(
+        [(weights[:, :, None] * m.gradient[:, None]).reshape(len(weights), -1) for m in measured]
+    )
     spread = _spread(state)
     scale = 1 / (state.noise**2 * spread)
     data = rows.T @ (rows * (robust * scale)[:, None])

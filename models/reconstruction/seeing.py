@@ -1,7 +1,8 @@
 """What the instances of a picture are to the reconstruction: strands of a view.
 
-Geometry is done in working pixels: a picture whose longest side is more than ``WORKING_SIDE`` is thought of as reduced
-to it, camera and centerlines alike, so that distances in pixels mean the same for every camera.
+Geometry is done in working pixels: a picture whose longest side is more than ``WORKING_SIDE`` is
+thought of as reduced to it, camera and centerlines alike, so that distances in pixels mean the same
+for every camera.
 """
 
 from __future__ import annotations
@@ -22,16 +23,19 @@ _SHORTEST_PX = 20
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """``view`` in working pixels, ``scale`` of them a pixel; ``ids`` (strands,) of the instances that they are."""
+    """``view`` in working pixels, ``scale`` of them a pixel; ``ids`` (strands,) of the instances
+    that they are."""
 
     view: View
     scale: float
     ids: list[int]
 
 
-def view_of(scene: Scene, probability: Float32Array, image: ByteArray, camera: Camera, name: str) -> Seen:
-    """The working view of a picture. ``probability``: ``(H, W)`` of foreground; it and the colors of ``image``,
-    ``(H, W, 3)``, center the strands."""
+def view_of(
+    scene: Scene, probability: Float32Array, image: ByteArray, camera: Camera, name: str
+) -> Seen:
+    """The working view of a picture. ``probability``: ``(H, W)`` of foreground; it and the colors
+    of ``image``, ``(H, W, 3)``, center the strands."""
     scale = min(1.0, WORKING_SIDE / max(image.shape[:2]))
     strands, ids = strands_of(scene, probability, image, camera, scale)
     working = replace(camera, intrinsics=camera.intrinsics.scaled(scale))
@@ -39,9 +43,14 @@ def view_of(scene: Scene, probability: Float32Array, image: ByteArray, camera: C
 
 
 def strands_of(
-    scene: Scene, probability: Float32Array, image: ByteArray | None, camera: Camera, scale: float = 1.0
+    scene: Scene,
+    probability: Float32Array,
+    image: ByteArray | None,
+    camera: Camera,
+    scale: float = 1.0,
 ) -> tuple[tuple[Strand, ...], list[int]]:
-    """The instances that are long enough to show a curve, in ideal pixels times ``scale``, and their ids."""
+    """The instances that are long enough to show a curve, in ideal pixels times ``scale``, and
+    their ids."""
     strands, ids = [], []
     for number, instance in enumerate(scene.instances, start=1):
         centered = center(instance.centerline_xy, instance.width_px, probability, image)
@@ -51,14 +60,18 @@ def strands_of(
         ideal = camera.undistort(xy)
         shown = _longest_run(np.asarray(np.isfinite(ideal).all(axis=1)))
         if len(ideal[shown]) > _SHORTEST_PX:
-            strands.append(Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown]))
+            strands.append(
+                Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown])
+            )
             ids.append(number)
     return tuple(strands), ids
 
 
 def _longest_run(flags: BoolArray) -> slice:
     """The longest stretch of (n,) ``flags`` that are all true; empty where none is."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).reshape(-1, 2)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).reshape(
+        -1, 2
+    )
     first, past = max(edges.tolist(), key=lambda e: e[1] - e[0], default=(0, 0))
     return slice(first, past)
 

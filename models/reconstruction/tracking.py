@@ -1,5 +1,5 @@
-"""Following a DLO from section to section (thesis section 4.5.5): the part that was reconstructed before tells
-which strand to go on with, and how deep it lies."""
+"""Following a DLO from section to section (thesis section 4.5.5): the part that was reconstructed
+before tells which strand to go on with, and how deep it lies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _NEAR_PX = 12.0
 
 
 def continuing_strand(previous: Curve, views: list[View]) -> tuple[int, int] | None:
-    """(view, strand) that follows the most of what is visible of ``previous``, or None if no strand does."""
+    """(view, strand) that follows the most of what is visible of ``previous``, or None if no strand
+    does."""
     best, winner = 0.0, None
     dense = previous.spline.at(np.linspace(0, 1, 400))
     for k, view in enumerate(views):
@@ -35,7 +36,8 @@ def continuing_strand(previous: Curve, views: list[View]) -> tuple[int, int] | N
 
 
 def expected_depth(previous: Curve, camera: Camera, ideal_xy: FloatArray) -> FloatArray:
-    """(n,) depth of (n, 2) pixels that lie on the projection of ``previous``; NaN for the others."""
+    """(n,) depth of (n, 2) pixels that lie on the projection of ``previous``; NaN for the
+    others."""
     dense = previous.spline.at(np.linspace(0, 1, 600))
     xy = camera.project(dense)
     seen = np.isfinite(xy).all(axis=1)
@@ -63,5 +65,7 @@ def along(curve: Curve, previous: Curve) -> Curve:
         forward = order[-1] >= order[0]
     else:
         ends = previous.points_m[-1]
-        forward = np.linalg.norm(curve.points_m[0] - ends) <= np.linalg.norm(curve.points_m[-1] - ends)
+        forward = np.linalg.norm(curve.points_m[0] - ends) <= np.linalg.norm(
+            curve.points_m[-1] - ends
+        )
     return curve if forward else curve.reversed()

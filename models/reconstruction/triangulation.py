@@ -7,11 +7,14 @@ import numpy as np
 from models.geometry.arrays import FloatArray
 
 
-def nearest_to_rays(centers: FloatArray, directions: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+def nearest_to_rays(
+    centers: FloatArray, directions: FloatArray, weights: FloatArray | None = None
+) -> FloatArray:
     """(n, 3) points with the least sum of squared distances to their k rays.
 
-    ``centers`` (k, 3), ``directions`` (k, n, 3) of any length, ``weights`` (k, n), 0 for a ray to pass over.
-    ``p = (sum V_i)^-1 (sum V_i t_i)`` with ``V_i = I - v_i v_i^T``; NaN where the rays are parallel.
+    ``centers`` (k, 3), ``directions`` (k, n, 3) of any length, ``weights`` (k, n), 0 for a ray to
+    pass over. ``p = (sum V_i)^-1 (sum V_i t_i)`` with ``V_i = I - v_i v_i^T``; NaN where the rays
+    are parallel.
     """
     unit = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     share = np.ones(unit.shape[:2]) if weights is None else weights
@@ -26,10 +29,13 @@ def nearest_to_rays(centers: FloatArray, directions: FloatArray, weights: FloatA
 
 
 def depth_on_ray(
-    center: FloatArray, directions: FloatArray, other_center: FloatArray, other_directions: FloatArray
+    center: FloatArray,
+    directions: FloatArray,
+    other_center: FloatArray,
+    other_directions: FloatArray,
 ) -> FloatArray:
-    """(n,) how far along the first rays (in units of ``directions``) they come nearest to the second ones;
-    infinite where the two are parallel. Centers (3,), directions (n, 3)."""
+    """(n,) how far along the first rays (in units of ``directions``) they come nearest to the
+    second ones; infinite where the two are parallel. Centers (3,), directions (n, 3)."""
     between = other_center - center
     aa = np.einsum("ni,ni->n", directions, directions)
     bb = np.einsum("ni,ni->n", other_directions, other_directions)

@@ -1,5 +1,5 @@
-"""What is admitted about depth that cannot be seen, and whether a stated covariance holds (the test that the benchmark
-and the tests apply)."""
+"""What is admitted about depth that cannot be seen, and whether a stated covariance holds (the test
+that the benchmark and the tests apply)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from models.geometry.cameras import NEAREST_M, Camera
 from models.reconstruction.curves import Curve
 
 _UNSEEN = 0.15
-"""Standard deviation, as a share of the distance, from which on depth is not seen: its inverse may as well be 0."""
+"""Standard deviation, as a share of the distance, from which on depth is not seen: its inverse may
+as well be 0."""
 _LEAST_PARALLAX_PX = 2.5
 _ANYWHERE = 2.0
 """Standard deviation, as a share of the distance, of depth that is not seen."""
@@ -25,15 +26,18 @@ _GOOD_BASELINE = 0.05
 
 
 def admitted(covariance_m2: FloatArray, points_m: FloatArray, cameras: list[Camera]) -> FloatArray:
-    """(n, 3, 3) ``covariance_m2`` of (n, 3) points of a curve, enlarged where it is no measure of errors any more.
+    """(n, 3, 3) ``covariance_m2`` of (n, 3) points of a curve, enlarged where it is no measure of
+    errors any more.
 
-    What is so unsure that errors are no longer in proportion is stated not to be known at all. So is what moves by less
-    than ``_LEAST_PARALLAX_PX`` from camera to camera: whatever shifts the centerlines a little then puts the DLO
-    anywhere. A few points among such are no better.
+    What is so unsure that errors are no longer in proportion is stated not to be known at all. So
+    is what moves by less than ``_LEAST_PARALLAX_PX`` from camera to camera: whatever shifts the
+    centerlines a little then puts the DLO anywhere. A few points among such are no better.
     """
     values, axes = np.linalg.eigh(covariance_m2)
     distance = _distance(points_m, cameras)
-    lost = (values[:, -1] > (_UNSEEN * distance) ** 2) | (_parallax_px(points_m, cameras) < _LEAST_PARALLAX_PX)
+    lost = (values[:, -1] > (_UNSEEN * distance) ** 2) | (
+        _parallax_px(points_m, cameras) < _LEAST_PARALLAX_PX
+    )
     lost |= median_filter(lost.astype(np.int8), size=max(len(lost) // 4, 1), mode="mirror") > 0
     add = np.where(lost, (_ANYWHERE * distance) ** 2, 0.0)
     worst = axes[:, :, -1]
@@ -41,7 +45,8 @@ def admitted(covariance_m2: FloatArray, points_m: FloatArray, cameras: list[Came
 
 
 def depth_warning(curve: Curve, cameras: list[Camera]) -> str | None:
-    """What to move where a part of ``curve`` has a depth that ``cameras`` do not show; None if they show all of it."""
+    """What to move where a part of ``curve`` has a depth that ``cameras`` do not show; None if they
+    show all of it."""
     points = curve.points_m
     distance = _distance(points, cameras)
     lost = curve.sigma_m > _UNSEEN * distance
@@ -52,7 +57,10 @@ def depth_warning(curve: Curve, cameras: list[Camera]) -> str | None:
     begin = f"the depth of {part} cannot be seen from these views"
     away = float(np.median(distance[lost]))
     baseline = _baseline(points[lost].mean(axis=0), cameras)
-    if baseline > _GOOD_BASELINE * away and float(np.median(steepness_in_space(points, cameras)[lost])) < _SHALLOW:
+    if (
+        baseline > _GOOD_BASELINE * away
+        and float(np.median(steepness_in_space(points, cameras)[lost])) < _SHALLOW
+    ):
         return f"{begin}: it runs along the way of the camera. Move the camera across the DLO, not along it"
     wanted = 1000 * _GOOD_BASELINE * away
     moved = f"the camera moved {1000 * baseline:.3g} mm across its line of sight at {away:.3g} m"
@@ -66,13 +74,17 @@ def _distance(points_m: FloatArray, cameras: list[Camera]) -> FloatArray:
 
 
 def _parallax_px(points_m: FloatArray, cameras: list[Camera]) -> FloatArray:
-    """(n,) how far across the curve a point moves between two cameras, against one at infinity; of those cameras for
-    which it is most."""
+    """(n,) how far across the curve a point moves between two cameras, against one at infinity; of
+    those cameras for which it is most."""
     best = np.zeros(len(points_m))
     distance = _distance(points_m, cameras)
     for number, first in enumerate(cameras):
         for second in cameras[number + 1 :]:
-            seen = _baseline(points_m.mean(axis=0), [first, second]) * max(first.focal_px, second.focal_px) / distance
+            seen = (
+                _baseline(points_m.mean(axis=0), [first, second])
+                * max(first.focal_px, second.focal_px)
+                / distance
+            )
             best = np.maximum(best, seen * steepness_in_space(points_m, [first, second]))
     return best
 
@@ -87,8 +99,8 @@ def _baseline(point: FloatArray, cameras: list[Camera]) -> float:
 
 
 def steepness_in_space(points_m: FloatArray, cameras: list[Camera]) -> FloatArray:
-    """(n,) sine of the angle between a curve through (n, 3) points and the epipolar plane, of the two cameras for which
-    it is largest."""
+    """(n,) sine of the angle between a curve through (n, 3) points and the epipolar plane, of the
+    two cameras for which it is largest."""
     tangent = np.gradient(points_m, axis=0)
     best = np.zeros(len(points_m))
     for number, first in enumerate(cameras):
@@ -104,14 +116,18 @@ def steepness_in_space(points_m: FloatArray, cameras: list[Camera]) -> FloatArra
 
 
 def covers(curve: Curve, truth_m: FloatArray, level: float) -> BoolArray:
-    """(n,) whether the true curve, (m, 3) dense points, passes through the ellipsoid of ``level`` around each point.
+    """(n,) whether the true curve, (m, 3) dense points, passes through the ellipsoid of ``level``
+    around each point.
 
-    The covariance has two dimensions, across the curve; the true curve's nearest point is compared there.
+    The covariance has two dimensions, across the curve; the true curve's nearest point is compared
+    there.
     """
     _, nearest = cKDTree(truth_m).query(curve.points_m)
     off = truth_m[nearest] - curve.points_m
     values, axes = np.linalg.eigh(curve.covariance_m2)
     along = np.einsum("nij,ni->nj", axes[:, :, 1:], off)
     squared = np.sum(along**2 / np.maximum(values[:, 1:], 1e-18), axis=1)
-    inside: BoolArray = squared <= -2.0 * np.log1p(-level)  # the chi-squared quantile of two degrees of freedom
+    inside: BoolArray = squared <= -2.0 * np.log1p(
+        -level
+    )  # the chi-squared quantile of two degrees of freedom
     return inside

@@ -1,11 +1,12 @@
 """Where to take the next pictures from (thesis section 4.5.4, eq. 4.2 to 4.4).
 
-Strategy: the camera keeps looking in its direction, turns so that the DLO runs down the picture, and slides along
-its own x axis, symmetrically over the middle of the DLO. For a change of distance dz, eq. 4.3 and 4.4 (all points
-stay ``margin_px`` inside both outer pictures) are linear in the baseline b, so the largest b they allow is a
-minimum over the points, and the error of eq. 4.2, mean (z + dz)^2 / (b f), falls with b: it remains to search dz
-in its bounds. (Eq. 4.3 is printed with the sign of sigma turned; here both follow from the projection.) Points that
-leave the picture along the DLO do not bind: moving closer trades length for accuracy, and tracking makes up for it.
+Strategy: the camera keeps looking in its direction, turns so that the DLO runs down the picture,
+and slides along its own x axis, symmetrically over the middle of the DLO. For a change of distance
+dz, eq. 4.3 and 4.4 (all points stay ``margin_px`` inside both outer pictures) are linear in the
+baseline b, so the largest b they allow is a minimum over the points, and the error of eq. 4.2, mean
+(z + dz)^2 / (b f), falls with b: it remains to search dz in its bounds. (Eq. 4.3 is printed with
+the sign of sigma turned; here both follow from the projection.) Points that leave the picture along
+the DLO do not bind: moving closer trades length for accuracy, and tracking makes up for it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ _SINGLE_CAMERA_NOISE_PX = 0.2
 
 _LEAST_BASELINE_M = 1e-5
 _FAN = 0.5
-"""Tangent of the angle to either side in which a DLO may go on: the pictures have to show all of it."""
+"""Tangent of the angle to either side in which a DLO may go on: the pictures have to show all of
+it."""
 
 
 class NoView(ValueError):
@@ -36,8 +38,8 @@ class NoView(ValueError):
 @dataclass(frozen=True)
 class PlanParams:
     """``views`` pictures; ``baseline_m`` where it is not optimised (first to last), and at most;
-    ``nearest_m`` z_min; ``delta_z_m`` its range; ``margin_px`` sigma; ``overlap`` n_o when the scan moves on.
-    ``least_visible``: share of the points that must stay in all pictures."""
+    ``nearest_m`` z_min; ``delta_z_m`` its range; ``margin_px`` sigma; ``overlap`` n_o when the scan
+    moves on. ``least_visible``: share of the points that must stay in all pictures."""
 
     views: int = 3
     optimise: Optimise = "bz"
@@ -52,8 +54,8 @@ class PlanParams:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """``poses`` one a picture; ``sigma_m`` mean of the curve now, ``expected_sigma_m`` from these pictures alone;
-    ``visible`` share of the points in all of them."""
+    """``poses`` one a picture; ``sigma_m`` mean of the curve now, ``expected_sigma_m`` from these
+    pictures alone; ``visible`` share of the points in all of them."""
 
     baseline_m: float
     delta_z_m: float
@@ -67,9 +69,11 @@ class Plan:
         return 1 - self.expected_sigma_m / max(self.sigma_m, 1e-12)
 
 
-def plan_views(curve: Curve, cameras: list[Camera], params: PlanParams, advance: bool = False) -> Plan:
-    """``cameras``: those the curve was seen with, the last one where the camera stands now. ``advance``: look at what
-    follows the end of the curve. Raises NoView."""
+def plan_views(
+    curve: Curve, cameras: list[Camera], params: PlanParams, advance: bool = False
+) -> Plan:
+    """``cameras``: those the curve was seen with, the last one where the camera stands now.
+    ``advance``: look at what follows the end of the curve. Raises NoView."""
     now = cameras[-1]
     points, axis = curve.points_m, _main_direction(curve.points_m)
     if advance:
@@ -79,15 +83,23 @@ def plan_views(curve: Curve, cameras: list[Camera], params: PlanParams, advance:
     if (local[:, 2] <= NEAREST_M).any():
         raise NoView("the DLO lies behind the camera")
     delta_z, baseline, inside = _best(local, facing, params)
-    poses = [_moved(facing, x, -delta_z) for x in np.linspace(-baseline / 2, baseline / 2, params.views)]
+    poses = [
+        _moved(facing, x, -delta_z) for x in np.linspace(-baseline / 2, baseline / 2, params.views)
+    ]
     planned = [replace(now, T_world_camera=pose) for pose in poses]
     sigma = float(curve.sigma_m.mean())
-    scale = sigma / _single_point_sigma(curve.points_m, cameras) if len(cameras) > 1 else _SINGLE_CAMERA_NOISE_PX
+    scale = (
+        sigma / _single_point_sigma(curve.points_m, cameras)
+        if len(cameras) > 1
+        else _SINGLE_CAMERA_NOISE_PX
+    )
     expected = scale * _single_point_sigma(points[inside], planned)
     return Plan(baseline, delta_z, poses, sigma, expected, float(inside.mean()))
 
 
-def depth_error(depth_m: FloatArray, baseline_m: float, focal_px: float, disparity_px: float = 1.0) -> float:
+def depth_error(
+    depth_m: FloatArray, baseline_m: float, focal_px: float, disparity_px: float = 1.0
+) -> float:
     """Mean error of depth for an error of disparity (eq. 4.2)."""
     return float(np.mean(depth_m**2) / (baseline_m * focal_px) * disparity_px)
 
@@ -114,8 +126,11 @@ def _best(local: FloatArray, camera: Camera, params: PlanParams) -> tuple[float,
     return best[1:]
 
 
-def _room(local: FloatArray, camera: Camera, delta: float, params: PlanParams) -> tuple[BoolArray, FloatArray]:
-    """Which points are in the picture along its height, and the baseline at which each leaves it sideways."""
+def _room(
+    local: FloatArray, camera: Camera, delta: float, params: PlanParams
+) -> tuple[BoolArray, FloatArray]:
+    """Which points are in the picture along its height, and the baseline at which each leaves it
+    sideways."""
     i = camera.intrinsics
     depth = local[:, 2] + delta
     y = local[:, 1] / depth * i.fy + i.cy
@@ -127,8 +142,8 @@ def _room(local: FloatArray, camera: Camera, delta: float, params: PlanParams) -
 
 
 def _facing(camera: Camera, points: FloatArray, axis: FloatArray) -> Camera:
-    """The camera at its distance, centered over the points, turned about its view so that ``axis`` runs down (or up,
-    whichever is the smaller turn)."""
+    """The camera at its distance, centered over the points, turned about its view so that ``axis``
+    runs down (or up, whichever is the smaller turn)."""
     forward = camera.rotation[:, 2]
     down = axis - forward * (axis @ forward)
     if np.linalg.norm(down) < 0.2:
@@ -157,11 +172,14 @@ def _main_direction(points: FloatArray) -> FloatArray:
 
 
 def _ahead(curve: Curve, camera: Camera, params: PlanParams) -> tuple[FloatArray, FloatArray]:
-    """Points of the end of the curve and of where it may go on, such that ``overlap`` of the picture is known."""
+    """Points of the end of the curve and of where it may go on, such that ``overlap`` of the
+    picture is known."""
     end = curve.points_m[-1]
     depth = float(camera.in_camera(end[None])[0, 2])
     reach = camera.intrinsics.height * depth / camera.intrinsics.fy
-    known = curve.points_m[np.linalg.norm(curve.points_m - end, axis=1) < max(params.overlap, 0.2) * reach]
+    known = curve.points_m[
+        np.linalg.norm(curve.points_m - end, axis=1) < max(params.overlap, 0.2) * reach
+    ]
     direction = end - known[0] if len(known) > 1 else curve.spline.tangents(np.array([1.0]))[0]
     forward = camera.rotation[:, 2]
     direction = direction - forward * (direction @ forward)
@@ -173,7 +191,8 @@ def _ahead(curve: Curve, camera: Camera, params: PlanParams) -> tuple[FloatArray
 
 
 def _single_point_sigma(points: FloatArray, cameras: list[Camera]) -> float:
-    """Mean over the points of the worst standard deviation of a point seen with a noise of one pixel."""
+    """Mean over the points of the worst standard deviation of a point seen with a noise of one
+    pixel."""
     information = np.zeros((len(points), 3, 3))
     for camera in cameras:
         ray = points - camera.center

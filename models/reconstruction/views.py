@@ -1,4 +1,5 @@
-"""What the reconstruction is given: cameras, and in each picture the centerlines of the DLOs seen there."""
+"""What the reconstruction is given: cameras, and in each picture the centerlines of the DLOs seen
+there."""
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ _TANGENT_PX = 4
 class Strand:
     """One DLO in one picture, resampled about every pixel.
 
-    ``xy`` (n, 2) ideal pixels in order; ``normals`` (n, 2) unit; ``width_px`` (n,) of the DLO there; ``known`` (n,)
-    where both of its edges are seen: in between the line is a guess.
+    ``xy`` (n, 2) ideal pixels in order; ``normals`` (n, 2) unit; ``width_px`` (n,) of the DLO
+    there; ``known`` (n,) where both of its edges are seen: in between the line is a guess.
     """
 
     xy: FloatArray
@@ -36,8 +37,11 @@ class Strand:
         return float(arc_lengths(self.xy)[-1])
 
     @classmethod
-    def through(cls, xy: FloatArray, width_px: float | FloatArray, known: BoolArray | None = None) -> Strand:
-        """Of at least two different points; ``width_px`` one for all, or one a point; ``known`` all by default."""
+    def through(
+        cls, xy: FloatArray, width_px: float | FloatArray, known: BoolArray | None = None
+    ) -> Strand:
+        """Of at least two different points; ``width_px`` one for all, or one a point; ``known`` all
+        by default."""
         lengths = arc_lengths(xy)
         count = max(int(np.ceil(lengths[-1] / _SPACING_PX)) + 1, 3)
         dense = resample(xy, count)
@@ -54,7 +58,11 @@ class Strand:
 
     def turned(self, back: bool) -> Strand:
         """In the other direction if ``back``."""
-        return Strand(self.xy[::-1], -self.normals[::-1], self.width_px[::-1], self.known[::-1]) if back else self
+        return (
+            Strand(self.xy[::-1], -self.normals[::-1], self.width_px[::-1], self.known[::-1])
+            if back
+            else self
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +80,9 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What is known of all strands of a view in one array each: ``xy`` (m, 2), ``normals`` (m, 2), ``width_px`` (m,),
-    ``strand`` (m,) and ``at_end`` (m,), which marks the first and last sample of every known stretch."""
+    """What is known of all strands of a view in one array each: ``xy`` (m, 2), ``normals`` (m, 2),
+    ``width_px`` (m,), ``strand`` (m,) and ``at_end`` (m,), which marks the first and last sample of
+    every known stretch."""
 
     xy: FloatArray
     normals: FloatArray
@@ -112,5 +121,7 @@ def _run_ends(known: BoolArray) -> BoolArray:
 
 def _normals(xy: FloatArray) -> FloatArray:
     index = np.arange(len(xy))
-    tangent = xy[np.minimum(index + _TANGENT_PX, len(xy) - 1)] - xy[np.maximum(index - _TANGENT_PX, 0)]
+    tangent = (
+        xy[np.minimum(index + _TANGENT_PX, len(xy) - 1)] - xy[np.maximum(index - _TANGENT_PX, 0)]
+    )
     return quarter_turned(unit(tangent))

@@ -10,12 +10,15 @@ from models.reconstruction.views import Samples, View
 _NEAR_PX = 4.0
 
 
-def radius_along(points_m: FloatArray, views: list[View], strands: list[IntArray]) -> tuple[FloatArray, float]:
-    """(n,) radius at (n, 3) points, the median over the views that see them (NaN where none does), and the
-    standard deviation of the whole DLO's radius as the views disagree about it.
+def radius_along(
+    points_m: FloatArray, views: list[View], strands: list[IntArray]
+) -> tuple[FloatArray, float]:
+    """(n,) radius at (n, 3) points, the median over the views that see them (NaN where none does),
+    and the standard deviation of the whole DLO's radius as the views disagree about it.
 
-    A cylinder appears as wide as its two sides are apart, seen from the camera, across its own direction in the
-    picture, while its radius is small against its distance: ``2 r f / z`` on the optical axis, wider off it.
+    A cylinder appears as wide as its two sides are apart, seen from the camera, across its own
+    direction in the picture, while its radius is small against its distance: ``2 r f / z`` on the
+    optical axis, wider off it.
     """
     values = np.full((len(views), len(points_m)), np.nan)
     for k, (view, which) in enumerate(zip(views, strands, strict=True)):
@@ -40,8 +43,9 @@ def radius_along(points_m: FloatArray, views: list[View], strands: list[IntArray
 
 
 def _px_per_m(points: FloatArray, focal_px: float) -> FloatArray:
-    """(n,) pixels across the picture of a line through (n, 3) ``points``, m in the camera's axes, that a meter is which
-    is at right angles to the line and to the view of it; at least the smallest positive number."""
+    """(n,) pixels across the picture of a line through (n, 3) ``points``, m in the camera's axes,
+    that a meter is which is at right angles to the line and to the view of it; at least the
+    smallest positive number."""
     along = np.gradient(points, axis=0)
     side = np.cross(along, points)
     side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-12)

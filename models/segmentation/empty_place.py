@@ -1,11 +1,14 @@
-"""Pictures of the empty place against one with cables in it: what looks as it always does is hardly a cable.
+"""Pictures of the empty place against one with cables in it: what looks as it always does is hardly
+a cable.
 
-Strategy: each picture of the empty place is brought over the picture (phase correlation, then ECC; what may be a cable
-is left out). The logarithm of the ratio of both is what has changed: light and the shadow of an arm are the part of it
-that is the same over an area wide against a cable, which a median finds and keeps the edges of. What is left over is
-smoothed with its sign, so that edges that are a little beside one another cancel, and measured in what it usually is in
-this pair of pictures where the place is as steep: noise, blur and misalignment need not be known. The network's log
-odds gain or lose with it by a function that was fitted on rendered cells (``models.training.foreground.empty_place``).
+Strategy: each picture of the empty place is brought over the picture (phase correlation, then ECC;
+what may be a cable is left out). The logarithm of the ratio of both is what has changed: light and
+the shadow of an arm are the part of it that is the same over an area wide against a cable, which a
+median finds and keeps the edges of. What is left over is smoothed with its sign, so that edges that
+are a little beside one another cancel, and measured in what it usually is in this pair of pictures
+where the place is as steep: noise, blur and misalignment need not be known. The network's log odds
+gain or lose with it by a function that was fitted on rendered cells
+(``models.training.foreground.empty_place``).
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ _LEAST_SIDE = 32
 _CONTRAST_PX = 12.0
 _LEAST_CORRELATION = 0.35
 _FARTHEST = 0.12
-"""Shift, as a share of the picture's longer side, beyond which the camera is taken for another one."""
+"""Shift, as a share of the picture's longer side, beyond which the camera is taken for another
+one."""
 _AREA = 0.16
 """Side of the area that light is estimated over, as a share of the picture's longer side."""
 _DARK = 0.03
@@ -45,7 +49,8 @@ _SAME = 3.0
 
 
 class Weights(NamedTuple):
-    """Of the logarithm of 1 + change and the network's log odds, to what is added to the log odds."""
+    """Of the logarithm of 1 + change and the network's log odds, to what is added to the log
+    odds."""
 
     constant: float
     change: float
@@ -59,9 +64,10 @@ WEIGHTS = Weights(-3.71, 0.04, 0.73, -0.57, 0.09)
 
 @dataclass(frozen=True)
 class Weighed:
-    """``probability`` (H, W); ``reason`` why the pictures of the empty place were of no use, and then nothing changed;
-    ``agreement`` share of the picture that looks as before; ``relied`` mean change of probability where there is cable
-    before or after; ``shift_px`` of the camera, at the picture's middle."""
+    """``probability`` (H, W); ``reason`` why the pictures of the empty place were of no use, and
+    then nothing changed; ``agreement`` share of the picture that looks as before; ``relied`` mean
+    change of probability where there is cable before or after; ``shift_px`` of the camera, at the
+    picture's middle."""
 
     probability: Float32Array
     agreement: float
@@ -71,9 +77,13 @@ class Weighed:
 
 
 def weigh(
-    image: ByteArray, probability: Float32Array, places: Sequence[ByteArray], weights: Weights = WEIGHTS
+    image: ByteArray,
+    probability: Float32Array,
+    places: Sequence[ByteArray],
+    weights: Weights = WEIGHTS,
 ) -> Weighed:
-    """``probability`` (H, W) of cable in ``image`` (H, W, 3) given ``places``, pictures of the same size."""
+    """``probability`` (H, W) of cable in ``image`` (H, W, 3) given ``places``, pictures of the same
+    size."""
     scale = min(1.0, LONG_SIDE / max(image.shape[:2]))
     if min(image.shape[:2]) * scale < _LEAST_SIDE:
         return Weighed(probability, 0.0, 0.0, 0.0, "the picture is too small to compare")
@@ -90,7 +100,9 @@ def weigh(
     if not changes:
         return Weighed(probability, 0.0, 0.0, 0.0, reasons[0])
     least = np.min(changes, axis=0)
-    added = np.asarray(cv2.resize(_added(least, odds, weights), image.shape[1::-1], interpolation=cv2.INTER_LINEAR))
+    added = np.asarray(
+        cv2.resize(_added(least, odds, weights), image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    )
     out = np.asarray(1 / (1 + np.exp(-(log_odds(probability) + added))), np.float32)
     cable = (probability >= 0.5) | (out >= 0.5)
     relied = float(np.abs(out - probability)[cable].mean()) if cable.any() else 0.0
@@ -110,7 +122,8 @@ def evidence(change: Float32Array, odds: Float32Array) -> Float32Array:
 
 
 class Aligned(NamedTuple):
-    """``place`` (h, w, 3) brought over the picture; ``valid`` (h, w) where it reaches; how far the middle moved."""
+    """``place`` (h, w, 3) brought over the picture; ``valid`` (h, w) where it reaches; how far the
+    middle moved."""
 
     place: ByteArray
     valid: BoolArray
@@ -118,7 +131,8 @@ class Aligned(NamedTuple):
 
 
 def align(place: ByteArray, image: ByteArray, free: BoolArray) -> Aligned | str:
-    """``place`` (h, w, 3) over ``image``, by what they share where ``free`` (h, w) of cables; or why that cannot be."""
+    """``place`` (h, w, 3) over ``image``, by what they share where ``free`` (h, w) of cables; or
+    why that cannot be."""
     fixed, moving = _contrast(image), _contrast(place)
     window = np.where(free, cv2.createHanningWindow(image.shape[1::-1], cv2.CV_32F), np.float32(0))
     (dx, dy), _ = cv2.phaseCorrelate(fixed * window, moving * window)
@@ -144,7 +158,8 @@ def align(place: ByteArray, image: ByteArray, free: BoolArray) -> Aligned | str:
 def _refined(
     fixed: Float32Array, moving: Float32Array, free: BoolArray, start: Float32Array
 ) -> tuple[FloatArray, float] | None:
-    """The warp (2, 3) from ``fixed`` to ``moving``, turned and shifted, and the correlation that it reaches."""
+    """The warp (2, 3) from ``fixed`` to ``moving``, turned and shifted, and the correlation that it
+    reaches."""
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-4)
     mask = free.astype(np.uint8) * 255
     best = None
@@ -163,8 +178,8 @@ def _refined(
 
 
 def change(image: ByteArray, place: ByteArray, valid: BoolArray, free: BoolArray) -> Float32Array:
-    """(h, w) in usual changes of this pair of pictures, at most 12; NaN where ``place`` does not reach. What is usual
-    is measured where the picture is ``free`` of cables."""
+    """(h, w) in usual changes of this pair of pictures, at most 12; NaN where ``place`` does not
+    reach. What is usual is measured where the picture is ``free`` of cables."""
     before = _log(place)
     ratio = _log(image) - before
     ratio = np.asarray(cv2.GaussianBlur(ratio - _light(ratio), (0, 0), _SMOOTH_PX), np.float32)
@@ -201,8 +216,12 @@ def _light(ratio: Float32Array) -> Float32Array:
     side = 2 * round(_AREA * max(height, width) / factor / 2) + 1
     few = np.asarray(cv2.resize(cv2.medianBlur(ratio, 5), size, interpolation=cv2.INTER_AREA))
     levels = np.clip((few + 2) * 63.75, 0, 255).astype(np.uint8)
-    middle = np.stack([cv2.medianBlur(np.ascontiguousarray(levels[:, :, k]), side) for k in range(3)], axis=2)
-    return np.asarray(cv2.resize(middle.astype(np.float32) / 63.75 - 2, (width, height)), np.float32)
+    middle = np.stack(
+        [cv2.medianBlur(np.ascontiguousarray(levels[:, :, k]), side) for k in range(3)], axis=2
+    )
+    return np.asarray(
+        cv2.resize(middle.astype(np.float32) / 63.75 - 2, (width, height)), np.float32
+    )
 
 
 def _steepness(logs: Float32Array) -> Float32Array:

@@ -1,7 +1,7 @@
 """Strands that are thick at the network's scale are looked at again, from farther away.
 
-A hose as wide as a hand in front of the lens shows the network a wall: it sees both edges as little as the ends of the
-piece. From twice as far it is a cable like others.
+A hose as wide as a hand in front of the lens shows the network a wall: it sees both edges as little
+as the ends of the piece. From twice as far it is a cable like others.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ _THINNED = 4
 def look_from_afar(
     image: ByteArray, probability: Float32Array, network: Network, settings: ForegroundInput
 ) -> Float32Array:
-    """(h, w) probability of ``image`` (H, W, 3), seen at a smaller scale: where half that scale shows a thick strand
-    the larger of both. It costs nothing where nothing thick is seen, else a quarter of the first pass."""
+    """(h, w) probability of ``image`` (H, W, 3), seen at a smaller scale: where half that scale
+    shows a thick strand the larger of both. It costs nothing where nothing thick is seen, else a
+    quarter of the first pass."""
     thinned = np.ascontiguousarray(probability[::_THINNED, ::_THINNED] >= settings.threshold)
     if not _middles(thinned, THICK_PX / _THINNED).any():
         return probability

@@ -1,1 +1,2 @@
-"""Mask to strands: cleaning, skeleton, graph, sections and their ends, pairing, walks. All methods stand on it."""
+"""Mask to strands: cleaning, skeleton, graph, sections and their ends, pairing, walks. All methods
+stand on it."""

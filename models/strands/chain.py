@@ -11,7 +11,8 @@ from models.geometry.arrays import FloatArray
 class Chain:
     """Ordered points ``(n, 2)`` found along one DLO; a closed one does not repeat its first point.
 
-    ``doubt``: minus the logarithm of the probability that its pieces belong together, where a method knows it.
+    ``doubt``: minus the logarithm of the probability that its pieces belong together, where a
+    method knows it.
     """
 
     xy: FloatArray

@@ -17,15 +17,17 @@ _SPECK_WIDTHS = 0.5
 _MOST_SLIT_WIDTHS = 15.0
 """Larger holes, in squares of the typical width, are no slits."""
 _WIDEST, _LEAST_LENGTH_WIDTHS = 1 / 8, 3.0
-"""Foreground wider than this share of the picture's longer side is no DLO, unless it is so many times longer."""
+"""Foreground wider than this share of the picture's longer side is no DLO, unless it is so many
+times longer."""
 
 
 def clean(mask: BoolArray, hole_widths: float, slit_widths: float = 0.0) -> Foreground:
     """Specks removed, holes filled, slabs removed; the mask that came in is left as it is.
 
-    ``hole_widths``: holes of an area up to this squared, in typical widths, are filled. ``slit_widths``: so are
-    those no wider than this, in typical widths: the slits between DLOs of one bundle, each of which would make a ring
-    of the skeleton. The typical width is twice the area over the length of all outlines: no single place decides it.
+    ``hole_widths``: holes of an area up to this squared, in typical widths, are filled.
+    ``slit_widths``: so are those no wider than this, in typical widths: the slits between DLOs of
+    one bundle, each of which would make a ring of the skeleton. The typical width is twice the area
+    over the length of all outlines: no single place decides it.
     """
     binary = mask.astype(np.uint8)
     _remove_slabs(binary)
@@ -46,14 +48,16 @@ def clean(mask: BoolArray, hole_widths: float, slit_widths: float = 0.0) -> Fore
 
 
 def _pixels(areas: FloatArray, lengths: FloatArray, is_hole: BoolArray) -> FloatArray:
-    """How many pixels outlines enclose, by Pick's theorem: an outline runs through the middles of foreground pixels, so
-    that a line of one pixel encloses no area; the outline of a hole runs outside it."""
+    """How many pixels outlines enclose, by Pick's theorem: an outline runs through the middles of
+    foreground pixels, so that a line of one pixel encloses no area; the outline of a hole runs
+    outside it."""
     out: FloatArray = areas + np.where(is_hole, -0.5, 0.5) * lengths + 1
     return out
 
 
 def _remove_slabs(binary: ByteArray) -> None:
-    """Clear what is wider than any DLO and not long, in place. Looked for at a quarter of the size: it is large."""
+    """Clear what is wider than any DLO and not long, in place. Looked for at a quarter of the size:
+    it is large."""
     limit = round(_WIDEST * max(binary.shape, default=0) / 4)
     if limit < 3 or min(binary.shape) < 4 * limit:
         return
@@ -69,7 +73,8 @@ def _remove_slabs(binary: ByteArray) -> None:
 
 
 def _is_long(outline: NDArray[Any]) -> bool:
-    """Whether a slab is a few times longer than wide, as the rectangle of the same area and outline is."""
+    """Whether a slab is a few times longer than wide, as the rectangle of the same area and outline
+    is."""
     half = cv2.arcLength(outline, True) / 2
     across = (half - np.sqrt(max(half**2 - 4 * cv2.contourArea(outline), 0.0))) / 2
     return bool(half - across >= _LEAST_LENGTH_WIDTHS * across)

@@ -10,18 +10,22 @@ from models.geometry.sampling import read_nearest
 
 
 def width_of(radii: FloatArray) -> float:
-    """Pixels across, edge to edge, of a strand whose distances to the background are ``(n,)``: the median counts.
+    """Pixels across, edge to edge, of a strand whose distances to the background are ``(n,)``: the
+    median counts.
 
     Distances are to the centers of pixels, so that a line of one pixel has 1.
     """
     return max(1.0, 2 * float(np.median(radii)) - 1)
 
 
-def beyond(line: FloatArray, foreground: BoolArray | Float32Array, most: float, behind: int) -> FloatArray:
-    """``(1, 2)`` the tip of a strand beyond the first of ``(n, 2)`` points, ``(0, 2)`` where that is the tip already.
+def beyond(
+    line: FloatArray, foreground: BoolArray | Float32Array, most: float, behind: int
+) -> FloatArray:
+    """``(1, 2)`` the tip of a strand beyond the first of ``(n, 2)`` points, ``(0, 2)`` where that
+    is the tip already.
 
-    A medial line ends before its strand does: the tip is the last foreground pixel ahead of it, at most ``most``
-    pixels away, in the direction from the point ``behind`` places farther in.
+    A medial line ends before its strand does: the tip is the last foreground pixel ahead of it, at
+    most ``most`` pixels away, in the direction from the point ``behind`` places farther in.
     """
     step = line[0] - line[min(behind, len(line) - 1)]
     if float(np.hypot(*step)) < 1e-6:
@@ -33,7 +37,8 @@ def beyond(line: FloatArray, foreground: BoolArray | Float32Array, most: float, 
 
 
 def within(points_xy: FloatArray, shape: tuple[int, ...], margin: float) -> BoolArray:
-    """``(…,)`` which of ``(…, 2)`` points are in the picture and at least ``margin`` pixels from its edge."""
+    """``(…,)`` which of ``(…, 2)`` points are in the picture and at least ``margin`` pixels from
+    its edge."""
     limit = np.array(shape[1::-1]) - 1 - margin
     out: BoolArray = np.logical_and.reduce((points_xy >= margin) & (points_xy <= limit), axis=-1)
     return out

@@ -1,5 +1,5 @@
-"""The graph of the strands in a mask: joints, free ends and the medial lines between them, and how it is cleaned: what
-only the outline's unevenness makes is taken out (before thesis 6.4.2)."""
+"""The graph of the strands in a mask: joints, free ends and the medial lines between them, and how
+it is cleaned: what only the outline's unevenness makes is taken out (before thesis 6.4.2)."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from models.strands.pixel_graph import PixelGraph, smoothed
 _SMOOTHING_PX = 3
 """Neighbors to both sides that take the pixel steps out of a medial line."""
 _SPUR = 0.5
-"""A free end that reaches less than this share of the joint's radius beyond its disc is no branch."""
+"""A free end that reaches less than this share of the joint's radius beyond its disc is no
+branch."""
 _CONTRACTED = 0.8
 """Joints nearer than this share of their radius are one place."""
 
 
 @dataclass(frozen=True, eq=False)
 class Strand:
-    """A medial line between two knots (``a`` at its first, ``b`` at its last point; equal for a ring).
+    """A medial line between two knots (``a`` at its first, ``b`` at its last point; equal for a
+    ring).
 
     ``xy``: ``(n, 2)`` about a pixel apart; ``radii``: ``(n,)`` distance to the background.
     """
@@ -43,7 +45,10 @@ class Strand:
 
     def followed_by(self, other: Strand) -> Strand:
         """One strand of two, of which the second starts where the first ends."""
-        xy, radii = np.concatenate((self.xy, other.xy[1:])), np.concatenate((self.radii, other.radii[1:]))
+        xy, radii = (
+            np.concatenate((self.xy, other.xy[1:])),
+            np.concatenate((self.radii, other.radii[1:])),
+        )
         return Strand(self.a, other.b, xy, radii)
 
     def seen_from(self, knot: int) -> Strand:
@@ -62,8 +67,8 @@ class Web:
 def web_of(graph: PixelGraph, distances: Float32Array) -> Web:
     """The strands of a pixel graph, as it shows them: nothing is left out yet.
 
-    Strategy: the joints at its ends are put before and after each chain's pixels; all lines are then smoothed and
-    their radii read at once.
+    Strategy: the joints at its ends are put before and after each chain's pixels; all lines are
+    then smoothed and their radii read at once.
     """
     count = len(graph.closed)
     ends = graph.ends.copy()
@@ -77,18 +82,23 @@ def web_of(graph: PixelGraph, distances: Float32Array) -> Web:
     knots = np.concatenate((graph.junction_xy, tips)).astype(np.float64)
     bounds = graph.bounds + 2 * np.arange(count + 1)
     line = np.empty((int(bounds[-1]), 2))
-    line[np.arange(len(graph.xy)) + 2 * np.repeat(np.arange(count), np.diff(graph.bounds)) + 1] = graph.xy
+    line[np.arange(len(graph.xy)) + 2 * np.repeat(np.arange(count), np.diff(graph.bounds)) + 1] = (
+        graph.xy
+    )
     line[bounds[:-1]], line[bounds[1:] - 1] = knots[ends[:, 0]], knots[ends[:, 1]]
     radii, xy = read_nearest(distances, line), smoothed(line, bounds, _SMOOTHING_PX)
     strands = (
         Strand(a, b, xy[start:stop], radii[start:stop])
-        for (a, b), start, stop in zip(ends.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
+        for (a, b), start, stop in zip(
+            ends.tolist(), bounds[:-1].tolist(), bounds[1:].tolist(), strict=True
+        )
     )
     return Web(knots, tuple(s for s in strands if s.a != s.b or not _is_curl(s)))
 
 
 def cleaned(web: Web) -> Web:
-    """The web without spurs and specks; joints that belong together are one, knots on a strand are dissolved."""
+    """The web without spurs and specks; joints that belong together are one, knots on a strand are
+    dissolved."""
     web = contract(dissolve(web))
     for _ in range(3):
         count = degrees(web)
@@ -169,7 +179,9 @@ def contract(web: Web) -> Web:
     if np.array_equal(roots, np.arange(len(roots))):
         return web
     sizes = np.bincount(roots, minlength=len(roots))
-    sums = np.stack([np.bincount(roots, web.knots_xy[:, axis], len(roots)) for axis in (0, 1)], axis=1)
+    sums = np.stack(
+        [np.bincount(roots, web.knots_xy[:, axis], len(roots)) for axis in (0, 1)], axis=1
+    )
     middle: FloatArray = sums / np.maximum(sizes, 1.0)[:, None]
     moved = (_moved(s, int(roots[s.a]), int(roots[s.b]), middle) for s in web.strands)
     kept = tuple(s for s in moved if s.a != s.b or not _is_curl(s))

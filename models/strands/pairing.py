@@ -1,6 +1,7 @@
 """Minimum-cost matching of section ends: every end goes on in one other end, or ends.
 
-Symbols: n ends; link ``k`` joins two of them at a cost; ``stop`` is what it costs an end not to go on.
+Symbols: n ends; link ``k`` joins two of them at a cost; ``stop`` is what it costs an end not to go
+on.
 """
 
 from __future__ import annotations
@@ -16,18 +17,22 @@ _EXACT_ENDS = 8
 _MOST_SHARED = 12
 """So many sections of a group are tried as shared."""
 _SHARED_MARGIN = -1.5
-"""Log odds by which sharing may be worse: not to share leaves strands that end in the middle of nowhere."""
+"""Log odds by which sharing may be worse: not to share leaves strands that end in the middle of
+nowhere."""
 _FORBIDDEN = 1e6
 """Cost of a pair that is no link: larger than any sum of costs."""
 
 
-def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray | None = None) -> IntArray:
+def match(
+    count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray | None = None
+) -> IntArray:
     """``(n,)`` the partner of every end, itself for an end that stops.
 
-    ``pairs``: ``(m, 2)`` possible links, ``costs``: ``(m,)``, ``stop``: ``(n,)``. The total of the costs of all
-    links taken and of all stops is smallest over each connected group of ends, not chosen link by link.
-    ``via``: ``(m,)`` the section that a link shares, -1 for none: a section is either shared, and then its own two
-    ends (``2 s`` and ``2 s + 1``) go on nowhere else, or it is not, and no link leads along it.
+    ``pairs``: ``(m, 2)`` possible links, ``costs``: ``(m,)``, ``stop``: ``(n,)``. The total of the
+    costs of all links taken and of all stops is smallest over each connected group of ends, not
+    chosen link by link. ``via``: ``(m,)`` the section that a link shares, -1 for none: a section is
+    either shared, and then its own two ends (``2 s`` and ``2 s + 1``) go on nowhere else, or it is
+    not, and no link leads along it.
     """
     partner = np.arange(count)
     along = np.full(len(pairs), -1) if via is None else via
@@ -44,7 +49,8 @@ def match(count: int, pairs: IntArray, costs: FloatArray, stop: FloatArray, via:
 
 
 def greedy(count: int, pairs: IntArray, scores: FloatArray, least: float = -np.inf) -> IntArray:
-    """``(n,)`` the partner of every end, itself where it has none: best of ``(m, 2)`` pairs first, each end once.
+    """``(n,)`` the partner of every end, itself where it has none: best of ``(m, 2)`` pairs first,
+    each end once.
 
     ``scores``: ``(m,)``; pairs that are not above ``least`` are left out.
     """
@@ -56,8 +62,11 @@ def greedy(count: int, pairs: IntArray, scores: FloatArray, least: float = -np.i
     return partner
 
 
-def _match_group(pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray, partner: IntArray) -> None:
-    """Fill in the partners of one group: sections become shared one by one while that lowers the total."""
+def _match_group(
+    pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray, partner: IntArray
+) -> None:
+    """Fill in the partners of one group: sections become shared one by one while that lowers the
+    total."""
     shared: set[int] = set()
     total, best = _matched(pairs, costs, stop, via, shared)
     for section in np.unique(via[via >= 0]).tolist()[:_MOST_SHARED]:
@@ -89,17 +98,25 @@ def _matched(
     best = {int(members[k]): int(members[p]) for k, p in enumerate(found.tolist()) if p != k}
     # Of several links between the same two ends the cheapest, written last, counts.
     dearest_first = np.argsort(-costs, kind="stable")
-    cost = {(a, b): c for (a, b), c in zip(pairs[dearest_first].tolist(), costs[dearest_first].tolist(), strict=True)}
+    cost = {
+        (a, b): c
+        for (a, b), c in zip(
+            pairs[dearest_first].tolist(), costs[dearest_first].tolist(), strict=True
+        )
+    }
     return sum(cost[a, b] - float(stop[a] + stop[b]) for a, b in best.items() if a < b), best
 
 
 def _solve(pairs: IntArray, costs: FloatArray, stop: FloatArray) -> IntArray:
-    """Partners within one group, ends numbered from 0. Costs become savings against stopping at both ends."""
+    """Partners within one group, ends numbered from 0. Costs become savings against stopping at
+    both ends."""
     savings = stop[pairs[:, 0]] + stop[pairs[:, 1]] - costs
     if len(savings) == 1:
         return np.array([1, 0])
     if len(stop) <= _EXACT_ENDS:
-        chosen = _best(tuple((int(a), int(b), float(s)) for (a, b), s in zip(pairs, savings, strict=True)))[1]
+        chosen = _best(
+            tuple((int(a), int(b), float(s)) for (a, b), s in zip(pairs, savings, strict=True))
+        )[1]
     else:
         chosen = _relaxed(pairs, savings, len(stop))
     partner = np.arange(len(stop))
@@ -112,7 +129,8 @@ Link = tuple[int, int, float]
 
 
 def _best(links: tuple[Link, ...]) -> tuple[float, list[tuple[int, int]]]:
-    """Largest total saving of disjoint links: with the first end's links one by one, and without it."""
+    """Largest total saving of disjoint links: with the first end's links one by one, and without
+    it."""
     if not links:
         return 0.0, []
     first = links[0][0]
@@ -120,17 +138,21 @@ def _best(links: tuple[Link, ...]) -> tuple[float, list[tuple[int, int]]]:
     best = _best(without)
     for a, b, saving in links:
         if first in (a, b):
-            total, chosen = _best(tuple(link for link in without if b not in link[:2] and a not in link[:2]))
+            total, chosen = _best(
+                tuple(link for link in without if b not in link[:2] and a not in link[:2])
+            )
             if total + saving > best[0]:
                 best = total + saving, [(a, b), *chosen]
     return best
 
 
 def _relaxed(pairs: IntArray, savings: FloatArray, count: int) -> list[tuple[int, int]]:
-    """Large groups: the assignment problem on the symmetric table, whose cycles are then cut into pairs.
+    """Large groups: the assignment problem on the symmetric table, whose cycles are then cut into
+    pairs.
 
-    The relaxation lets an end go on in one end and be reached from another. Even cycles of more than two ends
-    split into pairs without loss; an odd cycle leaves out the end where that costs least.
+    The relaxation lets an end go on in one end and be reached from another. Even cycles of more
+    than two ends split into pairs without loss; an odd cycle leaves out the end where that costs
+    least.
     """
     table = np.full((count, count), _FORBIDDEN)
     np.fill_diagonal(table, 0.0)

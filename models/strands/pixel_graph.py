@@ -17,7 +17,8 @@ from models.strands.foreground import Foreground
 
 _WIDE_PX = 8.0
 FREE = -1
-"""From this width on a skeleton is traced at half the size; what stands for no junction at a chain's end."""
+"""From this width on a skeleton is traced at half the size; what stands for no junction at a
+chain's end."""
 _TWO_TRUE = 0x0101
 """Two bools, read as one number."""
 
@@ -26,9 +27,10 @@ _TWO_TRUE = 0x0101
 class PixelGraph:
     """Chains of pixels between junctions.
 
-    ``xy``: ``(N, 2)`` the pixels of all chains, one chain after the other, each in order along it. ``bounds``:
-    ``(C + 1,)`` where each chain starts in ``xy``. ``ends``: ``(C, 2)`` junction at a chain's first and last
-    pixel, ``FREE`` for none. ``closed``: ``(C,)`` a ring without any junction. ``junction_xy``: ``(J, 2)`` middles.
+    ``xy``: ``(N, 2)`` the pixels of all chains, one chain after the other, each in order along it.
+    ``bounds``: ``(C + 1,)`` where each chain starts in ``xy``. ``ends``: ``(C, 2)`` junction at a
+    chain's first and last pixel, ``FREE`` for none. ``closed``: ``(C,)`` a ring without any
+    junction. ``junction_xy``: ``(J, 2)`` middles.
     """
 
     xy: IntArray
@@ -41,8 +43,9 @@ class PixelGraph:
 def trace(foreground: Foreground, halve: bool = True) -> PixelGraph:
     """The graph of the foreground's skeleton, in the picture.
 
-    Where strands are wide enough it is found at half the size, in a quarter of the time, if ``halve`` allows it. A
-    halved mask's skeleton is up to two pixels beside the middle: its points go uphill in the distances.
+    Where strands are wide enough it is found at half the size, in a quarter of the time, if
+    ``halve`` allows it. A halved mask's skeleton is up to two pixels beside the middle: its points
+    go uphill in the distances.
     """
     margin = foreground.margin
     if not halve or foreground.width_px < _WIDE_PX:
@@ -64,10 +67,11 @@ def skeleton_of(mask: BoolArray) -> BoolArray:
 def pixel_graph(skeleton: BoolArray) -> PixelGraph:
     """The graph of an ``(H, W)`` skeleton.
 
-    Strategy: two pixels are neighbors if they touch by a side, or by a corner with no third pixel beside both.
-    A pixel with more than two neighbors belongs to a junction; junction pixels that touch are one junction.
-    Without them only paths and rings are left. Every path is ordered by pointer doubling: each pixel looks along
-    the path in both directions, and in log2 P rounds of array operations it knows both ends and its distance.
+    Strategy: two pixels are neighbors if they touch by a side, or by a corner with no third pixel
+    beside both. A pixel with more than two neighbors belongs to a junction; junction pixels that
+    touch are one junction. Without them only paths and rings are left. Every path is ordered by
+    pointer doubling: each pixel looks along the path in both directions, and in log2 P rounds of
+    array operations it knows both ends and its distance.
     """
     pixels, neighbors = _neighbors(skeleton)
     degree = (neighbors >= 0).sum(axis=1)
@@ -85,7 +89,8 @@ def pixel_graph(skeleton: BoolArray) -> PixelGraph:
 
 
 def _neighbors(skeleton: BoolArray) -> tuple[IntArray, IntArray]:
-    """``(P, 2)`` pixels (x, y) and ``(P, 8)`` indices of their neighbors, -1 for none; sides first."""
+    """``(P, 2)`` pixels (x, y) and ``(P, 8)`` indices of their neighbors, -1 for none; sides
+    first."""
     padded = np.pad(skeleton, 1)
     width = padded.shape[1]
     flat = np.flatnonzero(padded)
@@ -95,13 +100,16 @@ def _neighbors(skeleton: BoolArray) -> tuple[IntArray, IntArray]:
     corners = np.array([-width + 1, width + 1, width - 1, -width - 1])
     near = index[flat[:, None] + sides]
     far = index[flat[:, None] + corners]
-    # Corner k lies between sides k and k + 1: with either of them there, the two pixels are linked already.
+    # Corner k lies between sides k and k + 1: with either of them there, the two pixels are linked
+    # already.
     far[(near >= 0) | (np.roll(near, -1, axis=1) >= 0)] = -1
     pixels = np.stack((flat % width - 1, flat // width - 1), axis=1).astype(np.int64)
     return pixels, np.concatenate((near, far), axis=1).astype(np.int64)
 
 
-def _junctions(pixels: IntArray, neighbors: IntArray, is_junction: BoolArray) -> tuple[IntArray, FloatArray]:
+def _junctions(
+    pixels: IntArray, neighbors: IntArray, is_junction: BoolArray
+) -> tuple[IntArray, FloatArray]:
     """``(P,)`` junction of every pixel, -1 for none, and ``(J, 2)`` their middles."""
     of = np.full(len(pixels), -1, dtype=np.int64)
     members = np.flatnonzero(is_junction)
@@ -121,14 +129,17 @@ def _junctions(pixels: IntArray, neighbors: IntArray, is_junction: BoolArray) ->
 
 def _two_neighbors(neighbors: IntArray, is_junction: BoolArray) -> IntArray:
     """``(P, 2)``: the neighbors of path pixels that are path pixels, -1 where there is none."""
-    kept = np.where((neighbors >= 0) & ~is_junction[neighbors] & ~is_junction[:, None], neighbors, -1)
+    kept = np.where(
+        (neighbors >= 0) & ~is_junction[neighbors] & ~is_junction[:, None], neighbors, -1
+    )
     ranked = -np.partition(-kept, 1, axis=1)[:, :2] if len(kept) else kept[:, :2]
     out: IntArray = np.sort(ranked, axis=1)[:, ::-1]
     return np.ascontiguousarray(out)
 
 
 def _ordered(two: IntArray, is_path: BoolArray) -> tuple[IntArray, IntArray, BoolArray]:
-    """For every pixel: its chain's name (-1 off the paths), its place along it, and whether that is a ring."""
+    """For every pixel: its chain's name (-1 off the paths), its place along it, and whether that is
+    a ring."""
     last, steps, least = _walk(two)
     ring = is_path & (two[last >> 1, last & 1] >= 0).any(axis=1)
     if ring.any():
@@ -145,7 +156,8 @@ def _ordered(two: IntArray, is_path: BoolArray) -> tuple[IntArray, IntArray, Boo
 
 
 def _walk(two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """Where both directions from each pixel end (``2 * pixel + direction``), how far off, least pixel met."""
+    """Where both directions from each pixel end (``2 * pixel + direction``), how far off, least
+    pixel met."""
     count = len(two)
     own = np.arange(2 * count, dtype=np.int64).reshape(count, 2)
     onward = 2 * two + (two[two, 0] == np.arange(count)[:, None])
@@ -159,24 +171,30 @@ def _walk(two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     return following.reshape(count, 2), steps.reshape(count, 2), least.reshape(count, 2).min(axis=1)
 
 
-def _end_junctions(first: IntArray, last: IntArray, neighbors: IntArray, junction_of: IntArray) -> IntArray:
+def _end_junctions(
+    first: IntArray, last: IntArray, neighbors: IntArray, junction_of: IntArray
+) -> IntArray:
     """``(C, 2)`` junctions beside the first and last pixel of each chain."""
     extended = np.append(junction_of, FREE)
-    at_first, at_last = (np.sort(extended[neighbors[pixel]], axis=1)[:, ::-1] for pixel in (first, last))
+    at_first, at_last = (
+        np.sort(extended[neighbors[pixel]], axis=1)[:, ::-1] for pixel in (first, last)
+    )
     alone = first == last
     # A chain of one pixel has both junctions beside that pixel.
     return np.stack((at_first[:, 0], np.where(alone, at_last[:, 1], at_last[:, 0])), axis=1)
 
 
 def halved(mask: BoolArray) -> BoolArray:
-    """``(H // 2, W // 2)``: foreground where all four pixels are, so that no gap between strands closes."""
+    """``(H // 2, W // 2)``: foreground where all four pixels are, so that no gap between strands
+    closes."""
     height, width = mask.shape[0] // 2 * 2, mask.shape[1] // 2 * 2
     rows = mask[0:height:2, :width] & mask[1:height:2, :width]
     return np.asarray(rows.view(np.uint16) == _TWO_TRUE)
 
 
 def doubled(graph: PixelGraph) -> PixelGraph:
-    """The graph of a halved mask in the pixels of the whole one: chains are dense again, a point every pixel."""
+    """The graph of a halved mask in the pixels of the whole one: chains are dense again, a point
+    every pixel."""
     lengths = np.diff(graph.bounds)
     bounds = 2 * graph.bounds - np.arange(len(graph.bounds))
     xy = np.zeros((int(bounds[-1]), 2), dtype=np.int64)
@@ -190,8 +208,11 @@ def doubled(graph: PixelGraph) -> PixelGraph:
 
 
 def uphill(points_xy: IntArray, heights: Float32Array, steps: int) -> IntArray:
-    """``(n, 2)`` pixels, each moved so many times to the highest of itself and its 8 neighbors (itself if equal)."""
-    offsets = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (1, 1), (-1, 1), (1, -1)])
+    """``(n, 2)`` pixels, each moved so many times to the highest of itself and its 8 neighbors
+    (itself if equal)."""
+    offsets = np.array(
+        [(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (1, 1), (-1, 1), (1, -1)]
+    )
     framed = np.pad(heights, 1, constant_values=-np.inf)
     width = framed.shape[1]
     around = offsets[:, 1] * width + offsets[:, 0]
@@ -202,14 +223,17 @@ def uphill(points_xy: IntArray, heights: Float32Array, steps: int) -> IntArray:
 
 
 def smoothed(points: FloatArray | IntArray, bounds: IntArray, half: int) -> FloatArray:
-    """``(N, 2)`` points of consecutive chains, each the mean of up to ``half`` neighbors to both sides.
+    """``(N, 2)`` points of consecutive chains, each the mean of up to ``half`` neighbors to both
+    sides.
 
     The window shrinks towards a chain's ends, which stay where they are.
     """
     lengths = np.diff(bounds)
     place = np.arange(len(points)) - np.repeat(bounds[:-1], lengths)
     room = np.minimum(np.minimum(place, np.repeat(lengths, lengths) - 1 - place), half)
-    sums = np.concatenate((np.zeros((1, points.shape[1])), np.cumsum(points, axis=0, dtype=np.float64)))
+    sums = np.concatenate(
+        (np.zeros((1, points.shape[1])), np.cumsum(points, axis=0, dtype=np.float64))
+    )
     here = np.arange(len(points))
     out: FloatArray = (sums[here + room + 1] - sums[here - room]) / (2 * room + 1)[:, None]
     return out

@@ -15,7 +15,8 @@ _LEAST_SHARE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """``mask`` and ``image`` as they are worked on; ``scale`` (x, y): pixels of the picture a reduced pixel."""
+    """``mask`` and ``image`` as they are worked on; ``scale`` (x, y): pixels of the picture a
+    reduced pixel."""
 
     mask: BoolArray
     image: ByteArray | None
@@ -27,7 +28,8 @@ class Reduced:
         return float(self.scale.mean())
 
     def enlarged(self, xy: FloatArray | tuple[float, float]) -> FloatArray:
-        """``(…, 2)`` places in the pixels of the picture: pixel centers are whole numbers at both sizes."""
+        """``(…, 2)`` places in the pixels of the picture: pixel centers are whole numbers at both
+        sizes."""
         out: FloatArray = (np.asarray(xy) + 0.5) * self.scale - 0.5
         return out
 
@@ -39,7 +41,8 @@ class Reduced:
 def reduced(mask: BoolArray, image: ByteArray | None, max_pixels: int) -> Reduced | None:
     """Both reduced by a whole number to at most so many pixels; None where they are small enough.
 
-    ``mask``: ``(H, W)``; ``image``: ``(H, W, 3)`` or None. Raises ValueError when they are of different sizes.
+    ``mask``: ``(H, W)``; ``image``: ``(H, W, 3)`` or None. Raises ValueError when they are of
+    different sizes.
     """
     if image is not None and image.shape != (*mask.shape, 3):
         raise ValueError(f"image {image.shape} does not belong to a mask of {mask.shape}")
@@ -48,5 +51,9 @@ def reduced(mask: BoolArray, image: ByteArray | None, max_pixels: int) -> Reduce
         return None
     size = (max(1, mask.shape[1] // factor), max(1, mask.shape[0] // factor))
     share = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
-    small = None if image is None else np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    small = (
+        None
+        if image is None
+        else np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    )
     return Reduced(share >= 255 * _LEAST_SHARE, small, np.array(mask.shape[::-1]) / np.array(size))

@@ -1,6 +1,7 @@
 """Skeleton chains as sections of DLOs, cut back from the places where the skeleton lies.
 
-Symbols: S sections, E = 2 S ends (end ``2 s`` is the start of section ``s``, ``2 s + 1`` its other end).
+Symbols: S sections, E = 2 S ends (end ``2 s`` is the start of section ``s``, ``2 s + 1`` its other
+end).
 """
 
 from __future__ import annotations
@@ -21,14 +22,17 @@ _LOOK = 24
 """Samples of the stretch behind an end that tells its direction, width and color."""
 _LOOK_RADII = 6.0
 _CUT_RADII = 1.0
-"""What is cut off at a junction, in radii there: the skeleton runs into the junction, not along a DLO."""
+"""What is cut off at a junction, in radii there: the skeleton runs into the junction, not along a
+DLO."""
 _CUT_AT_MOST_RADII = 2.5
 _THICK = 1.2
 """A section is cut back while it is thicker than this times its own typical radius."""
 _LEAST_OF_TYPICAL = 0.75
-"""Where a mask breaks off it is often thin: an end counts as at least so much of its section's typical radius."""
+"""Where a mask breaks off it is often thin: an end counts as at least so much of its section's
+typical radius."""
 _INSIDE_RADII = 1.0
-"""What is left of a chain between two junctions once it is cut, up to so many radii, lies inside a crossing, too."""
+"""What is left of a chain between two junctions once it is cut, up to so many radii, lies inside a
+crossing, too."""
 _SPUR_RADII = 1.5
 _MAX_SECTIONS = 3_000
 _NEAREST = 24
@@ -39,11 +43,12 @@ _NEAREST = 24
 class Sections:
     """S sections and what is known at their E ends.
 
-    ``xy``, ``bounds``: centerline points of all sections and where each starts. ``closed``: ``(S,)`` rings.
-    ``radius``: ``(S,)`` typical half width; ``length``: ``(S,)`` pixels. ``node``: ``(E,)`` the group of
-    junctions at the end, -1 for a free end. ``tip``: ``(E, 2)`` its place; ``outward``: ``(E, 2)`` unit
-    direction out of it; ``end_radius``: ``(E,)``; ``color``: ``(E, 3)`` RGB (0 without a picture);
-    ``beside``: ``(E, 3)`` the color next to it; ``to_edge``: ``(E,)`` distance to the picture's edge.
+    ``xy``, ``bounds``: centerline points of all sections and where each starts. ``closed``:
+    ``(S,)`` rings. ``radius``: ``(S,)`` typical half width; ``length``: ``(S,)`` pixels. ``node``:
+    ``(E,)`` the group of junctions at the end, -1 for a free end. ``tip``: ``(E, 2)`` its place;
+    ``outward``: ``(E, 2)`` unit direction out of it; ``end_radius``: ``(E,)``; ``color``: ``(E,
+    3)`` RGB (0 without a picture); ``beside``: ``(E, 3)`` the color next to it; ``to_edge``:
+    ``(E,)`` distance to the picture's edge.
     """
 
     xy: FloatArray
@@ -76,11 +81,12 @@ def sections_of(
 ) -> Sections:
     """The chains of a pixel graph without spurs, cut at junctions.
 
-    ``shared_radii``: a chain up to so many radii long between two forks is the foreground that two crossing DLOs
-    share: it is left out and the forks become one group.
+    ``shared_radii``: a chain up to so many radii long between two forks is the foreground that two
+    crossing DLOs share: it is left out and the forks become one group.
 
-    Strategy: a chain that would be cut to nothing lies inside a crossing; its two junctions become one group.
-    All values at ends come from one gather: ``_LOOK`` samples a few radii back along the chain from each end.
+    Strategy: a chain that would be cut to nothing lies inside a crossing; its two junctions become
+    one group. All values at ends come from one gather: ``_LOOK`` samples a few radii back along the
+    chain from each end.
     """
     bounds, lengths = graph.bounds, np.diff(graph.bounds)
     radii = np.maximum(distances[graph.xy[:, 1], graph.xy[:, 0]].astype(np.float64) - 0.5, 0.5)
@@ -91,7 +97,9 @@ def sections_of(
     inner = (graph.ends != FREE).all(axis=1) & (lengths <= inside) & ~graph.closed
     spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, cut, junction_radius)
     if shared_radii > 0:
-        inner[_between_forks(graph, ~inner & ~spur, lengths / np.maximum(typical, 1.0), shared_radii)] = True
+        inner[
+            _between_forks(graph, ~inner & ~spur, lengths / np.maximum(typical, 1.0), shared_radii)
+        ] = True
     group = components(graph.ends[inner], len(junction_radius))
     kept = np.flatnonzero(~inner & ~spur & (lengths >= 2))
     if len(kept) > _MAX_SECTIONS:
@@ -99,14 +107,26 @@ def sections_of(
     cut = np.minimum(cut[kept], np.maximum(lengths[kept, None] // 2 - 1, 0))
     first, last = bounds[kept] + cut[:, 0], bounds[kept + 1] - cut[:, 1]
     smooth = smoothed(graph.xy, bounds, _SMOOTHING_PX)
-    rows = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)] or [np.zeros(0, np.int64)])
+    rows = np.concatenate(
+        [np.arange(a, b) for a, b in zip(first, last, strict=True)] or [np.zeros(0, np.int64)]
+    )
     new_bounds = np.concatenate(([0], np.cumsum(last - first))).astype(np.int64)
-    colors = np.zeros((len(rows), 3)) if image is None else image[graph.xy[rows, 1], graph.xy[rows, 0]].astype(float)
+    colors = (
+        np.zeros((len(rows), 3))
+        if image is None
+        else image[graph.xy[rows, 1], graph.xy[rows, 0]].astype(float)
+    )
     xy, radii = smooth[rows], radii[rows]
     nodes = np.append(group, FREE)[graph.ends[kept]].ravel()
     # Where all but one chain were spurs, that one simply ends.
-    nodes[np.append(np.bincount(nodes[nodes != FREE], minlength=len(graph.junction_xy)) == 1, False)[nodes]] = FREE
-    return _with_ends(xy, new_bounds, graph.closed[kept], radii, colors, nodes, distances.shape, image)
+    nodes[
+        np.append(np.bincount(nodes[nodes != FREE], minlength=len(graph.junction_xy)) == 1, False)[
+            nodes
+        ]
+    ] = FREE
+    return _with_ends(
+        xy, new_bounds, graph.closed[kept], radii, colors, nodes, distances.shape, image
+    )
 
 
 def _with_ends(
@@ -138,12 +158,24 @@ def _with_ends(
     tip = looked[:, 0]
     margin = np.minimum(tip, np.array(shape[::-1]) - 1 - tip).min(axis=1)
     return Sections(
-        xy, bounds, closed, own, length, nodes, tip, outward, radius,
-        np.median(colors[samples], axis=1), _beside(half, outward, typical, image), margin,
-    )  # fmt: skip
+        xy,
+        bounds,
+        closed,
+        own,
+        length,
+        nodes,
+        tip,
+        outward,
+        radius,
+        np.median(colors[samples], axis=1),
+        _beside(half, outward, typical, image),
+        margin,
+    )
 
 
-def _beside(points: FloatArray, outward: FloatArray, radius: FloatArray, image: ByteArray | None) -> FloatArray:
+def _beside(
+    points: FloatArray, outward: FloatArray, radius: FloatArray, image: ByteArray | None
+) -> FloatArray:
     """``(E, 3)`` mean color of both sides, two radii and two pixels away."""
     if image is None:
         return np.zeros((len(points), 3))
@@ -153,7 +185,8 @@ def _beside(points: FloatArray, outward: FloatArray, radius: FloatArray, image: 
 
 
 def _medians(values: FloatArray, bounds: IntArray) -> FloatArray:
-    """Median of each run of ``values``: sorted within the runs by one sort, then read at the middles."""
+    """Median of each run of ``values``: sorted within the runs by one sort, then read at the
+    middles."""
     lengths = np.diff(bounds)
     owner = np.repeat(np.arange(len(lengths)), lengths)
     ordered = values[np.lexsort((values, owner))]
@@ -169,7 +202,9 @@ def _junction_radii(graph: PixelGraph, distances: Float32Array) -> FloatArray:
     return out
 
 
-def _cuts(graph: PixelGraph, radii: FloatArray, typical: FloatArray, junction_radius: FloatArray) -> IntArray:
+def _cuts(
+    graph: PixelGraph, radii: FloatArray, typical: FloatArray, junction_radius: FloatArray
+) -> IntArray:
     """``(C, 2)`` pixels to cut off at both ends of every chain; 0 at free ends."""
     lengths = np.diff(graph.bounds)
     at = np.append(junction_radius, 0.0)[graph.ends]
@@ -178,7 +213,9 @@ def _cuts(graph: PixelGraph, radii: FloatArray, typical: FloatArray, junction_ra
     span = int(min(most.max(initial=0), 400)) + 1
     steps = np.minimum(np.arange(span)[None], lengths[:, None] - 1)
     cuts = []
-    for side, rows in enumerate((graph.bounds[:-1, None] + steps, graph.bounds[1:, None] - 1 - steps)):
+    for side, rows in enumerate(
+        (graph.bounds[:-1, None] + steps, graph.bounds[1:, None] - 1 - steps)
+    ):
         slim = radii[rows] <= _THICK * typical[:, None] + 0.5
         slim &= np.arange(span)[None] >= least[:, side, None]
         reached = np.where(slim.any(axis=1), slim.argmax(axis=1), span)
@@ -186,16 +223,22 @@ def _cuts(graph: PixelGraph, radii: FloatArray, typical: FloatArray, junction_ra
     return np.stack(cuts, axis=1)
 
 
-def _is_spur(graph: PixelGraph, lengths: IntArray, cut: IntArray, junction_radius: FloatArray) -> BoolArray:
+def _is_spur(
+    graph: PixelGraph, lengths: IntArray, cut: IntArray, junction_radius: FloatArray
+) -> BoolArray:
     """Short chains from a junction to nowhere: an uneven outline makes them."""
     at = np.append(junction_radius, 0.0)[graph.ends].max(axis=1)
     out: BoolArray = lengths <= np.maximum(_SPUR_RADII * at, 3)
     return out
 
 
-def _between_forks(graph: PixelGraph, kept: BoolArray, length_radii: FloatArray, at_most: float) -> list[int]:
+def _between_forks(
+    graph: PixelGraph, kept: BoolArray, length_radii: FloatArray, at_most: float
+) -> list[int]:
     """Chains between two junctions of three chains each; shortest first, each junction once."""
-    degree = np.bincount(graph.ends[kept][graph.ends[kept] != FREE], minlength=len(graph.junction_xy) + 1)
+    degree = np.bincount(
+        graph.ends[kept][graph.ends[kept] != FREE], minlength=len(graph.junction_xy) + 1
+    )
     forks = (graph.ends != FREE).all(axis=1) & (graph.ends[:, 0] != graph.ends[:, 1])
     forks &= kept & (degree[graph.ends] == 3).all(axis=1) & (length_radii <= at_most)
     chosen: list[int] = []
@@ -213,7 +256,9 @@ def pairs_at_junctions(sections: Sections) -> IntArray:
     ends = np.flatnonzero(sections.node >= 0)
     order = ends[np.argsort(sections.node[ends], kind="stable")]
     bounds = np.flatnonzero(np.diff(sections.node[order], prepend=-2))
-    found = [_near_pairs(group, sections.tip) for group in np.split(order, bounds[1:]) if len(group) > 1]
+    found = [
+        _near_pairs(group, sections.tip) for group in np.split(order, bounds[1:]) if len(group) > 1
+    ]
     return np.concatenate(found) if found else np.zeros((0, 2), np.int64)
 
 

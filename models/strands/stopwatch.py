@@ -8,7 +8,8 @@ from time import perf_counter
 
 
 class Stopwatch:
-    """Named wall-clock durations in milliseconds, in the order of the steps; a step that fails counts, too."""
+    """Named wall-clock durations in milliseconds, in the order of the steps; a step that fails
+    counts, too."""
 
     def __init__(self) -> None:
         self.timings_ms: dict[str, float] = {}
@@ -19,4 +20,6 @@ class Stopwatch:
         try:
             yield
         finally:
-            self.timings_ms[name] = self.timings_ms.get(name, 0.0) + 1e3 * (perf_counter() - started)
+            self.timings_ms[name] = self.timings_ms.get(name, 0.0) + 1e3 * (
+                perf_counter() - started
+            )

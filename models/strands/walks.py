@@ -16,15 +16,16 @@ from models.strands.sections import Sections
 
 _SPACING_PX = 3.0
 _TIP_RADII = 1.5
-"""Between points that are put into a gap; at a free end so much of a skeleton may turn to a corner of the tip."""
+"""Between points that are put into a gap; at a free end so much of a skeleton may turn to a corner
+of the tip."""
 
 
 @dataclass(frozen=True)
 class Joint:
     """How two ends are joined.
 
-    ``via``: the section that their DLO shares with another, -1 for none. ``doubt``: minus the log probability that
-    they belong together.
+    ``via``: the section that their DLO shares with another, -1 for none. ``doubt``: minus the log
+    probability that they belong together.
     """
 
     via: int = -1
@@ -37,10 +38,12 @@ _PLAIN = Joint()
 
 
 def follow(partner: IntArray, done: BoolArray | None = None) -> list[tuple[list[int], bool]]:
-    """Sections strung together: the ends at which each is entered, in order, and whether that is a ring.
+    """Sections strung together: the ends at which each is entered, in order, and whether that is a
+    ring.
 
-    ``partner``: ``(E,)`` of ends ``2 s`` and ``2 s + 1`` of section ``s``, itself for an end that stops. ``done``:
-    ``(S,)`` sections to leave out. Strings with free ends come first; a ring is opened at its first section.
+    ``partner``: ``(E,)`` of ends ``2 s`` and ``2 s + 1`` of section ``s``, itself for an end that
+    stops. ``done``: ``(S,)`` sections to leave out. Strings with free ends come first; a ring is
+    opened at its first section.
     """
     left = np.zeros(len(partner) // 2, dtype=bool) if done is None else done.copy()
     found = []
@@ -58,15 +61,20 @@ def follow(partner: IntArray, done: BoolArray | None = None) -> list[tuple[list[
 
 
 def strands_of(sections: Sections, partner: IntArray, joints: Joints) -> list[Chain]:
-    """The centerlines that follow from the partners ``(E,)`` of all ends; an end that stops is its own partner.
+    """The centerlines that follow from the partners ``(E,)`` of all ends; an end that stops is its
+    own partner.
 
-    A section that a joint shares is followed at the offset that the DLO has on both sides. A section whose two ends
-    are joined as shared is no strand of its own.
+    A section that a joint shares is followed at the offset that the DLO has on both sides. A
+    section whose two ends are joined as shared is no strand of its own.
     """
     done = sections.closed.copy()
-    done[[k for k in range(len(sections)) if joints.get((2 * k, 2 * k + 1), _PLAIN).via == k]] = True
+    done[[k for k in range(len(sections)) if joints.get((2 * k, 2 * k + 1), _PLAIN).via == k]] = (
+        True
+    )
     rings = [Chain(sections.points(k), True) for k in np.flatnonzero(sections.closed).tolist()]
-    return rings + [_chain(sections, entered, ring, joints) for entered, ring in follow(partner, done)]
+    return rings + [
+        _chain(sections, entered, ring, joints) for entered, ring in follow(partner, done)
+    ]
 
 
 def _chain(sections: Sections, entered: list[int], ring: bool, joints: Joints) -> Chain:
@@ -81,14 +89,20 @@ def _chain(sections: Sections, entered: list[int], ring: bool, joints: Joints) -
             pieces.append(_connection(sections, end ^ 1, onward, joint.via))
             doubt += joint.doubt
     points = np.concatenate(pieces)
-    return Chain(points if ring else _between_tips(points, sections, entered[0], entered[-1] ^ 1), ring, doubt)
+    return Chain(
+        points if ring else _between_tips(points, sections, entered[0], entered[-1] ^ 1),
+        ring,
+        doubt,
+    )
 
 
 def _between_tips(points: FloatArray, sections: Sections, first: int, last: int) -> FloatArray:
-    """The points without the free ends in view, where a skeleton turns to a corner: the assembly goes on straight."""
+    """The points without the free ends in view, where a skeleton turns to a corner: the assembly
+    goes on straight."""
     loose = [sections.node[e] == FREE and not sections.at_border[e] for e in (first, last)]
     cut = [
-        round(_TIP_RADII * sections.end_radius[e]) if free else 0 for e, free in zip((first, last), loose, strict=True)
+        round(_TIP_RADII * sections.end_radius[e]) if free else 0
+        for e, free in zip((first, last), loose, strict=True)
     ]
     cut = [min(c, len(points) // 4) for c in cut]
     return points[cut[0] : len(points) - cut[1]]
@@ -107,7 +121,8 @@ def _connection(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
 
 
 def _beside(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
-    """Along the shared section, moved by what the strand is beside it at both ends, from one to the other.
+    """Along the shared section, moved by what the strand is beside it at both ends, from one to the
+    other.
 
     Only the part of the offset across the section counts; it changes evenly along the way.
     """

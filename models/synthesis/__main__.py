@@ -1,5 +1,5 @@
-"""``python -m models.synthesis pack | render | samples | kinds``: background pool, labelled pictures, bundled ones,
-plates of every kind."""
+"""``python -m models.synthesis pack | render | samples | kinds``: background pool, labelled
+pictures, bundled ones, plates of every kind."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def samples(args: argparse.Namespace) -> None:
     pool = load_pool(args.textures)
     args.out.mkdir(parents=True, exist_ok=True)
     for style, number in _SAMPLES:
-        params = SceneParams((360, 640), (0.014, 0.04), max_cables=5, empty_share=0.0, clutter=1.0, style=style)
+        params = SceneParams(
+            (360, 640), (0.014, 0.04), max_cables=5, empty_share=0.0, clutter=1.0, style=style
+        )
         scene = render_scene(np.random.default_rng([_SAMPLES_SEED, number]), params, pool)
         file = args.out / f"{style}.jpg"
         cv2.imwrite(str(file), to_uint8(scene.rgb)[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 92])
@@ -59,7 +61,9 @@ def kinds(args: argparse.Namespace) -> None:
     plates |= {name: lookalike_plate(name, pool) for name in LOOKALIKES}
     args.out.mkdir(parents=True, exist_ok=True)
     for name, picture in plates.items():
-        cv2.imwrite(str(args.out / f"{name}.jpg"), picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
+        cv2.imwrite(
+            str(args.out / f"{name}.jpg"), picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80]
+        )
 
 
 def render(args: argparse.Namespace) -> None:
@@ -79,8 +83,8 @@ def render(args: argparse.Namespace) -> None:
 
 
 def truth_record(scene: Labelled, stride: int = 8) -> dict[str, Any]:
-    """What ``scenes.jsonl`` holds of a scene: pixels and radians, every ``stride``-th sample of the centerlines
-    (x, y, height); sample numbers of crossings count in the shortened centerlines."""
+    """What ``scenes.jsonl`` holds of a scene: pixels and radians, every ``stride``-th sample of the
+    centerlines (x, y, height); sample numbers of crossings count in the shortened centerlines."""
     crossings = [
         asdict(c)
         | {"xy": [round(v, 2) for v in c.xy]}
@@ -111,7 +115,9 @@ def _renderer(name: str) -> Callable[[np.random.Generator, SceneParams, TextureP
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m models.synthesis", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    packing = commands.add_parser("pack", help="folder of textures to one .npz, with painted murals added")
+    packing = commands.add_parser(
+        "pack", help="folder of textures to one .npz, with painted murals added"
+    )
     packing.add_argument("folder", type=Path)
     packing.add_argument("target", type=Path)
     packing.add_argument("--murals", type=int, default=120)
@@ -122,19 +128,33 @@ def main() -> None:
     rendering.add_argument("--seed", type=int, default=0)
     rendering.add_argument("--width", type=int, default=640)
     rendering.add_argument("--height", type=int, default=360)
-    rendering.add_argument("--textures", type=Path, help="a pack or a folder; without it backgrounds are noise")
-    rendering.add_argument("--renderer", choices=("composited", "path_traced"), default="composited",
-                           help="path_traced needs requirements/photoreal.in")  # fmt: skip
+    rendering.add_argument(
+        "--textures", type=Path, help="a pack or a folder; without it backgrounds are noise"
+    )
+    rendering.add_argument(
+        "--renderer",
+        choices=("composited", "path_traced"),
+        default="composited",
+        help="path_traced needs requirements/photoreal.in",
+    )
     rendering.add_argument("--style", choices=get_args(Style), default="mixed")
-    rendering.add_argument("--clutter", type=float, default=0.8, help="share of pictures with clutter")
+    rendering.add_argument(
+        "--clutter", type=float, default=0.8, help="share of pictures with clutter"
+    )
     rendering.set_defaults(run=render)
     bundled = commands.add_parser("samples", help="write the three bundled pictures")
     bundled.add_argument("out", type=Path)
-    bundled.add_argument("--textures", type=Path, required=True, help="folder that holds ambientcg128 alone")
+    bundled.add_argument(
+        "--textures", type=Path, required=True, help="folder that holds ambientcg128 alone"
+    )
     bundled.set_defaults(run=samples)
-    plates = commands.add_parser("kinds", help="write a plate of every kind of scene and of clutter")
+    plates = commands.add_parser(
+        "kinds", help="write a plate of every kind of scene and of clutter"
+    )
     plates.add_argument("out", type=Path)
-    plates.add_argument("--textures", type=Path, help="a pack or a folder; without it backgrounds are noise")
+    plates.add_argument(
+        "--textures", type=Path, help="a pack or a folder; without it backgrounds are noise"
+    )
     plates.set_defaults(run=kinds)
     args = parser.parse_args()
     args.run(args)

@@ -19,8 +19,8 @@ DOWN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
 
 
 class SimulatedArm:
-    """Moves at once to any pose above the table; ``jitter_m`` and ``jitter_rad`` are how far off its encoders are:
-    the pose it reports is not quite the one the picture is taken from."""
+    """Moves at once to any pose above the table; ``jitter_m`` and ``jitter_rad`` are how far off
+    its encoders are: the pose it reports is not quite the one the picture is taken from."""
 
     def __init__(
         self,
@@ -40,7 +40,14 @@ class SimulatedArm:
     @property
     def intrinsics(self) -> dict[str, object]:
         i = self._camera.intrinsics
-        sizes = {"width": i.width, "height": i.height, "fx": i.fx, "fy": i.fy, "cx": i.cx, "cy": i.cy}
+        sizes = {
+            "width": i.width,
+            "height": i.height,
+            "fx": i.fx,
+            "fy": i.fy,
+            "cx": i.cx,
+            "cy": i.cy,
+        }
         return {**sizes, "distortion": list(i.distortion), "distortion_model": i.model}
 
     def pose(self) -> list[list[float]]:
@@ -75,7 +82,8 @@ def camera_above(xy: FloatArray, height_m: float, intrinsics: Intrinsics | None 
 
 
 def long_cable(seed: int = 5, length_m: float = 0.8, diameter_m: float = 0.0035) -> SimulatedArm:
-    """A blue cable on a speckled table, the camera over its middle: what ``dlo scan`` shows itself with."""
+    """A blue cable on a speckled table, the camera over its middle: what ``dlo scan`` shows itself
+    with."""
     rng = np.random.default_rng(seed)
     points = random_cable(rng, length_m)
     scene = Scene3D((Cable3D(points, diameter_m / 2, (0.1, 0.2, 0.7)),), noise_texture(rng))

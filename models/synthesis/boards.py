@@ -37,14 +37,22 @@ def _on(rng: Rng, center: np.ndarray, half: np.ndarray, angle: float) -> np.ndar
     return np.asarray(center + u * along + v * across)
 
 
-def _traces(canvas: Canvas, rng: Rng, center: np.ndarray, half: np.ndarray, angle: float, color: np.ndarray) -> None:
+def _traces(
+    canvas: Canvas, rng: Rng, center: np.ndarray, half: np.ndarray, angle: float, color: np.ndarray
+) -> None:
     """Buses of thin parallel lines."""
     for _ in range(rng.integers(1, 5)):
         pitch = rng.uniform(0.006, 0.015) * canvas.width
         counts, turn = int(rng.integers(2, 8)), angle + rng.choice([0.0, np.pi / 4, np.pi / 2])
         length = rng.uniform(0.2, 0.8) * float(half.min())
-        canvas.lattice(_on(rng, center, half * 0.5, angle), (1, counts), (2 * length, pitch), turn,
-                       (length, 0.25 * pitch), color)  # fmt: skip
+        canvas.lattice(
+            _on(rng, center, half * 0.5, angle),
+            (1, counts),
+            (2 * length, pitch),
+            turn,
+            (length, 0.25 * pitch),
+            color,
+        )
 
 
 def _vias(canvas: Canvas, rng: Rng, center: np.ndarray, half: np.ndarray, angle: float) -> None:
@@ -59,7 +67,14 @@ def _chip(canvas: Canvas, rng: Rng, at: np.ndarray, angle: float) -> None:
     """A black body between two rows of bright pins."""
     pitch = rng.uniform(0.008, 0.016) * canvas.width
     pins, wide = int(rng.integers(3, 12)), rng.uniform(2.0, 5.0) * pitch
-    canvas.lattice(at, (pins, 1), (pitch, 4 * wide), angle, (0.25 * pitch, wide + pitch), random_gray(rng, 0.6, 0.95))
+    canvas.lattice(
+        at,
+        (pins, 1),
+        (pitch, 4 * wide),
+        angle,
+        (0.25 * pitch, wide + pitch),
+        random_gray(rng, 0.6, 0.95),
+    )
     canvas.box(at, (pins * pitch / 2, wide), angle, random_gray(rng, 0.02, 0.2), bevel=-0.2)
 
 

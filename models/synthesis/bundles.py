@@ -1,4 +1,5 @@
-"""How the cables of one picture lie: alone, side by side, as a harness, as a coil, out of a terminal row."""
+"""How the cables of one picture lie: alone, side by side, as a harness, as a coil, out of a
+terminal row."""
 
 from __future__ import annotations
 
@@ -21,8 +22,8 @@ Arrangement = Callable[[Rng, tuple[int, int], Callable[[], float], int], "Layout
 
 @dataclass(frozen=True)
 class Layout:
-    """``courses`` of the cables; ``trunk`` the number of one that wraps the others as tape or conduit does, or
-    ``None``; ``ties_xy`` where bundles are tied, with heading and half-width."""
+    """``courses`` of the cables; ``trunk`` the number of one that wraps the others as tape or
+    conduit does, or ``None``; ``ties_xy`` where bundles are tied, with heading and half-width."""
 
     courses: tuple[Course, ...]
     trunk: int | None = None
@@ -30,13 +31,16 @@ class Layout:
 
 
 def fan(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: int) -> Layout:
-    """Two to ``count`` + 3 nearly straight strands about one axis with one common bow: side by side, or meeting
-    and crossing at small angles; some end in the picture."""
+    """Two to ``count`` + 3 nearly straight strands about one axis with one common bow: side by
+    side, or meeting and crossing at small angles; some end in the picture."""
     thick, number = width(), int(rng.integers(2, count + 4))
     along, across = axes(rng.uniform(-np.pi, np.pi))
     middle = rng.uniform(np.array(size[::-1]) * 0.15, np.array(size[::-1]) * 0.85)
     reach = 0.8 * float(np.hypot(*size))
-    starts, stops = (np.sort(rng.uniform(-1, 1, number)) * thick * number * rng.uniform(0.5, 3.0) for _ in range(2))
+    starts, stops = (
+        np.sort(rng.uniform(-1, 1, number)) * thick * number * rng.uniform(0.5, 3.0)
+        for _ in range(2)
+    )
     if rng.random() < 0.4:
         rng.shuffle(stops)
     bow, t = rng.normal(0, 0.1) * reach, np.linspace(-1, 1, int(2 * reach / STEP_PX))
@@ -45,9 +49,13 @@ def fan(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: int)
         wave = 0.3 * thick * np.sin(rng.uniform(1, 4) * t + rng.uniform(0, 6))
         offset = (start + (stop - start) * (t + 1) / 2) + bow * (1 - t**2) + wave
         height = np.full(len(t), rng.uniform(0, 1))
-        curve = np.column_stack([middle + t[:, None] * reach * along + offset[:, None] * across, height])
+        curve = np.column_stack(
+            [middle + t[:, None] * reach * along + offset[:, None] * across, height]
+        )
         first = int(rng.uniform(0.2, 0.6) * len(t)) if rng.random() < 0.2 else 0
-        courses.append((curve[first:].astype(np.float32), float(thick * np.exp(rng.normal(0, 0.05)))))
+        courses.append(
+            (curve[first:].astype(np.float32), float(thick * np.exp(rng.normal(0, 0.05))))
+        )
     return Layout(tuple(courses))
 
 
@@ -68,8 +76,8 @@ def random_layout(
     max_cables: int,
     arranged: Arrangement | None = None,
 ) -> Layout:
-    """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's; ``arranged``
-    as asked for, else loose, as a harness or coiled."""
+    """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's;
+    ``arranged`` as asked for, else loose, as a harness or coiled."""
     low, high = np.log(width_share)
     typical = float(np.exp(rng.uniform(low, high)))
 
@@ -78,12 +86,15 @@ def random_layout(
 
     if arranged is not None:
         return arranged(rng, size, width, int(rng.integers(1, max_cables + 1)))
-    arrange = (loose, harness, coiled)[rng.choice(3, p=[0.80, 0.14, 0.06])] if max_cables >= 3 else loose
+    arrange = (
+        (loose, harness, coiled)[rng.choice(3, p=[0.80, 0.14, 0.06])] if max_cables >= 3 else loose
+    )
     return arrange(rng, size, width, int(rng.integers(1, max_cables + 1)))
 
 
 def cut_through(rng: Rng, layout: Layout, share: float) -> Layout:
-    """This ``share`` of the cables becomes two whose ends face each other, up to 25 widths apart; wrapped ones stay."""
+    """This ``share`` of the cables becomes two whose ends face each other, up to 25 widths apart;
+    wrapped ones stay."""
     if layout.trunk is not None:
         return layout
     courses: list[Course] = []
@@ -112,8 +123,8 @@ def loose(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: in
 
 
 def harness(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: int) -> Layout:
-    """``count`` - 1 strands (two or more) side by side that fan out after a while, tied, or wrapped in tape up to
-    there (the tape counts as one more)."""
+    """``count`` - 1 strands (two or more) side by side that fan out after a while, tied, or wrapped
+    in tape up to there (the tape counts as one more)."""
     count, thick = max(count - 1, 2), width() * 0.8
     middle = random_curve(rng, size, thick * count * 0.7)
     progress = np.linspace(0, 1, len(middle))
@@ -134,18 +145,25 @@ def harness(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: 
 def coiled(rng: Rng, size: tuple[int, int], width: Callable[[], float], count: int) -> Layout:
     """One cable wound up, and a few others."""
     thick = min(width(), 0.04 * size[1])
-    return Layout(((coil(rng, size, thick), thick), *loose(rng, size, width, min(count, 3) - 1).courses))
+    return Layout(
+        ((coil(rng, size, thick), thick), *loose(rng, size, width, min(count, 3) - 1).courses)
+    )
 
 
-def wired(rng: Rng, size: tuple[int, int], holes: FloatArray, heading: float, pitch: float) -> Layout:
-    """Cables out of some of the ``holes`` (n, 2) of a terminal row, leaving at about ``heading``."""
+def wired(
+    rng: Rng, size: tuple[int, int], holes: FloatArray, heading: float, pitch: float
+) -> Layout:
+    """Cables out of some of the ``holes`` (n, 2) of a terminal row, leaving at about
+    ``heading``."""
     thick = pitch * rng.uniform(0.25, 0.75)
     used = holes[rng.random(len(holes)) < rng.uniform(0.3, 1.0)]
     starts = [(hole, heading + float(rng.normal(0, 0.2))) for hole in used]
     return Layout(tuple((random_curve(rng, size, thick, start=start), thick) for start in starts))
 
 
-def _ties(rng: Rng, middle: FloatArray, leave: float, half: float) -> tuple[tuple[FloatArray, float, float], ...]:
+def _ties(
+    rng: Rng, middle: FloatArray, leave: float, half: float
+) -> tuple[tuple[FloatArray, float, float], ...]:
     if rng.random() < 0.4:
         return ()
     ties = []

@@ -1,4 +1,5 @@
-"""Painting cables over a canvas: their shadows, then their pieces from the lowest to the highest."""
+"""Painting cables over a canvas: their shadows, then their pieces from the lowest to the
+highest."""
 
 from __future__ import annotations
 
@@ -21,8 +22,8 @@ _SHADOW_SCALE = 0.5  # shadows are soft: they are painted at half resolution
 
 @dataclass(frozen=True)
 class Cable:
-    """``curve`` (m, 3) dense x, y, height 0 to 1; ``half_width`` (m,) px; ``bare`` samples of bare copper at
-    either end."""
+    """``curve`` (m, 3) dense x, y, height 0 to 1; ``half_width`` (m,) px; ``bare`` samples of bare
+    copper at either end."""
 
     curve: FloatArray
     half_width: FloatArray
@@ -52,7 +53,9 @@ def paint_cables(canvas: Canvas, cables: Sequence[Cable], light: Light, rng: Rng
     return plan
 
 
-def paint_thing(canvas: Canvas, curve: FloatArray, half_width: FloatArray, look: Look, light: Light, rng: Rng) -> None:
+def paint_thing(
+    canvas: Canvas, curve: FloatArray, half_width: FloatArray, look: Look, light: Light, rng: Rng
+) -> None:
     """Something long that is not a cable: painted in one go, without a label."""
     whole = strand(curve, half_width, canvas.rgb.device)
     _shadow_on_ground(canvas, [(whole, torch.zeros(len(curve), device=whole.xy.device))], light)
@@ -69,8 +72,11 @@ def _paint(canvas: Canvas, part: Strand, look: Look, light: Light, rng: Rng) -> 
     return ribbon
 
 
-def _shadow_on_ground(canvas: Canvas, strands: Sequence[tuple[Strand, Tensor]], light: Light) -> None:
-    """One soft cast shadow, the farther from its strand the higher that lies, and a tight one in contact."""
+def _shadow_on_ground(
+    canvas: Canvas, strands: Sequence[tuple[Strand, Tensor]], light: Light
+) -> None:
+    """One soft cast shadow, the farther from its strand the higher that lies, and a tight one in
+    contact."""
     if not strands or max(light.shadow, light.contact) < 0.04:
         return
     half = max(float(s.half.mean()) for s, _ in strands)
@@ -79,7 +85,9 @@ def _shadow_on_ground(canvas: Canvas, strands: Sequence[tuple[Strand, Tensor]], 
         canvas.darken(soft_cover(canvas, near, round(0.35 * half)), light.contact)
     if light.shadow >= 0.04:
         toward = torch.tensor(light.direction[:2], device=canvas.rgb.device)
-        cast = [replace(s, xy=s.xy - toward * (s.half * (0.6 + _LIFT * z))[:, None]) for s, z in strands]
+        cast = [
+            replace(s, xy=s.xy - toward * (s.half * (0.6 + _LIFT * z))[:, None]) for s, z in strands
+        ]
         canvas.darken(soft_cover(canvas, cast, light.softness + round(0.3 * half)), light.shadow)
 
 
@@ -91,12 +99,15 @@ def soft_cover(canvas: Canvas, strands: Sequence[Strand], softness_px: int) -> T
         ribbon = rasterize(one.scaled(_SHADOW_SCALE), size)
         cover[ribbon.index] = torch.maximum(cover[ribbon.index], ribbon.alpha)
     small = blur(cover.view(size), round(softness_px * _SHADOW_SCALE))
-    large = torch.nn.functional.interpolate(small[None, None], scale_factor=2, mode="bilinear")[0, 0]
+    large = torch.nn.functional.interpolate(small[None, None], scale_factor=2, mode="bilinear")[
+        0, 0
+    ]
     return large[: canvas.height, : canvas.width]
 
 
 def _shadow_below(canvas: Canvas, upper: Strand, sample: int, below: int, light: Light) -> None:
-    """What the strand that passes over at ``sample`` throws on piece number ``below``, fading along it."""
+    """What the strand that passes over at ``sample`` throws on piece number ``below``, fading along
+    it."""
     strength = min(light.shadow + light.contact, 0.8)
     half = float(upper.half[min(sample, len(upper.half) - 1)])
     if strength < 0.04 or half < 1.0:
@@ -114,7 +125,8 @@ def _shadow_below(canvas: Canvas, upper: Strand, sample: int, below: int, light:
 
 
 def _bare_ends(cable: Cable, whole: Strand, start: int, stop: int) -> list[Strand]:
-    """Thinner strands over the ends of the samples ``start`` to ``stop``, where the insulation is off."""
+    """Thinner strands over the ends of the samples ``start`` to ``stop``, where the insulation is
+    off."""
     total = len(cable.curve)
     ends = ((0, cable.bare[0]), (total - cable.bare[1], total))
     spans = [(max(a, start), min(b, stop)) for a, b in ends]
@@ -123,6 +135,13 @@ def _bare_ends(cable: Cable, whole: Strand, start: int, stop: int) -> list[Stran
 
 def _copper(look: Look) -> Look:
     return replace(
-        look, color=(0.72, 0.42, 0.22), second=(0.95, 0.7, 0.45), pattern="helix", period_px=4.0, gloss=0.6,
-        shininess=12.0, opacity=1.0, window=0.0,
-    )  # fmt: skip
+        look,
+        color=(0.72, 0.42, 0.22),
+        second=(0.95, 0.7, 0.45),
+        pattern="helix",
+        period_px=4.0,
+        gloss=0.6,
+        shininess=12.0,
+        opacity=1.0,
+        window=0.0,
+    )

@@ -16,7 +16,8 @@ Vector = Sequence[float] | NDArray[Any]
 
 
 class Canvas:
-    """``rgb`` (3, H, W) float 0 to 1, ``ids`` (H, W) int16: 0 background, else the number of what is on top."""
+    """``rgb`` (3, H, W) float 0 to 1, ``ids`` (H, W) int16: 0 background, else the number of what
+    is on top."""
 
     def __init__(self, rgb: Tensor) -> None:
         self.rgb = rgb
@@ -28,9 +29,17 @@ class Canvas:
         return self.height, self.width
 
     def box(
-        self, center: Vector, half: Vector, angle: float, color: Vector | Tensor, *,
-        corner: float = 0.0, opacity: float = 1.0, bevel: float = 0.0, covers: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        center: Vector,
+        half: Vector,
+        angle: float,
+        color: Vector | Tensor,
+        *,
+        corner: float = 0.0,
+        opacity: float = 1.0,
+        bevel: float = 0.0,
+        covers: bool = False,
+    ) -> None:
         """Rotated rectangle with round corners (px, rad); ``bevel`` shades it along its own y axis.
         ``covers`` clears the ids below (an object lying on the DLOs)."""
         window = self._window(center, math.hypot(half[0], half[1]) + 2)
@@ -43,9 +52,15 @@ class Canvas:
         self._blend(rows, columns, signed, color, opacity, shade, covers)
 
     def disc(
-        self, center: Vector, radius: float, color: Vector | Tensor, *,
-        opacity: float = 1.0, bevel: float = 0.0, covers: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        center: Vector,
+        radius: float,
+        color: Vector | Tensor,
+        *,
+        opacity: float = 1.0,
+        bevel: float = 0.0,
+        covers: bool = False,
+    ) -> None:
         window = self._window(center, radius + 2)
         if window is None:
             return
@@ -55,12 +70,14 @@ class Canvas:
         self._blend(rows, columns, signed, color, opacity, shade, covers)
 
     def drops(self, centers: Tensor, radii: Tensor, colors: Tensor) -> None:
-        """Many small round drops at once: ``centers`` (n, 2) and ``radii`` (n,) px, ``colors`` (n, 3). Where
-        drops overlap, the later one covers."""
+        """Many small round drops at once: ``centers`` (n, 2) and ``radii`` (n,) px, ``colors`` (n,
+        3). Where drops overlap, the later one covers."""
         reach = int(float(radii.max())) + 1
         around = torch.arange(-reach, reach + 1, device=centers.device)
         x = (centers[:, 0].round().long()[:, None, None] + around).expand(-1, len(around), -1)
-        y = (centers[:, 1].round().long()[:, None, None] + around[:, None]).expand(-1, -1, len(around))
+        y = (centers[:, 1].round().long()[:, None, None] + around[:, None]).expand(
+            -1, -1, len(around)
+        )
         distance = torch.hypot(x - centers[:, 0, None, None], y - centers[:, 1, None, None])
         cover = (radii[:, None, None] + 0.5 - distance).clamp_(0, 1)
         hit = (cover > 0) & (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
@@ -76,10 +93,19 @@ class Canvas:
         flat[:, pixel] += alpha * (colors[drop].T - flat[:, pixel])
 
     def lattice(
-        self, center: Vector, counts: tuple[int, int], pitch: tuple[float, float], angle: float,
-        half: tuple[float, float], color: Vector, *, corner: float = 0.0, bevel: float = 0.0,
-    ) -> None:  # fmt: skip
-        """``counts`` equal rounded boxes in columns and rows ``pitch`` px apart, in one go: keys, holes, screws."""
+        self,
+        center: Vector,
+        counts: tuple[int, int],
+        pitch: tuple[float, float],
+        angle: float,
+        half: tuple[float, float],
+        color: Vector,
+        *,
+        corner: float = 0.0,
+        bevel: float = 0.0,
+    ) -> None:
+        """``counts`` equal rounded boxes in columns and rows ``pitch`` px apart, in one go: keys,
+        holes, screws."""
         extent = counts[0] * pitch[0] / 2, counts[1] * pitch[1] / 2
         window = self._window(center, math.hypot(*extent) + 2)
         if window is None:
@@ -90,10 +116,15 @@ class Canvas:
         u = torch.remainder(u + extent[0], pitch[0]) - pitch[0] / 2
         v = torch.remainder(v + extent[1], pitch[1]) - pitch[1] / 2
         signed = _box_distance(u, v, half, corner) + 1e3 * outside
-        self._blend(rows, columns, signed, color, 1.0, 1 + bevel * (v / half[1]).clamp(-1, 1), False)
+        self._blend(
+            rows, columns, signed, color, 1.0, 1 + bevel * (v / half[1]).clamp(-1, 1), False
+        )
 
-    def polygon(self, corners: Sequence[Vector], color: Vector, *, opacity: float = 1.0, bevel: float = 0.0) -> None:
-        """Convex polygon, corners clockwise on the screen (y down); ``bevel`` lightens its upper edge."""
+    def polygon(
+        self, corners: Sequence[Vector], color: Vector, *, opacity: float = 1.0, bevel: float = 0.0
+    ) -> None:
+        """Convex polygon, corners clockwise on the screen (y down); ``bevel`` lightens its upper
+        edge."""
         points = torch.tensor([[float(v) for v in corner] for corner in corners])
         middle = points.mean(0).tolist()
         reach = float((points - points.mean(0)).norm(dim=1).max())
@@ -123,9 +154,15 @@ class Canvas:
         return slice(y0, y1), slice(x0, x1), x, y
 
     def _blend(
-        self, rows: slice, columns: slice, signed: Tensor, color: Vector | Tensor, opacity: float,
-        shade: Tensor, covers: bool,
-    ) -> None:  # fmt: skip
+        self,
+        rows: slice,
+        columns: slice,
+        signed: Tensor,
+        color: Vector | Tensor,
+        opacity: float,
+        shade: Tensor,
+        covers: bool,
+    ) -> None:
         alpha = (0.5 - signed).clamp(0, 1) * opacity
         paint = torch.as_tensor(color, device=self.rgb.device, dtype=torch.float32)
         paint = paint[:, None, None] if paint.ndim == 1 else paint[:, rows, columns]
@@ -137,14 +174,16 @@ class Canvas:
 
 
 def blur(plane: Tensor, radius: int) -> Tensor:
-    """(H, W) nearly Gaussian, of standard deviation ``radius`` px: two box filters of odd size, rows and columns
-    apart; wide ones at half the resolution."""
+    """(H, W) nearly Gaussian, of standard deviation ``radius`` px: two box filters of odd size,
+    rows and columns apart; wide ones at half the resolution."""
     if radius < 1:
         return plane
     image = plane[None, None]
     if radius >= 4 and min(plane.shape) >= 16:
         half = F.avg_pool2d(image, 2, ceil_mode=True)[0, 0]
-        return F.interpolate(blur(half, radius // 2)[None, None], plane.shape, mode="bilinear")[0, 0]
+        return F.interpolate(blur(half, radius // 2)[None, None], plane.shape, mode="bilinear")[
+            0, 0
+        ]
     size = 2 * radius + 1
     for _ in range(2):
         image = F.avg_pool2d(image, (1, size), 1, (0, radius), count_include_pad=False)
@@ -160,4 +199,6 @@ def _turned(x: Tensor, y: Tensor, angle: float) -> tuple[Tensor, Tensor]:
 def _box_distance(u: Tensor, v: Tensor, half: Vector, corner: float) -> Tensor:
     """Signed distance to a box with round corners about the origin."""
     qx, qy = u.abs() - half[0] + corner, v.abs() - half[1] + corner
-    return torch.hypot(qx.clamp(min=0), qy.clamp(min=0)) + torch.maximum(qx, qy).clamp(max=0) - corner
+    return (
+        torch.hypot(qx.clamp(min=0), qy.clamp(min=0)) + torch.maximum(qx, qy).clamp(max=0) - corner
+    )

@@ -1,7 +1,9 @@
-"""A camera over one place: the place empty, and later with cables, in another light, under an arm's shadow.
+"""A camera over one place: the place empty, and later with cables, in another light, under an arm's
+shadow.
 
-The place is painted once, larger than the picture; the empty picture is a cut of it that is turned and shifted a
-little, as a camera moves on its mount, and each picture is taken by a camera of its own mood (``optics``).
+The place is painted once, larger than the picture; the empty picture is a cut of it that is turned
+and shifted a little, as a camera moves on its mount, and each picture is taken by a camera of its
+own mood (``optics``).
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Cell:
-    """``picture`` (H, W, 3) and its ``mask`` (H, W) of cables; ``places`` (H, W, 3) each, the empty place."""
+    """``picture`` (H, W, 3) and its ``mask`` (H, W) of cables; ``places`` (H, W, 3) each, the empty
+    place."""
 
     picture: ByteArray
     mask: BoolArray
@@ -48,7 +51,12 @@ def render_cell(rng: Rng, params: SceneParams, pool: TexturePool, places: int = 
     ground = canvas.rgb.clone()
     share = (params.width_share[0] * width / outer[1], params.width_share[1] * width / outer[1])
     layout = random_layout(rng, outer, share, params.max_cables)
-    paint_cables(canvas, random_cables(rng, layout, canvas.rgb, alike=rng.random() < 0.2), random_light(rng), rng)
+    paint_cables(
+        canvas,
+        random_cables(rng, layout, canvas.rgb, alike=rng.random() < 0.2),
+        random_light(rng),
+        rng,
+    )
     inner = (slice(_MARGIN_PX, -_MARGIN_PX), slice(_MARGIN_PX, -_MARGIN_PX))
     mask = (canvas.ids[inner] > 0).numpy()
     if not mask.any():
@@ -64,9 +72,13 @@ def _array(rgb: torch.Tensor) -> Float32Array:
 
 def _moved(ground: Float32Array, rng: Rng) -> Float32Array:
     height, width = ground.shape[:2]
-    warp = cv2.getRotationMatrix2D((width / 2, height / 2), float(np.degrees(rng.normal(0, _TURN_RAD))), 1.0)
+    warp = cv2.getRotationMatrix2D(
+        (width / 2, height / 2), float(np.degrees(rng.normal(0, _TURN_RAD))), 1.0
+    )
     warp[:, 2] += np.clip(rng.normal(0, _SHIFT_PX, 2), -_MARGIN_PX / 2, _MARGIN_PX / 2)
-    return np.asarray(cv2.warpAffine(ground, warp, (width, height), borderMode=cv2.BORDER_REFLECT_101))
+    return np.asarray(
+        cv2.warpAffine(ground, warp, (width, height), borderMode=cv2.BORDER_REFLECT_101)
+    )
 
 
 def _seen(ground: Float32Array, rng: Rng, shadow_share: float) -> ByteArray:

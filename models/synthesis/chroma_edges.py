@@ -1,9 +1,11 @@
-"""The contour of a keyed mask: a pixel on it is part DLO and part screen, and the key counts all of them as DLO.
+"""The contour of a keyed mask: a pixel on it is part DLO and part screen, and the key counts all of
+them as DLO.
 
-Strategy: every pixel near the contour is compared with the two colors it can be mixed of, that of the nearest sure
-DLO pixel F and that of the nearest sure screen pixel B. Its share of F (least squares in RGB) decides whether it
-belongs to the mask. Where it does, it gets the color F, so that no seam of screen color goes along to the new
-background (the artefact that thesis sections 2.3.2 and 2.8 name).
+Strategy: every pixel near the contour is compared with the two colors it can be mixed of, that of
+the nearest sure DLO pixel F and that of the nearest sure screen pixel B. Its share of F (least
+squares in RGB) decides whether it belongs to the mask. Where it does, it gets the color F, so that
+no seam of screen color goes along to the new background (the artefact that thesis sections 2.3.2
+and 2.8 name).
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ _KERNEL = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
 
 
 def refine(rgb: NDArray[np.uint8], keyed: Mask) -> tuple[Mask, NDArray[np.uint8]]:
-    """The (H, W) mask with its contour at half coverage, and the picture (H, W, 3) with clean DLO colors there."""
+    """The (H, W) mask with its contour at half coverage, and the picture (H, W, 3) with clean DLO
+    colors there."""
     inside = _eroded(keyed)
     core = _eroded(inside)
     # A DLO too thin to be eroded twice keeps its middle.

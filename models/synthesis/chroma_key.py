@@ -1,13 +1,14 @@
-"""A recording before a green or blue screen to a labelled set with other backgrounds (thesis 2.3 and 2.7.1).
+"""A recording before a green or blue screen to a labelled set with other backgrounds (thesis 2.3
+and 2.7.1).
 
     python -m models.synthesis.chroma_key SOURCE OUT --backgrounds FOLDER --per-image 8 --seed 0 --show report.png
     python -m models.synthesis.chroma_key SOURCE OUT --backgrounds FOLDER --hue 96 159 --saturation 0.2 0.6
     python -m models.synthesis.chroma_key SOURCE OUT --backgrounds FOLDER --page ranges.html
 
-SOURCE is a video or a folder of pictures. The screen's hue, saturation and value ranges are found, or taken as given,
-printed and, with --show, drawn. --page writes a page on which they are picked by eye, and nothing else. Every picture
-gives --per-image pictures with new backgrounds, and itself. OUT can be read as a labelled set at any time; a run that
-stopped is continued by the same command.
+SOURCE is a video or a folder of pictures. The screen's hue, saturation and value ranges are found,
+or taken as given, printed and, with --show, drawn. --page writes a page on which they are picked by
+eye, and nothing else. Every picture gives --per-image pictures with new backgrounds, and itself.
+OUT can be read as a labelled set at any time; a run that stopped is continued by the same command.
 """
 
 from __future__ import annotations
@@ -27,10 +28,22 @@ from numpy.typing import NDArray
 
 from models.synthesis.chroma_edges import refine
 from models.synthesis.chroma_page import page
-from models.synthesis.chroma_ranges import ScreenRanges, find_ranges, foreground, of_screen_hue, to_hsv
+from models.synthesis.chroma_ranges import (
+    ScreenRanges,
+    find_ranges,
+    foreground,
+    of_screen_hue,
+    to_hsv,
+)
 from models.synthesis.chroma_report import report
 from models.synthesis.chroma_source import frames, spread
-from models.synthesis.chroma_swap import Backgrounds, blend, open_backgrounds, vary_background, vary_foreground
+from models.synthesis.chroma_swap import (
+    Backgrounds,
+    blend,
+    open_backgrounds,
+    vary_background,
+    vary_foreground,
+)
 from models.synthesis.datasets import append_index, read_index, write_sample, write_whole
 
 SETTINGS = "chroma_key.json"
@@ -45,8 +58,8 @@ Given = dict[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class KeyParams:
-    """``per_image`` swapped pictures each (thesis: 8); every ``every``-th picture; ``blend_px`` bounds of eq. 2.1's
-    Gaussian."""
+    """``per_image`` swapped pictures each (thesis: 8); every ``every``-th picture; ``blend_px``
+    bounds of eq. 2.1's Gaussian."""
 
     per_image: int = 8
     seed: int = 0
@@ -56,8 +69,8 @@ class KeyParams:
 
 @dataclass(frozen=True)
 class Keyed:
-    """A picture, its ``mask`` (H, W), the picture with clean DLO colors on the mask's contour, and whether a DLO of
-    the screen's own hue may be missing in the mask."""
+    """A picture, its ``mask`` (H, W), the picture with clean DLO colors on the mask's contour, and
+    whether a DLO of the screen's own hue may be missing in the mask."""
 
     picture: Rgb
     mask: Mask
@@ -72,14 +85,21 @@ def key(picture: Rgb, ranges: ScreenRanges) -> Keyed:
     return Keyed(picture, mask, clean, of_screen_hue(hsv, ranges) > _SCREEN_HUE_SHARE)
 
 
-def swap(keyed: Keyed, background: Rgb, rng: np.random.Generator, blend_px: tuple[float, float]) -> Rgb:
+def swap(
+    keyed: Keyed, background: Rgb, rng: np.random.Generator, blend_px: tuple[float, float]
+) -> Rgb:
     """One new picture (2.3.2): both layers varied apart, then merged by eq. 2.1."""
     behind = vary_background(background, keyed.mask.shape, rng)
-    return blend(vary_foreground(keyed.clean, rng), behind, keyed.mask, float(rng.uniform(*blend_px)))
+    return blend(
+        vary_foreground(keyed.clean, rng), behind, keyed.mask, float(rng.uniform(*blend_px))
+    )
 
 
-def make_set(source: Path, out: Path, backgrounds: Backgrounds, ranges: ScreenRanges, params: KeyParams) -> None:
-    """Write what is still missing in ``out``. Picture k of the recording depends on the seed and k alone."""
+def make_set(
+    source: Path, out: Path, backgrounds: Backgrounds, ranges: ScreenRanges, params: KeyParams
+) -> None:
+    """Write what is still missing in ``out``. Picture k of the recording depends on the seed and k
+    alone."""
     done = {record["name"] for record in read_index(out)}
     for k, picture in frames(source, params.every):
         names = [f"{k:06d}", *(f"{k:06d}_{n}" for n in range(params.per_image))]
@@ -94,12 +114,16 @@ def make_set(source: Path, out: Path, backgrounds: Backgrounds, ranges: ScreenRa
             # The recorded picture itself belongs to the set too (2.7.1).
             rgb = swap(keyed, background, rng, params.blend_px) if n else picture
             write_sample(out, name, rgb, keyed.mask)
-            append_index(out, {"name": name, "picture": k, "swapped": n > 0, "screen_hue": keyed.screen_hue})
+            append_index(
+                out, {"name": name, "picture": k, "swapped": n > 0, "screen_hue": keyed.screen_hue}
+            )
 
 
-def prepare(source: Path, out: Path, params: KeyParams, show: Path | None, given: Given | None = None) -> ScreenRanges:
-    """The ranges of the recording: those that ``out`` was begun with, else found now, but for the ``given`` ones.
-    ValueError when ``out`` was begun with other settings."""
+def prepare(
+    source: Path, out: Path, params: KeyParams, show: Path | None, given: Given | None = None
+) -> ScreenRanges:
+    """The ranges of the recording: those that ``out`` was begun with, else found now, but for the
+    ``given`` ones. ValueError when ``out`` was begun with other settings."""
     settings: dict[str, Any] = {"source": str(source.resolve()), **asdict(params)}
     if given:
         settings["ranges"] = {name: list(bounds) for name, bounds in given.items()}
@@ -117,7 +141,9 @@ def prepare(source: Path, out: Path, params: KeyParams, show: Path | None, given
         write_whole(show, cv2.imencode(".png", sheet[:, :, ::-1])[1].tobytes())
     if begun is None:
         out.mkdir(parents=True, exist_ok=True)
-        write_whole(file, json.dumps({"settings": settings, "ranges": asdict(ranges)}, indent=1).encode())
+        write_whole(
+            file, json.dumps({"settings": settings, "ranges": asdict(ranges)}, indent=1).encode()
+        )
     return ranges
 
 
@@ -136,13 +162,19 @@ def _bounds(ranges: ScreenRanges) -> Given:
 def _given(args: argparse.Namespace) -> Given:
     """The ranges of the command line. Raises ValueError naming the option."""
     given: Given = {}
-    for option, name, top in (("hue", "hue_deg", 360.0), ("saturation", "saturation", 1.0), ("value", "value", 1.0)):
+    for option, name, top in (
+        ("hue", "hue_deg", 360.0),
+        ("saturation", "saturation", 1.0),
+        ("value", "value", 1.0),
+    ):
         bounds = getattr(args, option)
         if bounds is None:
             continue
         low, high = bounds
         if not 0 <= low < high <= top:
-            raise ValueError(f"--{option} {low:g} {high:g}: two numbers from 0 to {top:g}, the smaller one first")
+            raise ValueError(
+                f"--{option} {low:g} {high:g}: two numbers from 0 to {top:g}, the smaller one first"
+            )
         given[name] = (low, high)
     return given
 
@@ -191,8 +223,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        print(f"error: the disk is full; {len(read_index(args.out))} pictures in {args.out} are whole. "
-              "Make room and run the same command again.", file=sys.stderr)  # fmt: skip
+        print(
+            f"error: the disk is full; {len(read_index(args.out))} pictures in {args.out} are whole. "
+            "Make room and run the same command again.",
+            file=sys.stderr,
+        )
         return 1
     _conclude(args.out)
     return 0
@@ -200,20 +235,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m models.synthesis.chroma_key", description=__doc__,
+        prog="python -m models.synthesis.chroma_key",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
-    parser.add_argument("source", type=Path, help="video, or folder of pictures, before a green or blue screen")
-    parser.add_argument("out", type=Path, help="folder of the set; continued when it was begun before")
-    parser.add_argument("--backgrounds", type=Path, required=True, help="folder of pictures, or a pack (.npz)")
-    parser.add_argument("--per-image", type=int, default=8, help="new pictures of each recorded one")
+    )
+    parser.add_argument(
+        "source", type=Path, help="video, or folder of pictures, before a green or blue screen"
+    )
+    parser.add_argument(
+        "out", type=Path, help="folder of the set; continued when it was begun before"
+    )
+    parser.add_argument(
+        "--backgrounds", type=Path, required=True, help="folder of pictures, or a pack (.npz)"
+    )
+    parser.add_argument(
+        "--per-image", type=int, default=8, help="new pictures of each recorded one"
+    )
     parser.add_argument("--every", type=int, default=1, help="take every n-th frame")
     parser.add_argument("--seed", type=int, default=0)
-    for option, unit in (("hue", "degrees, 0 to 360"), ("saturation", "0 to 1"), ("value", "0 to 1")):
-        parser.add_argument(f"--{option}", type=float, nargs=2, metavar=("LOW", "HIGH"),
-                            help=f"the screen's, {unit}, instead of what is found")  # fmt: skip
-    parser.add_argument("--page", type=Path, metavar="HTML", help="write a page to pick the ranges by eye")
-    parser.add_argument("--show", type=Path, metavar="PNG", help="draw histograms, ranges and first masks")
+    for option, unit in (
+        ("hue", "degrees, 0 to 360"),
+        ("saturation", "0 to 1"),
+        ("value", "0 to 1"),
+    ):
+        parser.add_argument(
+            f"--{option}",
+            type=float,
+            nargs=2,
+            metavar=("LOW", "HIGH"),
+            help=f"the screen's, {unit}, instead of what is found",
+        )
+    parser.add_argument(
+        "--page", type=Path, metavar="HTML", help="write a page to pick the ranges by eye"
+    )
+    parser.add_argument(
+        "--show", type=Path, metavar="PNG", help="draw histograms, ranges and first masks"
+    )
     return parser
 
 

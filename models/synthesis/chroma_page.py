@@ -1,4 +1,5 @@
-"""A page on which the ranges of a chroma-key screen are picked by eye; it needs no server and no network."""
+"""A page on which the ranges of a chroma-key screen are picked by eye; it needs no server and no
+network."""
 
 from __future__ import annotations
 

@@ -1,9 +1,11 @@
-"""Recordings before a screen with known truth, made with the renderer: what the chroma key is measured on.
+"""Recordings before a screen with known truth, made with the renderer: what the chroma key is
+measured on.
 
     python -m models.synthesis.chroma_screen OUT --count 100 --seed 1 [--hue 120]
 
-The cloth has wrinkles and uneven light, the cables cast shadows and take a little of the screen's color, the camera
-adds blur and noise. Writes a labelled set; its pictures alone are a source for ``models.synthesis.chroma_key``.
+The cloth has wrinkles and uneven light, the cables cast shadows and take a little of the screen's
+color, the camera adds blur and noise. Writes a labelled set; its pictures alone are a source for
+``models.synthesis.chroma_key``.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from models.synthesis.scenes import to_uint8
 
 @dataclass(frozen=True)
 class Screen:
-    """The cloth of one recording: ``hue_deg`` 0 to 360, saturation and value 0 to 1, size (height, width) px."""
+    """The cloth of one recording: ``hue_deg`` 0 to 360, saturation and value 0 to 1, size (height,
+    width) px."""
 
     hue_deg: float
     saturation: float
@@ -37,7 +40,9 @@ class Screen:
     size: tuple[int, int]
 
 
-def random_screen(rng: np.random.Generator, hue_deg: float, size: tuple[int, int] = (192, 320)) -> Screen:
+def random_screen(
+    rng: np.random.Generator, hue_deg: float, size: tuple[int, int] = (192, 320)
+) -> Screen:
     return Screen(hue_deg, float(rng.uniform(0.6, 0.9)), float(rng.uniform(0.5, 0.85)), size)
 
 
@@ -64,13 +69,17 @@ def _cable(rng: np.random.Generator, screen: Screen, own_hue: bool) -> Cable:
 def _cloth(rng: np.random.Generator, screen: Screen) -> Tensor:
     color = torch.tensor(colorsys.hsv_to_rgb(screen.hue_deg / 360, screen.saturation, screen.value))
     light = torch.as_tensor(rng.normal(1.0, 0.13, (1, 1, 3, 4)).astype(np.float32))
-    field = F.interpolate(light, screen.size, mode="bicubic", align_corners=True)[0, 0].clamp(0.5, 1.4)
+    field = F.interpolate(light, screen.size, mode="bicubic", align_corners=True)[0, 0].clamp(
+        0.5, 1.4
+    )
     height, width = screen.size
     y, x = torch.meshgrid(torch.arange(height) / width, torch.arange(width) / width, indexing="ij")
     for _ in range(rng.integers(2, 7)):
         angle, place = rng.uniform(0, np.pi), rng.uniform(-0.3, 1.0)
         across = x * np.cos(angle) + y * np.sin(angle) - place + 0.02 * torch.sin(9 * (x - y))
-        field = field * (1 + rng.uniform(-0.16, 0.16) * torch.exp(-((across / rng.uniform(0.008, 0.04)) ** 2)))
+        field = field * (
+            1 + rng.uniform(-0.16, 0.16) * torch.exp(-((across / rng.uniform(0.008, 0.04)) ** 2))
+        )
     return color[:, None, None] * field
 
 
@@ -98,13 +107,16 @@ def _camera(rng: np.random.Generator, rgb: Tensor) -> Tensor:
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m models.synthesis.chroma_screen", description=__doc__,
+        prog="python -m models.synthesis.chroma_screen",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--hue", type=float, default=120.0, help="of the screen, in degrees: 120 green, 220 blue")
+    parser.add_argument(
+        "--hue", type=float, default=120.0, help="of the screen, in degrees: 120 green, 220 blue"
+    )
     parser.add_argument("--width", type=int, default=640)
     parser.add_argument("--height", type=int, default=360)
     args = parser.parse_args()

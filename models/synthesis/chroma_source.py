@@ -19,7 +19,8 @@ class SourceError(ValueError):
 
 
 def frames(source: Path, every: int = 1) -> Iterator[tuple[int, Rgb]]:
-    """Number and picture (H, W, 3) RGB of every ``every``-th frame of a video, or picture of a folder."""
+    """Number and picture (H, W, 3) RGB of every ``every``-th frame of a video, or picture of a
+    folder."""
     if source.is_dir():
         yield from _pictures(source, every)
     else:
@@ -27,8 +28,8 @@ def frames(source: Path, every: int = 1) -> Iterator[tuple[int, Rgb]]:
 
 
 def spread(source: Path, every: int, count: int = 12) -> tuple[list[Rgb], int]:
-    """``count`` to ``2 count`` pictures spread evenly over the recording (or all of a shorter one), and how many
-    there are in all."""
+    """``count`` to ``2 count`` pictures spread evenly over the recording (or all of a shorter one),
+    and how many there are in all."""
     kept: list[Rgb] = []
     stride, total = 1, 0
     for k, (_, picture) in enumerate(frames(source, every)):

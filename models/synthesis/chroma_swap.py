@@ -21,8 +21,8 @@ _PICTURES = (".png", ".jpg", ".jpeg")
 
 @dataclass(frozen=True)
 class Backgrounds:
-    """Pictures by group, drawn with equal chance by group first; read when drawn. ``pack`` holds arrays by name,
-    without it the names are files."""
+    """Pictures by group, drawn with equal chance by group first; read when drawn. ``pack`` holds
+    arrays by name, without it the names are files."""
 
     groups: tuple[tuple[str, ...], ...]
     pack: Path | None = None
@@ -55,7 +55,9 @@ def open_backgrounds(path: Path) -> Backgrounds:
     groups: dict[str, list[str]] = {}
     for group, name in names:
         groups.setdefault(group, []).append(name)
-    return Backgrounds(tuple(tuple(g) for g in groups.values()), path if path.suffix == ".npz" else None)
+    return Backgrounds(
+        tuple(tuple(g) for g in groups.values()), path if path.suffix == ".npz" else None
+    )
 
 
 def blend(front: Rgb, behind: Rgb, mask: Mask, sigma: float) -> Rgb:
@@ -66,12 +68,14 @@ def blend(front: Rgb, behind: Rgb, mask: Mask, sigma: float) -> Rgb:
 
 
 def vary_foreground(rgb: Rgb, rng: Rng) -> Rgb:
-    """Channels shuffled (p = 0.5), grey (p = 0.1), hue turned by up to ±100 (p = 0.5): units of 2°, those of 8-bit
-    pictures, so that every hue is reached and that of the screen is covered too."""
+    """Channels shuffled (p = 0.5), grey (p = 0.1), hue turned by up to ±100 (p = 0.5): units of 2°,
+    those of 8-bit pictures, so that every hue is reached and that of the screen is covered too."""
     if rng.random() < 0.5:
         rgb = rgb[:, :, rng.permutation(3)]
     if rng.random() < 0.1:
-        rgb = np.repeat(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)[:, :, None], 3, 2)
+        rgb = np.repeat(
+            cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)[:, :, None], 3, 2
+        )
     if rng.random() < 0.5:
         hsv = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2HSV)
         hsv[:, :, 0] = (hsv[:, :, 0].astype(int) + int(rng.integers(-100, 101))) % 180
@@ -80,8 +84,8 @@ def vary_foreground(rgb: Rgb, rng: Rng) -> Rgb:
 
 
 def vary_background(rgb: Rgb, size: tuple[int, int], rng: Rng) -> Rgb:
-    """Flipped, shifted, scaled and rotated at random, motion blur and elastic transformation (p = 0.2 each), then
-    a random crop of ``size`` (height, width)."""
+    """Flipped, shifted, scaled and rotated at random, motion blur and elastic transformation (p =
+    0.2 each), then a random crop of ``size`` (height, width)."""
     for axis in (0, 1):
         if rng.random() < 0.5:
             rgb = np.flip(rgb, axis)
@@ -100,7 +104,9 @@ def _move(rgb: Rgb, size: tuple[int, int], rng: Rng) -> Rgb:
     cover = max(size[0] / h, size[1] / w)
     scale = cover * rng.uniform(1.0, 1.6)
     matrix = cv2.getRotationMatrix2D(((w - 1) / 2, (h - 1) / 2), float(rng.uniform(-45, 45)), scale)
-    matrix[:, 2] += np.array([size[1] - w, size[0] - h]) / 2 + rng.uniform(-0.1, 0.1, 2) * np.array(size[::-1])
+    matrix[:, 2] += np.array([size[1] - w, size[0] - h]) / 2 + rng.uniform(-0.1, 0.1, 2) * np.array(
+        size[::-1]
+    )
     return np.asarray(cv2.warpAffine(rgb, matrix, size[::-1], borderMode=cv2.BORDER_REFLECT_101))
 
 
@@ -109,7 +115,9 @@ def _motion_blur(rgb: Rgb, rng: Rng) -> Rgb:
     line = np.zeros((length, length), np.float32)
     line[length // 2] = 1.0
     center = ((length - 1) / 2, (length - 1) / 2)
-    turned = cv2.warpAffine(line, cv2.getRotationMatrix2D(center, float(rng.uniform(0, 180)), 1.0), (length, length))
+    turned = cv2.warpAffine(
+        line, cv2.getRotationMatrix2D(center, float(rng.uniform(0, 180)), 1.0), (length, length)
+    )
     return np.asarray(cv2.filter2D(rgb, -1, turned / turned.sum()))
 
 
@@ -118,4 +126,6 @@ def _elastic(rgb: Rgb, rng: Rng) -> Rgb:
     coarse = rng.normal(0.0, 0.012 * w, (2, 6, 9)).astype(np.float32)
     dx, dy = (cv2.resize(plane, (w, h), interpolation=cv2.INTER_CUBIC) for plane in coarse)
     x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
-    return np.asarray(cv2.remap(rgb, x + dx, y + dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101))
+    return np.asarray(
+        cv2.remap(rgb, x + dx, y + dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
+    )

@@ -1,4 +1,5 @@
-"""Rendered clips: cables that move over one ground, and an arm that now and then covers a part of them."""
+"""Rendered clips: cables that move over one ground, and an arm that now and then covers a part of
+them."""
 
 from __future__ import annotations
 
@@ -25,9 +26,9 @@ _ARM = np.array([1.0, 0.45])
 
 @dataclass(frozen=True)
 class ClipParams:
-    """``frames`` of ``size`` (height, width) px with ``cables`` of ``width_px``; ``speed`` in widths a frame, at most;
-    ``same_look`` paints all alike. In the frames ``covered`` (start, stop) an arm lies over about ``share`` of the
-    length of all cables."""
+    """``frames`` of ``size`` (height, width) px with ``cables`` of ``width_px``; ``speed`` in
+    widths a frame, at most; ``same_look`` paints all alike. In the frames ``covered`` (start, stop)
+    an arm lies over about ``share`` of the length of all cables."""
 
     size: tuple[int, int] = (360, 640)
     frames: int = 300
@@ -41,8 +42,9 @@ class ClipParams:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """``rgb`` (3, H, W) float; ``ids`` (H, W) int16, k the k-th cable where it is on top; ``centerlines`` (m, 2)
-    px from the same end in every frame; ``in_view`` (m,) which of these are on top and in the picture."""
+    """``rgb`` (3, H, W) float; ``ids`` (H, W) int16, k the k-th cable where it is on top;
+    ``centerlines`` (m, 2) px from the same end in every frame; ``in_view`` (m,) which of these are
+    on top and in the picture."""
 
     rgb: Tensor
     ids: Tensor
@@ -63,44 +65,65 @@ class Course(Protocol):
 
 
 def render_clip(
-    rng: Rng, params: ClipParams, pool: TexturePool, course: Callable[[Rng, ClipParams], Course] | None = None
+    rng: Rng,
+    params: ClipParams,
+    pool: TexturePool,
+    course: Callable[[Rng, ClipParams], Course] | None = None,
 ) -> Iterator[Frame]:
-    """Frame after frame; everything random comes from ``rng``, drawn before the first one. The cables move on courses
-    drawn by ``course``; without, they drift, turn and bend."""
+    """Frame after frame; everything random comes from ``rng``, drawn before the first one. The
+    cables move on courses drawn by ``course``; without, they drift, turn and bend."""
     ground = pool.sample(rng, params.size, torch.device("cpu"))
     courses = [(course or _Course)(rng, params) for _ in range(params.cables)]
     look = random_look(rng, random_color(rng), params.width_px)
-    looks = [look if params.same_look else random_look(rng, random_color(rng), params.width_px) for _ in courses]
+    looks = [
+        look if params.same_look else random_look(rng, random_color(rng), params.width_px)
+        for _ in courses
+    ]
     light, noise = random_light(rng), rng.uniform(0.005, 0.02)
-    middle, angle = rng.uniform((0.3, 0.3), (0.7, 0.7)) * params.size[::-1], rng.uniform(-np.pi, np.pi)
+    middle, angle = (
+        rng.uniform((0.3, 0.3), (0.7, 0.7)) * params.size[::-1],
+        rng.uniform(-np.pi, np.pi),
+    )
     arm = _arm([one.at(params.covered[0]) for one in courses], middle, angle, params)
     for t in range(params.frames):
         canvas = Canvas(ground.clone())
         curves = [one.at(t) for one in courses]
         painted = [
-            Cable(c, np.full(len(c), params.width_px / 2, np.float32), k) for c, k in zip(curves, looks, strict=True)
+            Cable(c, np.full(len(c), params.width_px / 2, np.float32), k)
+            for c, k in zip(curves, looks, strict=True)
         ]
         plan = paint_cables(canvas, painted, light, np.random.default_rng(0))
         if params.covered[0] <= t < params.covered[1]:
             _cover(canvas, middle + 20 * np.array([np.sin(0.1 * t), np.cos(0.13 * t)]), arm, angle)
         owner = torch.tensor([0, *(p.cable + 1 for p in plan.pieces)], dtype=torch.int16)
         ids = owner[canvas.ids.long()]
-        rgb = canvas.rgb + noise * torch.as_tensor(rng.standard_normal(canvas.rgb.shape, dtype=np.float32))
+        rgb = canvas.rgb + noise * torch.as_tensor(
+            rng.standard_normal(canvas.rgb.shape, dtype=np.float32)
+        )
         lines = tuple(c[:, :2] for c in curves)
-        yield Frame(rgb.clamp(0, 1), ids, lines, tuple(_seen(ids, c, k) for k, c in enumerate(lines, start=1)))
+        yield Frame(
+            rgb.clamp(0, 1),
+            ids,
+            lines,
+            tuple(_seen(ids, c, k) for k, c in enumerate(lines, start=1)),
+        )
 
 
 class _Course:
-    """A cable that drifts, turns and bends slowly about a first shape, as one that hands or an arm move. It does not
-    stretch: what changes with time is the direction along it."""
+    """A cable that drifts, turns and bends slowly about a first shape, as one that hands or an arm
+    move. It does not stretch: what changes with time is the direction along it."""
 
     def __init__(self, rng: Rng, params: ClipParams) -> None:
         height, width = params.size
         along = axes(rng.uniform(-np.pi, np.pi))
-        length, self.middle = rng.uniform(0.5, 0.8) * width, rng.uniform((0.35, 0.35), (0.65, 0.65)) * (width, height)
+        length, self.middle = (
+            rng.uniform(0.5, 0.8) * width,
+            rng.uniform((0.35, 0.35), (0.65, 0.65)) * (width, height),
+        )
         u = np.linspace(-0.5, 0.5, _CONTROLS)
         wave = sum(
-            rng.normal(0, 0.07 / k) * length * np.sin(2 * np.pi * k * u + rng.uniform(0, 6)) for k in (0.5, 1.0, 1.5)
+            rng.normal(0, 0.07 / k) * length * np.sin(2 * np.pi * k * u + rng.uniform(0, 6))
+            for k in (0.5, 1.0, 1.5)
         )
         xy = (u * length)[:, None] * along[0] + np.asarray(wave)[:, None] * along[1]
         height_above = np.cumsum(rng.normal(0, 0.2, _CONTROLS)) + rng.uniform(0, 1)
@@ -108,12 +131,14 @@ class _Course:
         steps = np.diff(line[:, :2], axis=0)
         self.height_above, self.step = line[:, 2], np.hypot(*steps.T)
         self.angle = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
-        # What is added to the direction: all of it, one end against the other, the middle against the ends.
+        # What is added to the direction: all of it, one end against the other, the middle against
+        # the ends.
         at = np.linspace(-0.5, 0.5, len(steps))
         self.modes = np.stack([np.ones_like(at), 2 * at, np.cos(2 * np.pi * at)])
         self.turn = rng.uniform(0.015, 0.05, 5)
         self.phase = rng.uniform(0, 2 * np.pi, 5)
-        # Speed of a swing is its reach times its rate; an end turns at half the length from the middle.
+        # Speed of a swing is its reach times its rate; an end turns at half the length from the
+        # middle.
         reach = params.speed * params.width_px / self.turn * rng.uniform(0.2, 0.5, 5)
         self.reach = reach / np.array([1, 1, *[0.5 * float(self.step.sum())] * 3])
 
@@ -127,13 +152,19 @@ class _Course:
         return np.column_stack([xy, self.height_above]).astype(np.float32)
 
 
-def _arm(curves: list[FloatArray], middle: FloatArray, angle: float, params: ClipParams) -> FloatArray:
-    """Half the length and width (2,) px of a box about ``middle`` that covers the share of the cables in view."""
+def _arm(
+    curves: list[FloatArray], middle: FloatArray, angle: float, params: ClipParams
+) -> FloatArray:
+    """Half the length and width (2,) px of a box about ``middle`` that covers the share of the
+    cables in view."""
     points = np.concatenate(curves)[:, :2]
     points = points[((points >= 0) & (points < params.size[::-1])).all(1)]
     away = np.abs((points - middle) @ np.array(axes(angle)).T)
-    # A box of a given form grows until it holds the share: of each point, the size at which it is inside.
-    return np.asarray(_ARM * np.quantile((away / _ARM).max(1), params.share) if len(points) else _ARM)
+    # A box of a given form grows until it holds the share: of each point, the size at which it is
+    # inside.
+    return np.asarray(
+        _ARM * np.quantile((away / _ARM).max(1), params.share) if len(points) else _ARM
+    )
 
 
 def _cover(canvas: Canvas, at: FloatArray, half: FloatArray, angle: float) -> None:

@@ -1,7 +1,7 @@
 """Things that are not cables: which kinds of clutter stand in a picture, and how many.
 
-Each painter takes a canvas and a generator and paints one kind of clutter; sizes are in shares of the
-picture's width W, so that the same scene can be rendered at any size.
+Each painter takes a canvas and a generator and paints one kind of clutter; sizes are in shares of
+the picture's width W, so that the same scene can be rendered at any size.
 """
 
 from __future__ import annotations
@@ -16,7 +16,17 @@ from models.synthesis.canvas import Canvas
 from models.synthesis.lookalikes import LOOKALIKES, dark_boxes
 from models.synthesis.looks import random_gray
 from models.synthesis.paint import mosaic, mural, splatter
-from models.synthesis.panels import din_rail, duct, grid, keyboard, label, panel, perforated, rails, terminal_blocks
+from models.synthesis.panels import (
+    din_rail,
+    duct,
+    grid,
+    keyboard,
+    label,
+    panel,
+    perforated,
+    rails,
+    terminal_blocks,
+)
 from models.synthesis.surfaces import bars_of_shadow, folds, glare, seams, tiles, wood_grain
 from models.synthesis.tools import pliers, rods, screwdriver, wrench
 
@@ -33,13 +43,23 @@ PAINTERS: tuple[Painter, ...] = (
     *(rods, rods, rods, rods, wrench, screwdriver, pliers),
     *(splatter, splatter, splatter, mosaic),
 )
-_INDUSTRIAL: tuple[Painter, ...] = (rails, din_rail, duct, panel, panel, terminal_blocks, label, rods)
+_INDUSTRIAL: tuple[Painter, ...] = (
+    rails,
+    din_rail,
+    duct,
+    panel,
+    panel,
+    terminal_blocks,
+    label,
+    rods,
+)
 
 _WORKSHOP: tuple[Painter, ...] = (*PAINTERS, *LOOKALIKES, *LOOKALIKES, dark_boxes, dark_boxes)
 
 
 def paint_clutter(canvas: Canvas, rng: Rng, style: Style) -> None:
-    """What stands in the background: nothing, thrown paint, machine parts, or up to four of anything."""
+    """What stands in the background: nothing, thrown paint, machine parts, or up to four of
+    anything."""
     match style:
         case "plain":
             return

@@ -26,7 +26,8 @@ _LEAST_ANGLE = np.deg2rad(18.0)
 
 @dataclass(frozen=True, eq=False)
 class Strand:
-    """One cable of the crossing: ``(n, 2)`` curve, arc lengths, width, and the arc length of the crossing."""
+    """One cable of the crossing: ``(n, 2)`` curve, arc lengths, width, and the arc length of the
+    crossing."""
 
     xy: FloatArray
     lengths: FloatArray
@@ -46,7 +47,8 @@ class Strand:
 
 @dataclass(frozen=True, eq=False)
 class RenderedCrossing:
-    """``rgb``: ``(SIDE, SIDE, 3)``; ``ids``: who is seen, 0 background; ``top``: index of the upper strand."""
+    """``rgb``: ``(SIDE, SIDE, 3)``; ``ids``: who is seen, 0 background; ``top``: index of the upper
+    strand."""
 
     rgb: ByteArray
     ids: ByteArray
@@ -55,7 +57,8 @@ class RenderedCrossing:
 
 
 def render_crossing(rng: np.random.Generator, pool: TexturePool) -> RenderedCrossing:
-    """Two or three cables that meet near the middle. In a third of the pictures they look the same."""
+    """Two or three cables that meet near the middle. In a third of the pictures they look the
+    same."""
     count = 3 if rng.random() < 0.2 else 2
     typical = float(np.exp(rng.uniform(np.log(5.0), np.log(24.0))))
     alike = random_color(rng) if rng.random() < 0.35 else None
@@ -86,7 +89,8 @@ def _angles(rng: np.random.Generator, count: int) -> FloatArray:
 
 
 def _strand(rng: np.random.Generator, angle: float, width: float) -> tuple[Strand, np.ndarray]:
-    """A bent curve through about the middle of the picture, and the same as ``(m, 3)`` for the painter."""
+    """A bent curve through about the middle of the picture, and the same as ``(m, 3)`` for the
+    painter."""
     turning = rng.normal(0.0, 0.004) / max(1.0, width / 10)
     along = np.linspace(-_REACH_PX, _REACH_PX, 9)
     headings = angle + turning * along + 0.3 * turning * rng.normal(0, 20, len(along))
@@ -102,7 +106,8 @@ def _strand(rng: np.random.Generator, angle: float, width: float) -> tuple[Stran
 
 
 def write_crossings(path: Path, count: int, seed: int, pool: TexturePool) -> None:
-    """``count`` crossings as pictures and curves in one ``.npz``: rendered once, read by every training."""
+    """``count`` crossings as pictures and curves in one ``.npz``: rendered once, read by every
+    training."""
     torch.set_num_threads(1)
     scenes = [render_crossing(np.random.default_rng([seed, k]), pool) for k in range(count)]
     owners = np.repeat(np.arange(count), [len(s.strands) for s in scenes])
@@ -120,8 +125,11 @@ def write_crossings(path: Path, count: int, seed: int, pool: TexturePool) -> Non
     )
 
 
-def crossings_kept(folder: Path, count: int, seed: int, textures: Path | None) -> list[RenderedCrossing]:
-    """The crossings that all trainings share, rendered into ``folder`` by the first that needs them."""
+def crossings_kept(
+    folder: Path, count: int, seed: int, textures: Path | None
+) -> list[RenderedCrossing]:
+    """The crossings that all trainings share, rendered into ``folder`` by the first that needs
+    them."""
     pack = folder / f"crossings_{count}.npz"
     if not pack.exists():
         write_crossings(pack, count, seed, load_pool(textures))
@@ -134,13 +142,19 @@ def read_crossings(path: Path) -> list[RenderedCrossing]:
         rgb, ids, owners = pack["rgb"], pack["ids"], pack["owners"]
         curves = np.split(pack["xy"], np.cumsum(pack["points"])[:-1])
         strands: list[list[Strand]] = [[] for _ in rgb]
-        for owner, xy, width, middle in zip(owners, curves, pack["widths"], pack["middles"], strict=True):
+        for owner, xy, width, middle in zip(
+            owners, curves, pack["widths"], pack["middles"], strict=True
+        ):
             strands[owner].append(Strand(xy, arc_lengths(xy), float(width), float(middle)))
-    return [RenderedCrossing(p, i, tuple(s), len(s) - 1) for p, i, s in zip(rgb, ids, strands, strict=True)]
+    return [
+        RenderedCrossing(p, i, tuple(s), len(s) - 1)
+        for p, i, s in zip(rgb, ids, strands, strict=True)
+    ]
 
 
 def crop(rgb: ByteArray, center_xy: FloatArray, side: int, pixels: int) -> ByteArray:
-    """``(pixels, pixels, 3)``: the square of ``side`` picture pixels around the center, 0 outside."""
+    """``(pixels, pixels, 3)``: the square of ``side`` picture pixels around the center, 0
+    outside."""
     scale = pixels / side
     shift = pixels / 2 - 0.5 - scale * center_xy
     matrix = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])

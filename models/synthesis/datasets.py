@@ -1,11 +1,11 @@
 """Labelled pictures in folders, and mixing several of them by ratio (thesis 2.7.2, eq. 2.5).
 
-A set is a folder. Its pictures are NAME.png, NAME.jpg or NAME.jpeg, in the folder itself or in ``imgs/``; the truth
-of each is NAME_ids.png beside it, or ``masks/NAME.*``, or ``labels/NAME.*``: 0 is background, all else DLO (an
-instance id, a class or 255). With an ``index.jsonl``, one JSON object with a ``name`` per line, only the names in it
-belong to the set: it is written last, so a set whose writing was cut off stays valid. What
-``python -m models.synthesis render`` and ``models.synthesis.chroma_key`` write can be read, and so can real pictures
-with hand-made masks.
+A set is a folder. Its pictures are NAME.png, NAME.jpg or NAME.jpeg, in the folder itself or in
+``imgs/``; the truth of each is NAME_ids.png beside it, or ``masks/NAME.*``, or ``labels/NAME.*``: 0
+is background, all else DLO (an instance id, a class or 255). With an ``index.jsonl``, one JSON
+object with a ``name`` per line, only the names in it belong to the set: it is written last, so a
+set whose writing was cut off stays valid. What ``python -m models.synthesis render`` and
+``models.synthesis.chroma_key`` write can be read, and so can real pictures with hand-made masks.
 """
 
 from __future__ import annotations
@@ -55,21 +55,30 @@ def samples_in(folder: Path) -> list[Sample]:
     bare = [image.name for image, truth in truths.items() if truth is None]
     if bare:
         raise DatasetError(f"{len(bare)} pictures in {folder} have no mask: {', '.join(bare[:5])}")
-    return [Sample(image.stem, image, truth) for image, truth in truths.items() if truth is not None]
+    return [
+        Sample(image.stem, image, truth) for image, truth in truths.items() if truth is not None
+    ]
 
 
 def load(sample: Sample, fit: bool = False) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Picture (H, W, 3) RGB and foreground (H, W). ``fit`` scales a mask of another size to the picture;
-    without it that raises DatasetError, as does a file that is no picture."""
+    """Picture (H, W, 3) RGB and foreground (H, W). ``fit`` scales a mask of another size to the
+    picture; without it that raises DatasetError, as does a file that is no picture."""
     image, truth = (cv2.imread(str(f), mode) for f, mode in _files(sample))
     if image is None or truth is None:
-        raise DatasetError(f"{sample.image if image is None else sample.truth} is no readable picture")
+        raise DatasetError(
+            f"{sample.image if image is None else sample.truth} is no readable picture"
+        )
     mask = (truth if truth.ndim == 2 else truth[:, :, :3].max(2)) > 0
     if mask.shape != image.shape[:2]:
         if not fit:
             (h, w), (mh, mw) = image.shape[:2], mask.shape
-            raise DatasetError(f"{sample.truth.name} is {mw}×{mh} but its picture {sample.image.name} is {w}×{h}")
-        mask = cv2.resize(mask.astype(np.uint8), image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
+            raise DatasetError(
+                f"{sample.truth.name} is {mw}×{mh} but its picture {sample.image.name} is {w}×{h}"
+            )
+        mask = (
+            cv2.resize(mask.astype(np.uint8), image.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+            > 0
+        )
     return np.ascontiguousarray(image[:, :, ::-1]), mask
 
 
@@ -78,7 +87,10 @@ def write_sample(folder: Path, name: str, rgb: NDArray[np.uint8], ids: NDArray[A
     if ids.shape != rgb.shape[:2]:
         raise DatasetError(f"{name}: ids {ids.shape} for a picture {rgb.shape[:2]}")
     folder.mkdir(parents=True, exist_ok=True)
-    for file, pixels in ((f"{name}_ids.png", ids.astype(np.uint8)), (f"{name}.png", rgb[:, :, ::-1])):
+    for file, pixels in (
+        (f"{name}_ids.png", ids.astype(np.uint8)),
+        (f"{name}.png", rgb[:, :, ::-1]),
+    ):
         # imwrite would report a full disk as a mere False; writing the bytes ourselves raises.
         write_whole(folder / file, cv2.imencode(".png", pixels)[1].tobytes())
 
@@ -94,8 +106,8 @@ def write_whole(file: Path, content: bytes) -> None:
 
 
 def append_index(folder: Path, record: Mapping[str, Any]) -> None:
-    """One line more, once the files of ``record["name"]`` are written. A line that does not fit on the disk is
-    taken back, so that the next one does not continue it."""
+    """One line more, once the files of ``record["name"]`` are written. A line that does not fit on
+    the disk is taken back, so that the next one does not continue it."""
     file = folder / INDEX
     before = file.stat().st_size if file.exists() else 0
     try:
@@ -108,7 +120,8 @@ def append_index(folder: Path, record: Mapping[str, Any]) -> None:
 
 
 def read_index(folder: Path) -> list[dict[str, Any]]:
-    """The records written so far; a last line cut off by a crash is dropped, here and in the file."""
+    """The records written so far; a last line cut off by a crash is dropped, here and in the
+    file."""
     file = folder / INDEX
     if not file.exists():
         return []
@@ -120,12 +133,14 @@ def read_index(folder: Path) -> list[dict[str, Any]]:
 
 
 class Mixture:
-    """Eq. 2.5: ``F(x) = Σ w_i P_i(x)``, exact in counts: of n drawn, source i gives w_i n, rounded by largest
-    remainder. Within a source nothing comes twice before all came once."""
+    """Eq. 2.5: ``F(x) = Σ w_i P_i(x)``, exact in counts: of n drawn, source i gives w_i n, rounded
+    by largest remainder. Within a source nothing comes twice before all came once."""
 
-    def __init__(self, sizes: Sequence[int], weights: Sequence[float], rng: np.random.Generator) -> None:
-        """``sizes`` pictures per source; ``weights`` ratios, scaled to sum 1. ValueError for an empty source with
-        weight, a negative weight or none above 0."""
+    def __init__(
+        self, sizes: Sequence[int], weights: Sequence[float], rng: np.random.Generator
+    ) -> None:
+        """``sizes`` pictures per source; ``weights`` ratios, scaled to sum 1. ValueError for an
+        empty source with weight, a negative weight or none above 0."""
         if len(sizes) != len(weights) or min(weights) < 0 or sum(weights) <= 0:
             raise ValueError("one weight of 0 or more for each source, one of them above 0")
         if any(w > 0 and n == 0 for n, w in zip(sizes, weights, strict=True)):
@@ -136,7 +151,11 @@ class Mixture:
 
     def draw(self, count: int) -> list[tuple[int, int]]:
         """``count`` pairs (source, number in it) in random order."""
-        pairs = [(s, self._next(s)) for s, n in enumerate(exact_counts(count, self.weights)) for _ in range(n)]
+        pairs = [
+            (s, self._next(s))
+            for s, n in enumerate(exact_counts(count, self.weights))
+            for _ in range(n)
+        ]
         return [pairs[k] for k in self._rng.permutation(len(pairs))]
 
     def _next(self, source: int) -> int:
@@ -146,7 +165,8 @@ class Mixture:
 
 
 def exact_counts(count: int, weights: NDArray[np.float64]) -> list[int]:
-    """``count`` split by ``weights`` (sum 1): each floor or floor + 1, the largest remainders first."""
+    """``count`` split by ``weights`` (sum 1): each floor or floor + 1, the largest remainders
+    first."""
     ideal = count * weights
     counts = np.floor(ideal + 1e-9).astype(int)
     rest = np.argsort(counts - ideal, kind="stable")[: count - int(counts.sum())]
@@ -158,7 +178,9 @@ def _truth_of(image: Path, folder: Path) -> Path | None:
     beside = image.with_name(f"{image.stem}_ids.png")
     if beside.exists():
         return beside
-    found = (folder / part / f"{image.stem}{end}" for part in ("masks", "labels") for end in _PICTURES)
+    found = (
+        folder / part / f"{image.stem}{end}" for part in ("masks", "labels") for end in _PICTURES
+    )
     return next((file for file in found if file.exists()), None)
 
 

@@ -1,4 +1,5 @@
-"""Things held in the air: a room out of focus behind them, and a second layer of cables a little out of focus."""
+"""Things held in the air: a room out of focus behind them, and a second layer of cables a little
+out of focus."""
 
 from __future__ import annotations
 
@@ -14,8 +15,11 @@ Rng = np.random.Generator
 
 
 def blur_room(canvas: Canvas, rng: Rng) -> None:
-    """What is on the canvas so far goes out of focus, by 0.2 to 2 % of the picture's width (standard deviation)."""
-    canvas.rgb = defocus(canvas.rgb, float(np.exp(rng.uniform(np.log(0.002), np.log(0.02)))) * canvas.width)
+    """What is on the canvas so far goes out of focus, by 0.2 to 2 % of the picture's width
+    (standard deviation)."""
+    canvas.rgb = defocus(
+        canvas.rgb, float(np.exp(rng.uniform(np.log(0.002), np.log(0.02)))) * canvas.width
+    )
 
 
 def blur_layer(canvas: Canvas, rng: Rng) -> None:

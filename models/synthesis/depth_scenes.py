@@ -1,4 +1,5 @@
-"""Round cables in the air over and on a table, ray by ray: true depth, mask and centerlines in meters."""
+"""Round cables in the air over and on a table, ray by ray: true depth, mask and centerlines in
+meters."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ _SPACING_M = 0.0004
 
 @dataclass(frozen=True)
 class DepthSceneParams:
-    """``cables`` of ``radius_m`` on a table ``distance_m`` away, seen ``tilt_rad`` off its normal with ``focal_px``;
-    where two cross, the upper one is lifted over the lower one."""
+    """``cables`` of ``radius_m`` on a table ``distance_m`` away, seen ``tilt_rad`` off its normal
+    with ``focal_px``; where two cross, the upper one is lifted over the lower one."""
 
     size: tuple[int, int] = (480, 640)
     focal_px: float = 600.0
@@ -29,8 +30,9 @@ class DepthSceneParams:
 
 @dataclass(frozen=True, eq=False)
 class DepthScene:
-    """``depth_m`` (H, W) true; ``owner`` (H, W) 0 table, k the k-th cable; ``curves_m`` axes (n, 3) in the camera's
-    frame; ``table`` normal (3,) and offset, as of :class:`models.depth.table.Table`."""
+    """``depth_m`` (H, W) true; ``owner`` (H, W) 0 table, k the k-th cable; ``curves_m`` axes (n, 3)
+    in the camera's frame; ``table`` normal (3,) and offset, as of
+    :class:`models.depth.table.Table`."""
 
     camera: Camera
     depth_m: Float32Array
@@ -44,10 +46,12 @@ class DepthScene:
 
 
 def depth_scene(rng: Rng, params: DepthSceneParams) -> DepthScene:
-    """Everything random comes from ``rng``. Strategy: an axis is many balls; of each the upper side is
-    drawn, and the nearest counts."""
+    """Everything random comes from ``rng``. Strategy: an axis is many balls; of each the upper side
+    is drawn, and the nearest counts."""
     height, width = params.size
-    intrinsics = Intrinsics(width, height, params.focal_px, params.focal_px, (width - 1) / 2, (height - 1) / 2)
+    intrinsics = Intrinsics(
+        width, height, params.focal_px, params.focal_px, (width - 1) / 2, (height - 1) / 2
+    )
     center = params.distance_m * np.array([np.sin(params.tilt_rad), 0.0, np.cos(params.tilt_rad)])
     placed = Camera(intrinsics, look_at(center, np.zeros(3), np.array([0.0, -1.0, 0.0])))
     camera = Camera(intrinsics, np.eye(4))
@@ -65,7 +69,10 @@ def _flat(rng: Rng, reach: float) -> FloatArray:
     angle = rng.uniform(0, 2 * np.pi)
     u = np.linspace(-1, 1, 400)
     along = reach * u
-    across = sum(rng.normal(0, 0.15 / k) * reach * np.sin(np.pi * k * u + rng.uniform(0, 6)) for k in (1, 2, 3))
+    across = sum(
+        rng.normal(0, 0.15 / k) * reach * np.sin(np.pi * k * u + rng.uniform(0, 6))
+        for k in (1, 2, 3)
+    )
     across = np.asarray(across) + rng.uniform(-0.4, 0.4) * reach
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     line = np.column_stack([along, across]) @ turn.T
@@ -96,7 +103,9 @@ def _drawn(
     rays = camera.rays(np.stack([columns, rows], axis=-1))
     depth = offset / (rays @ normal)
     owner = np.zeros((height, width), np.uint8)
-    side = np.arange(-(r := int(np.ceil(radius * camera.focal_px / curves[0][:, 2].min())) + 2), r + 1)
+    side = np.arange(
+        -(r := int(np.ceil(radius * camera.focal_px / curves[0][:, 2].min())) + 2), r + 1
+    )
     offsets = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     for number, curve in enumerate(curves, start=1):
         pixels = np.rint(camera.project(curve)).astype(int)[:, None] + offsets

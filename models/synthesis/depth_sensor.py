@@ -1,7 +1,9 @@
-"""What a depth camera makes of true depth: noise that is alike in neighboring pixels, holes, flying pixels.
+"""What a depth camera makes of true depth: noise that is alike in neighboring pixels, holes, flying
+pixels.
 
-Structured light and stereo: the noise is smooth over a few pixels; where the surface jumps a pixel may be missing
-(the projector's shadow) or fly between both sides; dark or shiny patches have holes; depths come in steps.
+Structured light and stereo: the noise is smooth over a few pixels; where the surface jumps a pixel
+may be missing (the projector's shadow) or fly between both sides; dark or shiny patches have holes;
+depths come in steps.
 """
 
 from __future__ import annotations
@@ -18,9 +20,9 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class SensorParams:
-    """``sigma_m`` of a pixel's noise, alike over about ``grain_px``; ``holes`` share of the picture in patches;
-    ``flying`` share of the pixels at jumps of more than ``jump_m`` that are between both sides, ``shadow`` that are
-    missing; ``step_m`` between two depths that it tells apart."""
+    """``sigma_m`` of a pixel's noise, alike over about ``grain_px``; ``holes`` share of the picture
+    in patches; ``flying`` share of the pixels at jumps of more than ``jump_m`` that are between
+    both sides, ``shadow`` that are missing; ``step_m`` between two depths that it tells apart."""
 
     sigma_m: float = 0.001
     grain_px: float = 1.2
@@ -34,7 +36,9 @@ class SensorParams:
 def sensed(rng: Rng, true_m: Float32Array, params: SensorParams) -> Float32Array:
     """(H, W) meters as the sensor gives them; NaN are holes."""
     size = (true_m.shape[1], true_m.shape[0])
-    noise = cv2.GaussianBlur(rng.standard_normal(true_m.shape).astype(np.float32), (0, 0), params.grain_px)
+    noise = cv2.GaussianBlur(
+        rng.standard_normal(true_m.shape).astype(np.float32), (0, 0), params.grain_px
+    )
     depth = true_m + params.sigma_m * noise / max(float(noise.std()), 1e-9)
     low, high = cv2.erode(true_m, np.ones((3, 3))), cv2.dilate(true_m, np.ones((3, 3)))
     jump = (high - low) > params.jump_m

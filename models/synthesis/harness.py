@@ -1,8 +1,9 @@
 """Synthetic harnesses with their true topology (thesis 6.5.1), and harder than there.
 
-Strategy: a harness grows as a tree of sections. Each new section is drawn at random and kept if it fits: it stays
-clear of what is there, except at the branch-point it leaves and where it clearly crosses. So what the labels say is
-also what the mask shows. Sections that leave a bundle and come back close cycles afterwards.
+Strategy: a harness grows as a tree of sections. Each new section is drawn at random and kept if it
+fits: it stays clear of what is there, except at the branch-point it leaves and where it clearly
+crosses. So what the labels say is also what the mask shows. Sections that leave a bundle and come
+back close cycles afterwards.
 """
 
 from __future__ import annotations
@@ -32,9 +33,10 @@ _LEAST_SINE = 0.42
 
 @dataclass(frozen=True)
 class HarnessParams:
-    """``size`` (height, width) px; ``branch_points`` and ``cables`` (plain ones besides) as bounds; ``harnesses`` in
-    view; ``width_share`` bounds of the trunk's width over the picture's width; ``cycle_share`` how often a section
-    leaves a bundle and comes back; ``crossings`` bounds on their number."""
+    """``size`` (height, width) px; ``branch_points`` and ``cables`` (plain ones besides) as bounds;
+    ``harnesses`` in view; ``width_share`` bounds of the trunk's width over the picture's width;
+    ``cycle_share`` how often a section leaves a bundle and comes back; ``crossings`` bounds on
+    their number."""
 
     size: tuple[int, int] = (480, 640)
     branch_points: tuple[int, int] = (0, 8)
@@ -56,7 +58,8 @@ class TrueSection:
 
 @dataclass(frozen=True, eq=False)
 class Harness:
-    """``branch_xy``: ``(B, 2)``; crossings with ``a`` and ``b`` as section indices; ``a_over``: ``(C,)`` bool."""
+    """``branch_xy``: ``(B, 2)``; crossings with ``a`` and ``b`` as section indices; ``a_over``:
+    ``(C,)`` bool."""
 
     size: tuple[int, int]
     sections: tuple[TrueSection, ...]
@@ -79,7 +82,8 @@ class _Growth:
 
 @dataclass(frozen=True, eq=False)
 class _Bud:
-    """Where a section starts: point, heading, width, branch-point, and how it swings out (units of 1 / radius)."""
+    """Where a section starts: point, heading, width, branch-point, and how it swings out (units of
+    1 / radius)."""
 
     xy: FloatArray
     heading: float
@@ -93,7 +97,8 @@ class _StuckError(Exception):
 
 
 def make_harness(rng: np.random.Generator, params: HarnessParams) -> Harness:
-    """One scene; everything random comes from ``rng``. Scenes that do not work out are drawn again."""
+    """One scene; everything random comes from ``rng``. Scenes that do not work out are drawn
+    again."""
     while True:
         growth = _Growth(rng, params)
         try:
@@ -150,20 +155,27 @@ def _two_ended(growth: _Growth, bud: _Bud) -> list[_Bud]:
     growth.branches.append(bud.xy)
     here = len(growth.branches) - 1
     back = np.array([np.cos(bud.heading), np.sin(bud.heading)])
-    stem = TrueSection(bud.xy + np.array([[2.0], [1.0], [0.0]]) * STEP_PX * back, bud.width, (FREE, here))
+    stem = TrueSection(
+        bud.xy + np.array([[2.0], [1.0], [0.0]]) * STEP_PX * back, bud.width, (FREE, here)
+    )
     return [replace(bud, branch=here), *_fork(growth.rng, stem, here)]
 
 
 def _from_border(rng: np.random.Generator, height: int, across: int) -> tuple[FloatArray, float]:
     side = int(rng.integers(4))
     along = rng.uniform(0.15, 0.85)
-    places = [(along * across, -1.0), (across + 1.0, along * height), (along * across, height + 1.0),
-              (-1.0, along * height)]  # fmt: skip
+    places = [
+        (along * across, -1.0),
+        (across + 1.0, along * height),
+        (along * across, height + 1.0),
+        (-1.0, along * height),
+    ]
     return np.array(places[side]), float((0.5, 1.0, -0.5, 0.0)[side] * np.pi + rng.normal(0, 0.4))
 
 
 def _fork(rng: np.random.Generator, section: TrueSection, branch: int) -> list[_Bud]:
-    """The two sections that leave a branch-point: lanes of a flat bundle, a thin one off a trunk, or a Y."""
+    """The two sections that leave a branch-point: lanes of a flat bundle, a thin one off a trunk,
+    or a Y."""
     step = section.xy[-1] - section.xy[-3]
     heading = float(np.arctan2(step[1], step[0]))
     normal = np.array([-np.sin(heading), np.cos(heading)])
@@ -177,14 +189,24 @@ def _fork(rng: np.random.Generator, section: TrueSection, branch: int) -> list[_
         widths = [max(sum_of * share, least), max(sum_of * (1 - share), least)]
         swings = rng.permutation([rng.uniform(0.5, 1.0), rng.uniform(0.0, 0.8)])
         return [
-            _Bud(end + sign * side * max(trunk - w, 0) / 2 * normal, heading + sign * side * rng.uniform(0, 0.3), w,
-                 branch, sign * side * float(swing))
+            _Bud(
+                end + sign * side * max(trunk - w, 0) / 2 * normal,
+                heading + sign * side * rng.uniform(0, 0.3),
+                w,
+                branch,
+                sign * side * float(swing),
+            )
             for sign, w, swing in zip((1, -1), widths, swings, strict=True)
-        ]  # fmt: skip
+        ]
     if kind == "tee":
         off = side * np.deg2rad(rng.uniform(35, 100))
-        through = _Bud(end, heading + rng.normal(0, 0.1), max(trunk * rng.uniform(0.75, 1.0), least), branch)
-        return [through, _Bud(end, heading + off, max(trunk * rng.uniform(0.35, 0.8), least), branch)]
+        through = _Bud(
+            end, heading + rng.normal(0, 0.1), max(trunk * rng.uniform(0.75, 1.0), least), branch
+        )
+        return [
+            through,
+            _Bud(end, heading + off, max(trunk * rng.uniform(0.35, 0.8), least), branch),
+        ]
     width = max(trunk * rng.uniform(0.6, 0.95), least)
     other = max(trunk * rng.uniform(0.6, 0.95), least)
     angles = np.deg2rad(rng.uniform(18, 55, 2))
@@ -195,14 +217,17 @@ def _fork(rng: np.random.Generator, section: TrueSection, branch: int) -> list[_
 
 
 def _fitting_section(growth: _Growth, bud: _Bud, branches: bool) -> TrueSection:
-    """A section from the bud that fits; shorter ones are tried where long ones do not. Raises _StuckError."""
+    """A section from the bud that fits; shorter ones are tried where long ones do not. Raises
+    _StuckError."""
     rng, longest = growth.rng, max(growth.params.size)
     length = rng.uniform(0.14, 0.4) * longest if branches else rng.uniform(0.2, 1.0) * longest
     least = 5 * bud.width + 24
     for _ in range(14):
         radius = bud.width * rng.uniform(2.2, 6.0) + 8
         points = wander(rng, bud.xy, bud.heading, max(length, least), radius, bud.turn)
-        section = TrueSection(_in_view(points, growth.params.size, bud.width), bud.width, (bud.branch, FREE))
+        section = TrueSection(
+            _in_view(points, growth.params.size, bud.width), bud.width, (bud.branch, FREE)
+        )
         whole = len(section.xy) == len(points)
         long_enough = STEP_PX * len(section.xy) >= least
         ends_well = not branches or (whole and _well_inside(growth, section.xy[-1], bud))
@@ -229,7 +254,8 @@ def _well_inside(growth: _Growth, xy: FloatArray, bud: _Bud) -> bool:
 
 
 def _fits(growth: _Growth, section: TrueSection) -> bool:
-    """Whether the section is clear of all others but at its branch-points and at clear crossings; those are noted."""
+    """Whether the section is clear of all others but at its branch-points and at clear crossings;
+    those are noted."""
     curves = [s.xy for s in growth.sections] + [section.xy]
     new = len(curves) - 1
     met = [m for m in meetings(curves) if m.b == new and not _at_shared(growth, section, m)]
@@ -244,8 +270,11 @@ def _fits(growth: _Growth, section: TrueSection) -> bool:
 
 def _at_shared(growth: _Growth, section: TrueSection, met: Meeting) -> bool:
     """Curves that leave one branch-point may touch right there; that is no crossing."""
-    shared = [e for e in section.ends if e != FREE and met.a < len(growth.sections)
-              and e in growth.sections[met.a].ends]  # fmt: skip
+    shared = [
+        e
+        for e in section.ends
+        if e != FREE and met.a < len(growth.sections) and e in growth.sections[met.a].ends
+    ]
     return any(np.hypot(*(met.xy - growth.branches[e])) < 1.5 * section.width + 6 for e in shared)
 
 
@@ -259,7 +288,8 @@ def _room(growth: _Growth, section: TrueSection, met: Meeting, others: list[Meet
 
 
 def _clear(growth: _Growth, section: TrueSection, k: int, met: list[Meeting], gap: float) -> bool:
-    """Whether the section keeps the gap to section ``k``, or to itself where ``k`` is its own index."""
+    """Whether the section keeps the gap to section ``k``, or to itself where ``k`` is its own
+    index."""
     itself = k == len(growth.sections)
     other = section if itself else growth.sections[k]
     mine, theirs = near_pairs(section.xy, other.xy, (section.width + other.width) / 2 + gap)
@@ -277,8 +307,9 @@ def _clear(growth: _Growth, section: TrueSection, k: int, met: list[Meeting], ga
     return bool(allowed.all())
 
 
-def _near_shared(section: TrueSection, other: TrueSection, mine: FloatArray, theirs: FloatArray,
-                 gap: float) -> BoolArray:  # fmt: skip
+def _near_shared(
+    section: TrueSection, other: TrueSection, mine: FloatArray, theirs: FloatArray, gap: float
+) -> BoolArray:
     """Pairs near a branch-point that both sections have; bundles may part slowly."""
     reach = 2.5 * (section.width + other.width) + 2 * gap
     near = np.zeros(len(mine), bool)
@@ -290,12 +321,15 @@ def _near_shared(section: TrueSection, other: TrueSection, mine: FloatArray, the
 
 
 def _close_cycle(growth: _Growth) -> None:
-    """Another section between two places of the harness: it leaves a bundle and comes back. None if none fits."""
+    """Another section between two places of the harness: it leaves a bundle and comes back. None if
+    none fits."""
     rng = growth.rng
     for _ in range(12):
         i, j = (int(k) for k in rng.integers(len(growth.sections), size=2))
         first, second = growth.sections[i], growth.sections[j]
-        at_i, at_j = (float(rng.uniform(0.2, 0.8)) * STEP_PX * (len(s.xy) - 1) for s in (first, second))
+        at_i, at_j = (
+            float(rng.uniform(0.2, 0.8)) * STEP_PX * (len(s.xy) - 1) for s in (first, second)
+        )
         if i == j and abs(at_i - at_j) < 10 * first.width:
             continue
         trial = _with_cycle(growth, (i, at_i), (j, at_j), 0.6 * min(first.width, second.width))
@@ -304,14 +338,24 @@ def _close_cycle(growth: _Growth) -> None:
             return
 
 
-def _with_cycle(growth: _Growth, start: tuple[int, float], end: tuple[int, float], width: float) -> _Growth | None:
-    trial = _Growth(growth.rng, growth.params, list(growth.sections), list(growth.branches), list(growth.crossed))
+def _with_cycle(
+    growth: _Growth, start: tuple[int, float], end: tuple[int, float], width: float
+) -> _Growth | None:
+    trial = _Growth(
+        growth.rng,
+        growth.params,
+        list(growth.sections),
+        list(growth.branches),
+        list(growth.crossed),
+    )
     tangents = []
     for (k, at), sign in ((start, 1.0), (end, -1.0)):
         points = growth.sections[k].xy
         lengths = arc_lengths(points)
         here, ahead = point_at(points, lengths, np.array([at, at + STEP_PX]))
-        angle = np.arctan2(*(ahead - here)[::-1]) + sign * growth.rng.choice([-1, 1]) * growth.rng.uniform(0.4, 1.1)
+        angle = np.arctan2(*(ahead - here)[::-1]) + sign * growth.rng.choice(
+            [-1, 1]
+        ) * growth.rng.uniform(0.4, 1.1)
         tangents.append(sign * np.array([np.cos(angle), np.sin(angle)]))
         if not _well_inside(trial, here, _Bud(here, 0.0, growth.sections[k].width, FREE)):
             return None
@@ -319,14 +363,21 @@ def _with_cycle(growth: _Growth, start: tuple[int, float], end: tuple[int, float
     first, last = trial.branches[-2:]
     pull = float(np.hypot(*(last - first))) * growth.rng.uniform(0.4, 1.2)
     loop = TrueSection(
-        bezier(first, first + pull * tangents[0], last + pull * tangents[1], last), max(width, 5.0),
+        bezier(first, first + pull * tangents[0], last + pull * tangents[1], last),
+        max(width, 5.0),
         (len(trial.branches) - 2, len(trial.branches) - 1),
-    )  # fmt: skip
+    )
     # The later place first: splitting keeps the indices and arc lengths of what lies before it.
-    for (k, at), branch in sorted(((start, loop.ends[0]), (end, loop.ends[1])), key=lambda p: p[0], reverse=True):
+    for (k, at), branch in sorted(
+        ((start, loop.ends[0]), (end, loop.ends[1])), key=lambda p: p[0], reverse=True
+    ):
         _split(trial, k, at, branch)
     radius = 1.6 * loop.width + 6
-    return trial if sharpest_radius(loop.xy) > radius and _fits(trial, loop) and _add(trial, loop) else None
+    return (
+        trial
+        if sharpest_radius(loop.xy) > radius and _fits(trial, loop) and _add(trial, loop)
+        else None
+    )
 
 
 def _add(growth: _Growth, section: TrueSection) -> bool:
@@ -340,8 +391,10 @@ def _split(growth: _Growth, k: int, at: float, branch: int) -> None:
     before = np.concatenate((old.xy[lengths < at], growth.branches[branch][None]))
     after = np.concatenate((growth.branches[branch][None], old.xy[lengths > at]))
     growth.sections[k] = TrueSection(_even(before), old.width, (old.ends[0], branch))
-    growth.sections.insert(k + 1, TrueSection(_even(after), old.width * growth.rng.uniform(0.75, 1.1),
-                                              (branch, old.ends[1])))  # fmt: skip
+    growth.sections.insert(
+        k + 1,
+        TrueSection(_even(after), old.width * growth.rng.uniform(0.75, 1.1), (branch, old.ends[1])),
+    )
 
 
 def _even(points: FloatArray) -> FloatArray:
@@ -356,7 +409,9 @@ def _finished(growth: _Growth) -> Harness:
     for m in meetings([s.xy for s in sections]) if sections else []:
         inside = 0 <= m.xy[0] < across and 0 <= m.xy[1] < height
         shared = set(sections[m.a].ends) & set(sections[m.b].ends) - {FREE} if m.a != m.b else set()
-        apart = all(np.hypot(*(m.xy - growth.branches[e])) > 1.5 * sections[m.b].width + 6 for e in shared)
+        apart = all(
+            np.hypot(*(m.xy - growth.branches[e])) > 1.5 * sections[m.b].width + 6 for e in shared
+        )
         if inside and apart:
             found.append(m)
     over = tuple(bool(v) for v in np.random.default_rng(len(found)).integers(0, 2, len(found)))

@@ -1,4 +1,5 @@
-"""Random section shapes for synthetic harnesses (thesis 6.5.1), and where they come near each other."""
+"""Random section shapes for synthetic harnesses (thesis 6.5.1), and where they come near each
+other."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ STEP_PX = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """Two sections (indices ``a <= b``) cross at ``xy``, at these arc lengths; ``sine`` of their angle."""
+    """Two sections (indices ``a <= b``) cross at ``xy``, at these arc lengths; ``sine`` of their
+    angle."""
 
     a: int
     b: int
@@ -27,17 +29,26 @@ class Meeting:
 
 
 def wander(
-    rng: np.random.Generator, start: FloatArray, heading: float, length: float, radius: float, turn: float = 0.0
+    rng: np.random.Generator,
+    start: FloatArray,
+    heading: float,
+    length: float,
+    radius: float,
+    turn: float = 0.0,
 ) -> FloatArray:
-    """``(m, 2)`` points from ``start`` on: curvature drifts smoothly and never bends below ``radius``.
+    """``(m, 2)`` points from ``start`` on: curvature drifts smoothly and never bends below
+    ``radius``.
 
-    ``turn``: a curvature in units of ``1 / radius`` that the first third keeps to, for branches that swing out.
+    ``turn``: a curvature in units of ``1 / radius`` that the first third keeps to, for branches
+    that swing out.
     """
     count = max(4, round(length / STEP_PX) + 1)
     knots = max(3, round(length / (3 * radius)) + 2)
     drift = np.clip(rng.normal(0, 0.45, knots), -1, 1)
     if rng.random() < 0.12:
-        drift[:] = rng.choice([-1, 1]) * rng.uniform(0.5, 0.9)  # goes round: a self-crossing where it is long enough
+        drift[:] = rng.choice([-1, 1]) * rng.uniform(
+            0.5, 0.9
+        )  # goes round: a self-crossing where it is long enough
     drift[0] = turn
     curvature = np.interp(np.linspace(0, knots - 1, count), np.arange(knots), drift) / radius
     headings = heading + np.concatenate(([0.0], np.cumsum(curvature[:-1] * STEP_PX)))
@@ -45,10 +56,17 @@ def wander(
     return start + np.concatenate((np.zeros((1, 2)), np.cumsum(steps[:-1], axis=0)))
 
 
-def bezier(start: FloatArray, pull_start: FloatArray, pull_end: FloatArray, end: FloatArray) -> FloatArray:
+def bezier(
+    start: FloatArray, pull_start: FloatArray, pull_end: FloatArray, end: FloatArray
+) -> FloatArray:
     """``(m, 2)`` points of a cubic Bézier curve at equal spacing."""
     t = np.linspace(0, 1, 200)[:, None]
-    raw = (1 - t) ** 3 * start + 3 * t * (1 - t) ** 2 * pull_start + 3 * t**2 * (1 - t) * pull_end + t**3 * end
+    raw = (
+        (1 - t) ** 3 * start
+        + 3 * t * (1 - t) ** 2 * pull_start
+        + 3 * t**2 * (1 - t) * pull_end
+        + t**3 * end
+    )
     return resample(raw, max(4, round(float(arc_lengths(raw)[-1]) / STEP_PX) + 1))
 
 
@@ -69,7 +87,9 @@ def meetings(curves: list[FloatArray]) -> list[Meeting]:
     sizes = np.hypot(*steps.T)
     found = []
     for i, j, t, u, xy in zip(*crossing_segments(starts, ends), strict=True):
-        sine = abs(float(steps[i, 0] * steps[j, 1] - steps[i, 1] * steps[j, 0])) / (sizes[i] * sizes[j])
+        sine = abs(float(steps[i, 0] * steps[j, 1] - steps[i, 1] * steps[j, 0])) / (
+            sizes[i] * sizes[j]
+        )
         at_a, at_b = float(offsets[i] + t * sizes[i]), float(offsets[j] + u * sizes[j])
         found.append(Meeting(int(owner[i]), int(owner[j]), at_a, at_b, xy, float(sine)))
     return found

@@ -1,4 +1,5 @@
-"""The mask of a synthetic harness, with what real masks have: connectors, clips, tape, gaps, coarse outlines."""
+"""The mask of a synthetic harness, with what real masks have: connectors, clips, tape, gaps, coarse
+outlines."""
 
 from __future__ import annotations
 
@@ -53,10 +54,14 @@ def draw_mask(harness: Harness, rng: np.random.Generator, params: MaskParams) ->
     return _sampled(canvas, rng, params)
 
 
-def _draw_section(canvas: ByteArray, section: TrueSection, rng: np.random.Generator, params: MaskParams) -> None:
+def _draw_section(
+    canvas: ByteArray, section: TrueSection, rng: np.random.Generator, params: MaskParams
+) -> None:
     count = len(section.xy)
     knots = max(2, count // 12)
-    swell = np.interp(np.linspace(0, 1, count), np.linspace(0, 1, knots), rng.normal(0, 0.05, knots))
+    swell = np.interp(
+        np.linspace(0, 1, count), np.linspace(0, 1, knots), rng.normal(0, 0.05, knots)
+    )
     widths = section.width * (1 + (swell if params.rough else 0.0 * swell))
     if rng.random() < params.tape:
         for _ in range(int(rng.integers(1, 4))):
@@ -68,10 +73,14 @@ def _draw_section(canvas: ByteArray, section: TrueSection, rng: np.random.Genera
 
 def _stroke(canvas: ByteArray, points: FloatArray, width: float, value: int = 255) -> None:
     fixed = np.rint(((points + 0.5) * _OVERSAMPLING - 0.5) * 16).astype(np.int32)
-    cv2.polylines(canvas, [fixed], False, value, max(1, round(width * _OVERSAMPLING)), cv2.LINE_8, 4)
+    cv2.polylines(
+        canvas, [fixed], False, value, max(1, round(width * _OVERSAMPLING)), cv2.LINE_8, 4
+    )
 
 
-def _box(canvas: ByteArray, center: FloatArray, angle: float, size: tuple[float, float], value: int = 255) -> None:
+def _box(
+    canvas: ByteArray, center: FloatArray, angle: float, size: tuple[float, float], value: int = 255
+) -> None:
     """A filled rectangle, ``size`` along and across ``angle``."""
     middle = (center + 0.5) * _OVERSAMPLING - 0.5
     sides = (size[0] * _OVERSAMPLING, size[1] * _OVERSAMPLING)
@@ -80,9 +89,12 @@ def _box(canvas: ByteArray, center: FloatArray, angle: float, size: tuple[float,
 
 
 def _draw_connectors(canvas: ByteArray, harness: Harness, rng: np.random.Generator) -> None:
-    """Housings at free ends, where there is room: one that lies on another section would look like a joint."""
+    """Housings at free ends, where there is room: one that lies on another section would look like
+    a joint."""
     for k, section in enumerate(harness.sections):
-        others = np.concatenate([np.zeros((0, 2)), *(s.xy for i, s in enumerate(harness.sections) if i != k)])
+        others = np.concatenate(
+            [np.zeros((0, 2)), *(s.xy for i, s in enumerate(harness.sections) if i != k)]
+        )
         for end, inner, kind in ((0, 3, section.ends[0]), (-1, -4, section.ends[1])):
             if kind != FREE or rng.random() > 0.6:
                 continue
@@ -96,7 +108,8 @@ def _draw_connectors(canvas: ByteArray, harness: Harness, rng: np.random.Generat
 
 
 def _place(harness: Harness, rng: np.random.Generator) -> tuple[TrueSection, FloatArray, float]:
-    """A section, a point on it away from branch-points and crossings where possible, and its heading there."""
+    """A section, a point on it away from branch-points and crossings where possible, and its
+    heading there."""
     special = np.concatenate((harness.branch_xy, *(m.xy[None] for m in harness.crossings)))
     for _ in range(8):
         section = harness.sections[int(rng.integers(len(harness.sections)))]
@@ -108,7 +121,8 @@ def _place(harness: Harness, rng: np.random.Generator) -> tuple[TrueSection, Flo
 
 
 def _draw_clip(canvas: ByteArray, harness: Harness, rng: np.random.Generator) -> None:
-    """A clip or the tail of a cable tie: it sticks out by at most about a width and is no section."""
+    """A clip or the tail of a cable tie: it sticks out by at most about a width and is no
+    section."""
     section, xy, angle = _place(harness, rng)
     out = section.width * rng.uniform(0.3, 1.1) + 2
     side = rng.choice([-1, 1]) * (np.pi / 2 + rng.normal(0, 0.2))
@@ -118,7 +132,8 @@ def _draw_clip(canvas: ByteArray, harness: Harness, rng: np.random.Generator) ->
 
 
 def _cut_gap(canvas: ByteArray, harness: Harness, rng: np.random.Generator) -> None:
-    """A piece of a section is missing: anywhere, or right beside a crossing, where the upper one casts shadow."""
+    """A piece of a section is missing: anywhere, or right beside a crossing, where the upper one
+    casts shadow."""
     if harness.crossings and rng.random() < 0.55:
         which = int(rng.integers(len(harness.crossings)))
         m = harness.crossings[which]
@@ -147,7 +162,9 @@ def _draw_speck(canvas: ByteArray, rng: np.random.Generator) -> None:
 def _sampled(canvas: ByteArray, rng: np.random.Generator, params: MaskParams) -> BoolArray:
     """The mask at its own size; the outline uneven, or in blocks as from a coarse sensor."""
     height, across = canvas.shape[0] // _OVERSAMPLING, canvas.shape[1] // _OVERSAMPLING
-    share: NDArray[Any] = cv2.resize(canvas, (across, height), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+    share: NDArray[Any] = (
+        cv2.resize(canvas, (across, height), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+    )
     if params.rough:
         spread = rng.uniform(0, params.rough)
         noise = cv2.GaussianBlur(rng.normal(0, 1, share.shape).astype(np.float32), (0, 0), 2.0)

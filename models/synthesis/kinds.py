@@ -1,4 +1,5 @@
-"""One picture of every kind of scene and of clutter that the renderer knows: the plates of the documentation."""
+"""One picture of every kind of scene and of clutter that the renderer knows: the plates of the
+documentation."""
 
 from __future__ import annotations
 
@@ -53,8 +54,11 @@ LOOKALIKES: Mapping[str, Painter] = {
 
 
 def scene_plate(name: str, pool: TexturePool, seed: int = 7) -> ByteArray:
-    """(216, 384, 3) RGB picture of a kind of :data:`SCENES`: of a few under ``seed`` the one with most cables seen."""
-    scenes = [render_scene(np.random.default_rng([seed, k]), SCENES[name], pool) for k in range(_TRIED)]
+    """(216, 384, 3) RGB picture of a kind of :data:`SCENES`: of a few under ``seed`` the one with
+    most cables seen."""
+    scenes = [
+        render_scene(np.random.default_rng([seed, k]), SCENES[name], pool) for k in range(_TRIED)
+    ]
     return to_uint8(max(scenes, key=_worth).rgb)
 
 
@@ -64,8 +68,8 @@ def _worth(scene: Labelled) -> float:
 
 
 def lookalike_plate(name: str, pool: TexturePool, seed: int = 7) -> ByteArray:
-    """(216, 384, 3) RGB picture of a kind of :data:`LOOKALIKES` without any cable: of a few under ``seed``
-    one in which much of it is seen."""
+    """(216, 384, 3) RGB picture of a kind of :data:`LOOKALIKES` without any cable: of a few under
+    ``seed`` one in which much of it is seen."""
     best, most = None, -1.0
     for k in range(_TRIED):
         rng = np.random.default_rng([seed, k])

@@ -15,7 +15,9 @@ from models.synthesis.ribbons import STEP_PX, Ribbon
 
 Rng = np.random.Generator
 Color = tuple[float, float, float]
-Pattern = Literal["plain", "stripe", "helix", "bands", "print", "braid", "corrugated", "tape", "twist"]
+Pattern = Literal[
+    "plain", "stripe", "helix", "bands", "print", "braid", "corrugated", "tape", "twist"
+]
 
 # Hue, saturation and value bands of common insulation colors; drawn with equal chance.
 _PALETTE = (
@@ -33,15 +35,23 @@ _PALETTE = (
     ((0.0, 1.0), (0.0, 1.0), (0.1, 1.0)),  # anything
 )
 _PATTERNS: tuple[tuple[Pattern, float], ...] = (
-    ("plain", 0.60), ("stripe", 0.09), ("helix", 0.05), ("bands", 0.03), ("print", 0.08),
-    ("braid", 0.05), ("corrugated", 0.03), ("tape", 0.03), ("twist", 0.04),
-)  # fmt: skip
+    ("plain", 0.60),
+    ("stripe", 0.09),
+    ("helix", 0.05),
+    ("bands", 0.03),
+    ("print", 0.08),
+    ("braid", 0.05),
+    ("corrugated", 0.03),
+    ("tape", 0.03),
+    ("twist", 0.04),
+)
 
 
 @dataclass(frozen=True)
 class Light:
-    """``direction`` (3,) unit vector to the lamp, ``ambient`` 0 (one hard lamp) to 1 (flat), ``shadow`` and
-    ``contact`` how dark shadows are apart from and below a strand, ``softness`` px, ``color`` (3,)."""
+    """``direction`` (3,) unit vector to the lamp, ``ambient`` 0 (one hard lamp) to 1 (flat),
+    ``shadow`` and ``contact`` how dark shadows are apart from and below a strand, ``softness`` px,
+    ``color`` (3,)."""
 
     direction: tuple[float, float, float]
     ambient: float
@@ -53,9 +63,10 @@ class Light:
 
 @dataclass(frozen=True)
 class Look:
-    """Surface of one DLO: two colors and the pattern they form (``period_px`` long, starting at ``turn_rad``
-    around the strand); ``gloss`` and ``shininess`` of the lamp's reflection, ``window`` 0 to 1 for a sharp
-    ribbon-like one; ``grain`` noise; ``opacity`` below 1 lets the ground through, less so at the rim."""
+    """Surface of one DLO: two colors and the pattern they form (``period_px`` long, starting at
+    ``turn_rad`` around the strand); ``gloss`` and ``shininess`` of the lamp's reflection,
+    ``window`` 0 to 1 for a sharp ribbon-like one; ``grain`` noise; ``opacity`` below 1 lets the
+    ground through, less so at the rim."""
 
     color: Color
     second: Color
@@ -92,7 +103,9 @@ def random_look(rng: Rng, color: Color, width_px: float) -> Look:
         color=color,
         second=_second_color(rng, color, pattern),
         pattern=pattern,
-        period_px=max(float(width_px * (rng.uniform(0.35, 0.9) if fine else rng.uniform(1.5, 8.0))), 3.0),
+        period_px=max(
+            float(width_px * (rng.uniform(0.35, 0.9) if fine else rng.uniform(1.5, 8.0))), 3.0
+        ),
         gloss=float(rng.choice([0.0, rng.uniform(0.05, 0.3), rng.uniform(0.3, 0.9)])),
         shininess=float(np.exp(rng.uniform(np.log(4), np.log(120)))),
         grain=float(rng.choice([0.0, rng.uniform(0.0, 0.12)])),
@@ -105,19 +118,28 @@ def random_look(rng: Rng, color: Color, width_px: float) -> Look:
 def random_light(rng: Rng) -> Light:
     azimuth, tilt = rng.uniform(-np.pi, np.pi), rng.uniform(0.15, 1.1)
     warmth = rng.normal(0.0, 0.06)
-    ambient = float(rng.choice([rng.uniform(0.25, 0.6), rng.uniform(0.6, 0.9), rng.uniform(0.9, 1.0)]))
+    ambient = float(
+        rng.choice([rng.uniform(0.25, 0.6), rng.uniform(0.6, 0.9), rng.uniform(0.9, 1.0)])
+    )
     return Light(
-        direction=(float(np.sin(tilt) * np.cos(azimuth)), float(np.sin(tilt) * np.sin(azimuth)), float(np.cos(tilt))),
+        direction=(
+            float(np.sin(tilt) * np.cos(azimuth)),
+            float(np.sin(tilt) * np.sin(azimuth)),
+            float(np.cos(tilt)),
+        ),
         ambient=ambient,
         shadow=float(rng.uniform(0.05, 0.75) * (1.15 - ambient)),
         softness=int(rng.integers(0, 6)),
         color=(1 + warmth, 1.0, 1 - warmth),
         contact=float(rng.choice([0.0, rng.uniform(0.1, 0.6)])),
-    )  # fmt: skip
+    )
 
 
-def appearance(ribbon: Ribbon, look: Look, light: Light, first: int, rng: Rng) -> tuple[Tensor, Tensor]:
-    """Color (3, P) after light, and coverage (P,), of the pixels of a strand whose first sample is ``first``."""
+def appearance(
+    ribbon: Ribbon, look: Look, light: Light, first: int, rng: Rng
+) -> tuple[Tensor, Tensor]:
+    """Color (3, P) after light, and coverage (P,), of the pixels of a strand whose first sample is
+    ``first``."""
     along = (ribbon.sample + first) * (STEP_PX / look.period_px)
     up = (1 - ribbon.offset.square()).clamp_(min=0).sqrt_()
     normal = ribbon.normal * ribbon.offset
@@ -136,8 +158,8 @@ def appearance(ribbon: Ribbon, look: Look, light: Light, first: int, rng: Rng) -
 
 
 def wrapped_texture(look: Look, length_px: float, around: int = 32) -> np.ndarray:
-    """The insulation unrolled, before light: (n, around, 3), rows two pixels apart along the strand, columns once
-    around it; column ``around`` / 2 faces up."""
+    """The insulation unrolled, before light: (n, around, 3), rows two pixels apart along the
+    strand, columns once around it; column ``around`` / 2 faces up."""
     along = torch.arange(0, max(length_px, 4.0), 2.0)[:, None].expand(-1, around) / look.period_px
     angle = torch.linspace(-torch.pi, torch.pi, around).expand(len(along), -1)
     share, relief = torch.zeros(1), torch.ones(1)
@@ -150,11 +172,14 @@ def wrapped_texture(look: Look, length_px: float, around: int = 32) -> np.ndarra
 
 
 def _surface(ribbon: Ribbon, look: Look, along: Tensor) -> tuple[Tensor, Tensor | float]:
-    """Color before light, (3, 1) or (3, P), and the factor by which relief changes the brightness."""
+    """Color before light, (3, 1) or (3, P), and the factor by which relief changes the
+    brightness."""
     base = along.new_tensor(look.color)[:, None]
     if look.pattern == "plain":
         return base, 1.0
-    share, relief = _PATTERN[look.pattern](2 * torch.pi * along, torch.asin(ribbon.offset) - look.turn_rad)
+    share, relief = _PATTERN[look.pattern](
+        2 * torch.pi * along, torch.asin(ribbon.offset) - look.turn_rad
+    )
     return base + share * (base.new_tensor(look.second)[:, None] - base), relief
 
 
@@ -195,10 +220,17 @@ def _twist(phase: Tensor, angle: Tensor) -> tuple[Tensor, Tensor | float]:
 
 
 _PATTERN: dict[Pattern, Callable[[Tensor, Tensor], tuple[Tensor, Tensor | float]]] = {
-    "stripe": _stripe, "helix": _helix, "bands": _bands, "print": _print, "braid": _braid,
-    "corrugated": _corrugated, "tape": _tape, "twist": _twist,
-}  # fmt: skip
-"""Per pattern: phase along the strand and angle around it (P,) to the second color's share and the relief."""
+    "stripe": _stripe,
+    "helix": _helix,
+    "bands": _bands,
+    "print": _print,
+    "braid": _braid,
+    "corrugated": _corrugated,
+    "tape": _tape,
+    "twist": _twist,
+}
+"""Per pattern: phase along the strand and angle around it (P,) to the second color's share and the
+relief."""
 
 
 def _shade(normal: Tensor, up: Tensor, light: Light) -> Tensor:
@@ -216,11 +248,14 @@ def _highlight(normal: Tensor, up: Tensor, look: Look, light: Light) -> Tensor:
     soft = half**look.shininess
     if look.window == 0:
         return soft
-    return soft + look.window * ((half - 0.5 ** (2 / look.shininess)) * 2 * look.shininess).clamp(0, 1)
+    return soft + look.window * ((half - 0.5 ** (2 / look.shininess)) * 2 * look.shininess).clamp(
+        0, 1
+    )
 
 
 def _second_color(rng: Rng, color: Color, pattern: Pattern) -> Color:
-    """Braids and prints stay near their own color, dark or light; green comes with yellow (earth wires)."""
+    """Braids and prints stay near their own color, dark or light; green comes with yellow (earth
+    wires)."""
     if pattern == "braid" and rng.random() < 0.7:
         red, green, blue = (np.asarray(color) * rng.uniform(0.4, 1.4)).clip(0, 1).tolist()
         return red, green, blue

@@ -1,4 +1,5 @@
-"""What the camera does to a rendered scene: light falloff, defocus, motion, exposure, noise, JPEG."""
+"""What the camera does to a rendered scene: light falloff, defocus, motion, exposure, noise,
+JPEG."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ def photograph(rgb: Tensor, rng: Rng) -> Tensor:
 
 
 def jpeg(rgb: Tensor, step: float) -> Tensor:
-    """Quantizes 8 × 8 cosine blocks; ``step`` (share of full scale) grows with frequency, twice for color."""
+    """Quantizes 8 × 8 cosine blocks; ``step`` (share of full scale) grows with frequency, twice for
+    color."""
     height, width = rgb.shape[1:]
     padded = F.pad(rgb[None], (0, -width % 8, 0, -height % 8), mode="replicate")[0]
     luma = padded.mean(0, keepdim=True)

@@ -1,4 +1,5 @@
-"""Electric panels and machine parts: boxes, terminals, rails, ducts, perforated sheets, keys, labels."""
+"""Electric panels and machine parts: boxes, terminals, rails, ducts, perforated sheets, keys,
+labels."""
 
 from __future__ import annotations
 
@@ -12,24 +13,44 @@ Rng = np.random.Generator
 
 
 def panel(canvas: Canvas, rng: Rng) -> None:
-    """A box with a shadow, a bevel and a few smaller parts on it: a device, a block, a laptop edge."""
+    """A box with a shadow, a bevel and a few smaller parts on it: a device, a block, a laptop
+    edge."""
     w = canvas.width
     center = rng.uniform((0, 0), (w, canvas.height))
     half = rng.uniform((0.06 * w, 0.05 * w), (0.4 * w, 0.3 * w))
     angle = rng.normal(0, 0.3)
-    canvas.box(center + rng.normal(0, 0.012 * w, 2), half * 1.02, angle, (0, 0, 0), opacity=rng.uniform(0, 0.5))
-    canvas.box(center, half, angle, random_color(rng) if rng.random() < 0.4 else random_gray(rng),
-               corner=rng.uniform(0, 0.02) * w, bevel=rng.uniform(-0.3, 0.3))  # fmt: skip
+    canvas.box(
+        center + rng.normal(0, 0.012 * w, 2),
+        half * 1.02,
+        angle,
+        (0, 0, 0),
+        opacity=rng.uniform(0, 0.5),
+    )
+    canvas.box(
+        center,
+        half,
+        angle,
+        random_color(rng) if rng.random() < 0.4 else random_gray(rng),
+        corner=rng.uniform(0, 0.02) * w,
+        bevel=rng.uniform(-0.3, 0.3),
+    )
     for _ in range(rng.integers(0, 9)):
         part = center + rng.uniform(-0.85, 0.85, 2) * half
         if rng.random() < 0.4:
             screw(canvas, rng, part, rng.uniform(0.005, 0.03) * w)
         else:
-            canvas.box(part, rng.uniform(0.005 * w, 0.08 * w, 2), angle, random_gray(rng), bevel=rng.uniform(-0.4, 0.4))
+            canvas.box(
+                part,
+                rng.uniform(0.005 * w, 0.08 * w, 2),
+                angle,
+                random_gray(rng),
+                bevel=rng.uniform(-0.4, 0.4),
+            )
 
 
 def grid(canvas: Canvas, rng: Rng) -> None:
-    """One part repeated over a plate: buttons, vents, sockets, each with a smaller part in its middle."""
+    """One part repeated over a plate: buttons, vents, sockets, each with a smaller part in its
+    middle."""
     w = canvas.width
     pitch = rng.uniform(0.02, 0.09) * w
     pitches = pitch, pitch * rng.uniform(0.7, 1.6)
@@ -44,7 +65,16 @@ def grid(canvas: Canvas, rng: Rng) -> None:
     canvas.lattice(center, counts, pitches, angle, (half, half), color, corner=corner, bevel=-0.25)
     if rng.random() < 0.5:
         inner = 0.5 * half
-        canvas.lattice(center, counts, pitches, angle, (inner, inner), random_gray(rng), corner=inner, bevel=0.5)
+        canvas.lattice(
+            center,
+            counts,
+            pitches,
+            angle,
+            (inner, inner),
+            random_gray(rng),
+            corner=inner,
+            bevel=0.5,
+        )
 
 
 def perforated(canvas: Canvas, rng: Rng) -> None:
@@ -57,8 +87,16 @@ def perforated(canvas: Canvas, rng: Rng) -> None:
     counts = int(rng.integers(8, 50)), int(rng.integers(5, 30))
     sheet = np.array(counts) * (pitch * long, pitch) / 2
     canvas.box(center, sheet, angle, random_gray(rng, 0.4, 0.95), bevel=rng.uniform(-0.2, 0.2))
-    canvas.lattice(center, counts, (pitch * long, pitch), angle, (half * (1 + 1.6 * (long - 1)), half),
-                   random_gray(rng, 0.0, 0.35), corner=half, bevel=0.3)  # fmt: skip
+    canvas.lattice(
+        center,
+        counts,
+        (pitch * long, pitch),
+        angle,
+        (half * (1 + 1.6 * (long - 1)), half),
+        random_gray(rng, 0.0, 0.35),
+        corner=half,
+        bevel=0.3,
+    )
 
 
 def keyboard(canvas: Canvas, rng: Rng) -> None:
@@ -71,11 +109,27 @@ def keyboard(canvas: Canvas, rng: Rng) -> None:
     key, mark = random_gray(rng, 0.03, 0.25), random_gray(rng, 0.6, 1.0)
     if not dark:
         key, mark = mark, key
-    canvas.box(center, np.array(counts) * pitch * 0.53, angle, random_gray(rng, 0.02, 0.6), corner=0.2 * pitch)
-    canvas.lattice(center, counts, (pitch, pitch), angle, (0.43 * pitch, 0.43 * pitch), key,
-                   corner=0.1 * pitch, bevel=-0.3)  # fmt: skip
+    canvas.box(
+        center,
+        np.array(counts) * pitch * 0.53,
+        angle,
+        random_gray(rng, 0.02, 0.6),
+        corner=0.2 * pitch,
+    )
+    canvas.lattice(
+        center,
+        counts,
+        (pitch, pitch),
+        angle,
+        (0.43 * pitch, 0.43 * pitch),
+        key,
+        corner=0.1 * pitch,
+        bevel=-0.3,
+    )
     shift = axes(angle)[0] * pitch * 0.15
-    canvas.lattice(center - shift, counts, (pitch, pitch), angle, (0.05 * pitch, 0.13 * pitch), mark)
+    canvas.lattice(
+        center - shift, counts, (pitch, pitch), angle, (0.05 * pitch, 0.13 * pitch), mark
+    )
 
 
 def rails(canvas: Canvas, rng: Rng) -> None:
@@ -85,7 +139,13 @@ def rails(canvas: Canvas, rng: Rng) -> None:
     across = axes(angle)[1]
     for _ in range(rng.integers(2, 9)):
         thick = rng.uniform(0.004, 0.04) * w
-        canvas.box(at, (rng.uniform(0.3, 2) * w, thick), angle, random_gray(rng), bevel=rng.uniform(-0.7, 0.7))
+        canvas.box(
+            at,
+            (rng.uniform(0.3, 2) * w, thick),
+            angle,
+            random_gray(rng),
+            bevel=rng.uniform(-0.7, 0.7),
+        )
         at = at + across * thick * rng.uniform(1.0, 3.0)
 
 
@@ -97,8 +157,15 @@ def din_rail(canvas: Canvas, rng: Rng) -> None:
     canvas.box(at + 0.2 * half, (2 * w, half), angle, (0, 0, 0), opacity=0.35)
     canvas.box(at, (2 * w, half), angle, (tone, tone, tone), bevel=0.1)
     canvas.box(at, (2 * w, 0.65 * half), angle, (0.75 * tone,) * 3, bevel=-0.3)
-    canvas.lattice(at, (61, 1), (1.6 * half, 2 * half), angle, (0.5 * half, 0.2 * half), random_gray(rng, 0, 0.3),
-                   corner=0.2 * half)  # fmt: skip
+    canvas.lattice(
+        at,
+        (61, 1),
+        (1.6 * half, 2 * half),
+        angle,
+        (0.5 * half, 0.2 * half),
+        random_gray(rng, 0, 0.3),
+        corner=0.2 * half,
+    )
 
 
 def duct(canvas: Canvas, rng: Rng) -> None:
@@ -108,8 +175,15 @@ def duct(canvas: Canvas, rng: Rng) -> None:
     half, tone = rng.uniform(0.03, 0.1) * w, random_gray(rng, 0.3, 0.95)
     pitch = rng.uniform(0.2, 0.6) * half
     canvas.box(at, (2 * w, half * 1.5), angle, random_gray(rng, 0.0, 0.3))
-    canvas.lattice(at, (int(4 * w / pitch) | 1, 1), (pitch, 3 * half), angle, (0.32 * pitch, 1.45 * half), tone,
-                   corner=0.1 * pitch)  # fmt: skip
+    canvas.lattice(
+        at,
+        (int(4 * w / pitch) | 1, 1),
+        (pitch, 3 * half),
+        angle,
+        (0.32 * pitch, 1.45 * half),
+        tone,
+        corner=0.1 * pitch,
+    )
     canvas.box(at, (2 * w, 0.8 * half), angle, tone, bevel=rng.uniform(-0.2, 0.2))
 
 
@@ -120,7 +194,9 @@ def terminal_blocks(canvas: Canvas, rng: Rng) -> None:
     terminal_row(canvas, rng, rng.uniform((0, 0), (w, canvas.height)), _square(rng), pitch, count)
 
 
-def terminal_row(canvas: Canvas, rng: Rng, center: np.ndarray, angle: float, pitch: float, count: int) -> np.ndarray:
+def terminal_row(
+    canvas: Canvas, rng: Rng, center: np.ndarray, angle: float, pitch: float, count: int
+) -> np.ndarray:
     """Paints it along ``angle`` and returns the middles of its wire holes (count, 2)."""
     along, across = axes(angle)
     deep = pitch * rng.uniform(1.0, 2.5)
@@ -128,15 +204,41 @@ def terminal_row(canvas: Canvas, rng: Rng, center: np.ndarray, angle: float, pit
     gap, pitches = random_gray(rng, 0.0, 0.3), (pitch, 2 * deep)
     canvas.box(center + 0.15 * pitch, (count * pitch / 2, deep), angle, (0, 0, 0), opacity=0.4)
     canvas.box(center, (count * pitch / 2, deep), angle, gap)
-    canvas.lattice(center, (count, 1), pitches, angle, (0.46 * pitch, 0.98 * deep), body,
-                   corner=0.05 * pitch, bevel=0.15)  # fmt: skip
+    canvas.lattice(
+        center,
+        (count, 1),
+        pitches,
+        angle,
+        (0.46 * pitch, 0.98 * deep),
+        body,
+        corner=0.05 * pitch,
+        bevel=0.15,
+    )
     radius = rng.uniform(0.2, 0.38) * pitch
     holes, screws = center - across * deep * 0.6, center + across * deep * rng.uniform(0.0, 0.5)
-    canvas.lattice(holes, (count, 1), (pitch, 3 * radius), angle, (radius, radius), gap,
-                   corner=radius if rng.random() < 0.6 else 0.1 * radius, bevel=0.4)  # fmt: skip
-    canvas.lattice(screws, (count, 1), (pitch, 3 * radius), angle, (radius, radius), random_gray(rng, 0.4, 0.9),
-                   corner=radius, bevel=-0.4)  # fmt: skip
-    canvas.lattice(screws, (count, 1), (pitch, 3 * radius), angle, (0.8 * radius, 0.18 * radius), gap)
+    canvas.lattice(
+        holes,
+        (count, 1),
+        (pitch, 3 * radius),
+        angle,
+        (radius, radius),
+        gap,
+        corner=radius if rng.random() < 0.6 else 0.1 * radius,
+        bevel=0.4,
+    )
+    canvas.lattice(
+        screws,
+        (count, 1),
+        (pitch, 3 * radius),
+        angle,
+        (radius, radius),
+        random_gray(rng, 0.4, 0.9),
+        corner=radius,
+        bevel=-0.4,
+    )
+    canvas.lattice(
+        screws, (count, 1), (pitch, 3 * radius), angle, (0.8 * radius, 0.18 * radius), gap
+    )
     return holes + along * (np.arange(count)[:, None] - (count - 1) / 2) * pitch
 
 
@@ -153,7 +255,9 @@ def label(canvas: Canvas, rng: Rng) -> None:
     """A sticker with rows of text-like marks; or large letters printed on the ground itself."""
     w = canvas.width
     center, angle = rng.uniform((0, 0), (w, canvas.height)), rng.normal(0, 0.5)
-    half = rng.uniform((0.04 * w, 0.02 * w), (0.16 * w, 0.08 * w)) * rng.choice([1.0, 2.5], p=[0.8, 0.2])
+    half = rng.uniform((0.04 * w, 0.02 * w), (0.16 * w, 0.08 * w)) * rng.choice(
+        [1.0, 2.5], p=[0.8, 0.2]
+    )
     paper, ink = random_gray(rng, 0.75, 1.0), random_gray(rng, 0.0, 0.3)
     if rng.random() < 0.3:
         paper, ink = ink, paper
@@ -161,12 +265,25 @@ def label(canvas: Canvas, rng: Rng) -> None:
         canvas.box(center, half, angle, paper, corner=0.004 * w)
     rows = int(rng.integers(1, 5))
     for row in range(rows):
-        _text_row(canvas, rng, center + axes(angle)[1] * (row + 0.5 - rows / 2) * 1.7 * half[1] / rows,
-                  angle, 0.85 * half[0], 0.55 * half[1] / rows, ink)  # fmt: skip
+        _text_row(
+            canvas,
+            rng,
+            center + axes(angle)[1] * (row + 0.5 - rows / 2) * 1.7 * half[1] / rows,
+            angle,
+            0.85 * half[0],
+            0.55 * half[1] / rows,
+            ink,
+        )
 
 
 def _text_row(
-    canvas: Canvas, rng: Rng, middle: np.ndarray, angle: float, reach: float, height: float, ink: Color
+    canvas: Canvas,
+    rng: Rng,
+    middle: np.ndarray,
+    angle: float,
+    reach: float,
+    height: float,
+    ink: Color,
 ) -> None:
     """Letters of one upright and some lying bars, ``height`` px above and below ``middle``."""
     along, across = axes(angle)
@@ -184,7 +301,11 @@ def _text_row(
         x += size + height * (0.7 if rng.random() < 0.85 else 2.0)
     uv = np.concatenate(bars)
     points = canvas.rgb.new_tensor(middle + uv[:, :1] * along + uv[:, 1:] * across)
-    canvas.drops(points, points.new_full((len(points),), stroke), points.new_tensor(ink).expand(len(points), 3))
+    canvas.drops(
+        points,
+        points.new_full((len(points),), stroke),
+        points.new_tensor(ink).expand(len(points), 3),
+    )
 
 
 def _dotted(a: tuple[float, float], b: tuple[float, float], stroke: float) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Rasterizing a curve of some width into the pixels it covers, in torch.
 
-Strategy: the ribbon is a cloud of points, one per curve sample and offset across the width. Every point
-falls into one pixel of the strand's bounding box; a pixel keeps the latest sample. The distance of the
-pixel's center to that sample's tangent line is then computed exactly, so that edges are smooth without
-rendering at a higher resolution.
+Strategy: the ribbon is a cloud of points, one per curve sample and offset across the width. Every
+point falls into one pixel of the strand's bounding box; a pixel keeps the latest sample. The
+distance of the pixel's center to that sample's tangent line is then computed exactly, so that edges
+are smooth without rendering at a higher resolution.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ STEP_PX = 0.7
 
 @dataclass(frozen=True)
 class Strand:
-    """m samples of a curve: ``xy`` (m, 2), ``normal`` (m, 2), ``half`` (m,) width, ``first`` the number of
-    its first sample along the whole cable."""
+    """m samples of a curve: ``xy`` (m, 2), ``normal`` (m, 2), ``half`` (m,) width, ``first`` the
+    number of its first sample along the whole cable."""
 
     xy: Tensor
     normal: Tensor
@@ -32,9 +32,12 @@ class Strand:
     first: int = 0
 
     def cut(self, start: int, stop: int) -> Strand:
-        """Samples ``start`` to ``stop`` (exclusive, clipped); numbers stay those of the whole cable."""
+        """Samples ``start`` to ``stop`` (exclusive, clipped); numbers stay those of the whole
+        cable."""
         start = max(start, 0)
-        return Strand(self.xy[start:stop], self.normal[start:stop], self.half[start:stop], self.first + start)
+        return Strand(
+            self.xy[start:stop], self.normal[start:stop], self.half[start:stop], self.first + start
+        )
 
     def scaled(self, factor: float) -> Strand:
         """The same strand in a picture ``factor`` as large."""
@@ -43,9 +46,9 @@ class Strand:
 
 @dataclass(frozen=True)
 class Ribbon:
-    """P covered pixels of a strand. ``index`` (P,) flat pixel index; ``sample`` (P,) sample of the strand;
-    ``offset`` (P,) signed distance from the centerline in half-widths; ``alpha`` (P,) coverage 0 to 1;
-    ``normal`` (2, P) of the curve."""
+    """P covered pixels of a strand. ``index`` (P,) flat pixel index; ``sample`` (P,) sample of the
+    strand; ``offset`` (P,) signed distance from the centerline in half-widths; ``alpha`` (P,)
+    coverage 0 to 1; ``normal`` (2, P) of the curve."""
 
     index: Tensor
     sample: Tensor
@@ -54,7 +57,9 @@ class Ribbon:
     normal: Tensor
 
 
-def strand(curve: NDArray[np.float32], half_width: NDArray[np.float32], device: torch.device) -> Strand:
+def strand(
+    curve: NDArray[np.float32], half_width: NDArray[np.float32], device: torch.device
+) -> Strand:
     """From ``curve`` (m, ≥ 2) of dense x, y and ``half_width`` (m,) px."""
     return Strand(
         torch.as_tensor(curve[:, :2], device=device),
@@ -73,8 +78,12 @@ def rasterize(ribbon_of: Strand, size: tuple[int, int]) -> Ribbon:
     across = torch.arange(-reach, reach + STEP_PX, STEP_PX, device=xy.device)
     x = (xy[:, :1] + normal[:, :1] * across).sub_(left).round_()
     y = (xy[:, 1:] + normal[:, 1:] * across).sub_(upper).round_()
-    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows) & (across.abs() <= half[:, None] + 1.0)
-    cell = torch.where(inside, y * columns + x, float(rows * columns)).long()  # the last cell is thrown away
+    inside = (
+        (x >= 0) & (x < columns) & (y >= 0) & (y < rows) & (across.abs() <= half[:, None] + 1.0)
+    )
+    cell = torch.where(
+        inside, y * columns + x, float(rows * columns)
+    ).long()  # the last cell is thrown away
     top = torch.full((rows * columns + 1,), -1, dtype=torch.int32, device=xy.device)
     order = torch.arange(len(seen), dtype=torch.int32, device=xy.device)[:, None]
     top.scatter_reduce_(0, cell.view(-1), order.expand(cell.shape).reshape(-1), "amax")
@@ -89,7 +98,8 @@ def rasterize(ribbon_of: Strand, size: tuple[int, int]) -> Ribbon:
 
 
 def _near(ribbon_of: Strand, size: tuple[int, int]) -> tuple[Tensor, float]:
-    """Numbers of the samples that may reach into the picture, and the largest half-width plus a pixel."""
+    """Numbers of the samples that may reach into the picture, and the largest half-width plus a
+    pixel."""
     reach = float(ribbon_of.half.max()) + 1.0 if len(ribbon_of.half) else 0.0
     x, y = ribbon_of.xy[:, 0], ribbon_of.xy[:, 1]
     near = (x > -reach) & (x < size[1] + reach) & (y > -reach) & (y < size[0] + reach)
@@ -100,7 +110,9 @@ def _window(xy: Tensor, reach: float, size: tuple[int, int]) -> tuple[int, int, 
     """Left, upper, columns and rows of the bounding box inside the picture."""
     low, high = xy.amin(0).tolist(), xy.amax(0).tolist()
     left, upper = (max(int(v - reach), 0) for v in low)
-    right, lower = (min(int(v + reach) + 2, limit) for v, limit in zip(high, size[::-1], strict=True))
+    right, lower = (
+        min(int(v + reach) + 2, limit) for v, limit in zip(high, size[::-1], strict=True)
+    )
     return left, upper, max(right - left, 1), max(lower - upper, 1)
 
 

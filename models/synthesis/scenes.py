@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from models.synthesis import truth
-from models.synthesis.bundles import Arrangement, Course, Layout, cut_through, fan, random_layout, ribbon_cable, wired
+from models.synthesis.bundles import (
+    Arrangement,
+    Course,
+    Layout,
+    cut_through,
+    fan,
+    random_layout,
+    ribbon_cable,
+    wired,
+)
 from models.synthesis.cables import Cable, paint_cables
 from models.synthesis.canvas import Canvas
 from models.synthesis.clutter import Style, occluder, paint_clutter
@@ -26,13 +35,14 @@ from models.synthesis.textures import TexturePool
 
 @dataclass(frozen=True)
 class SceneParams:
-    """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's width (6 to
-    60 px at 640); ``max_cables``; ``empty_share`` pictures without any; ``clutter`` how often there is some, and
-    of which ``style``; ``cut_share`` cables whose ends face each other over a gap.
+    """``size`` (height, width) px; ``width_share`` bounds of a cable's width over the picture's
+    width (6 to 60 px at 640); ``max_cables``; ``empty_share`` pictures without any; ``clutter`` how
+    often there is some, and of which ``style``; ``cut_share`` cables whose ends face each other
+    over a gap.
 
-    Shares of pictures: ``air_share`` with the cables in the air before a room out of focus, ``fan_share`` with nearly
-    straight strands side by side, ``ribbon_share`` with a flat cable, ``alike_share`` whose cables have the ground's
-    own tone."""
+    Shares of pictures: ``air_share`` with the cables in the air before a room out of focus,
+    ``fan_share`` with nearly straight strands side by side, ``ribbon_share`` with a flat cable,
+    ``alike_share`` whose cables have the ground's own tone."""
 
     size: tuple[int, int] = (192, 320)
     width_share: tuple[float, float] = (0.008, 0.095)
@@ -48,17 +58,22 @@ class SceneParams:
 
 
 WORKSHOP = SceneParams(
-    width_share=(0.0045, 0.17), style="workshop", air_share=0.3, fan_share=0.2, ribbon_share=0.06, alike_share=0.12
+    width_share=(0.0045, 0.17),
+    style="workshop",
+    air_share=0.3,
+    fan_share=0.2,
+    ribbon_share=0.06,
+    alike_share=0.12,
 )
 """What photographs of workshops show: every kind of cable and of clutter."""
 
 
 @dataclass(frozen=True)
 class Labelled:
-    """``rgb`` (3, H, W) float 0 to 1; ``ids`` (H, W) int16, 0 background, k the k-th cable where it is seen.
-    Per cable ``centerlines`` (m, 3) x, y, height (of two strands that cross, the one on top has the larger),
-    ``widths_px``, ``visible`` (m,) whether a sample is in the picture and on top. ``crossings`` in the picture,
-    self-crossings too; ``camera`` with what it is worth."""
+    """``rgb`` (3, H, W) float 0 to 1; ``ids`` (H, W) int16, 0 background, k the k-th cable where it
+    is seen. Per cable ``centerlines`` (m, 3) x, y, height (of two strands that cross, the one on
+    top has the larger), ``widths_px``, ``visible`` (m,) whether a sample is in the picture and on
+    top. ``crossings`` in the picture, self-crossings too; ``camera`` with what it is worth."""
 
     rgb: Tensor
     ids: Tensor
@@ -70,7 +85,10 @@ class Labelled:
 
 
 def render_scene(
-    rng: np.random.Generator, params: SceneParams, pool: TexturePool, device: torch.device | None = None
+    rng: np.random.Generator,
+    params: SceneParams,
+    pool: TexturePool,
+    device: torch.device | None = None,
 ) -> Labelled:
     """Everything random comes from ``rng``: the same generator state gives the same picture."""
     device = device or torch.device("cpu")
@@ -101,21 +119,32 @@ def to_uint8(rgb: Tensor) -> NDArray[np.uint8]:
     return np.asarray((rgb.clamp(0, 1) * 255).round().byte().permute(1, 2, 0).cpu().numpy())
 
 
-def random_cables(rng: np.random.Generator, layout: Layout, ground: Tensor, *, alike: bool = False) -> list[Cable]:
-    """Looks for the courses of a layout over ``ground`` (3, H, W), some (or, ``alike``, all) of whose colors they
-    take."""
+def random_cables(
+    rng: np.random.Generator, layout: Layout, ground: Tensor, *, alike: bool = False
+) -> list[Cable]:
+    """Looks for the courses of a layout over ``ground`` (3, H, W), some (or, ``alike``, all) of
+    whose colors they take."""
     # Colors are often the background's own: contrast is not what makes a cable.
     colors = (_ground_colors if alike else _colors)(rng, len(layout.courses), ground)
-    looks = [random_look(rng, c, width) for c, (_, width) in zip(colors, layout.courses, strict=True)]
+    looks = [
+        random_look(rng, c, width) for c, (_, width) in zip(colors, layout.courses, strict=True)
+    ]
     if layout.trunk is not None:
         looks[layout.trunk] = _wrapping(rng, looks[layout.trunk])
     return [_cable(rng, course, look) for course, look in zip(layout.courses, looks, strict=True)]
 
 
-def _labelled(rgb: Tensor, canvas: Canvas, layout: Layout, plan: Stack, camera: truth.Camera) -> Labelled:
-    owner = torch.tensor([0, *(p.cable + 1 for p in plan.pieces)], dtype=torch.int16, device=rgb.device)
+def _labelled(
+    rgb: Tensor, canvas: Canvas, layout: Layout, plan: Stack, camera: truth.Camera
+) -> Labelled:
+    owner = torch.tensor(
+        [0, *(p.cable + 1 for p in plan.pieces)], dtype=torch.int16, device=rgb.device
+    )
     on_top = canvas.ids.cpu().numpy()
-    curves = [np.column_stack([c[:, :2], z]) for (c, _), z in zip(layout.courses, plan.heights, strict=True)]
+    curves = [
+        np.column_stack([c[:, :2], z])
+        for (c, _), z in zip(layout.courses, plan.heights, strict=True)
+    ]
     return Labelled(
         rgb=rgb,
         ids=owner[canvas.ids.long()],
@@ -142,7 +171,8 @@ def _layout(canvas: Canvas, rng: np.random.Generator, params: SceneParams) -> La
 
 
 def _out_of_terminals(canvas: Canvas, rng: np.random.Generator, params: SceneParams) -> Layout:
-    """A terminal row near an edge of the picture, its wire holes and the cables towards the middle."""
+    """A terminal row near an edge of the picture, its wire holes and the cables towards the
+    middle."""
     height, width = params.size
     pitch, count = rng.uniform(0.03, 0.12) * width, int(rng.integers(1, params.max_cables + 1))
     heading = rng.uniform(-np.pi, np.pi)
@@ -174,7 +204,8 @@ def _ground_colors(rng: np.random.Generator, n: int, ground: Tensor) -> list[Col
 
 
 def _happens(rng: np.random.Generator, share: float) -> bool:
-    """Draws nothing where the share is 0: scenes without the new kinds stay the same, byte for byte."""
+    """Draws nothing where the share is 0: scenes without the new kinds stay the same, byte for
+    byte."""
     return share > 0 and rng.random() < share
 
 
@@ -200,7 +231,10 @@ def _finish_ends(canvas: Canvas, rng: np.random.Generator, cable: Cable, course:
     curve, width = course
     if len(curve) <= 12:
         return
-    for end, inner, bare in ((curve[0], curve[6], cable.bare[0]), (curve[-1], curve[-7], cable.bare[1])):
+    for end, inner, bare in (
+        (curve[0], curve[6], cable.bare[0]),
+        (curve[-1], curve[-7], cable.bare[1]),
+    ):
         inside = 0 <= end[0] < canvas.width and 0 <= end[1] < canvas.height
         if inside and not bare and rng.random() < 0.4:
             heading = float(np.arctan2(end[1] - inner[1], end[0] - inner[0]))

@@ -1,4 +1,5 @@
-"""The pool of background pictures: a folder of images, packed once into one file, or none at all."""
+"""The pool of background pictures: a folder of images, packed once into one file, or none at
+all."""
 
 from __future__ import annotations
 
@@ -16,13 +17,16 @@ LONGEST_PX = 480
 
 @dataclass(frozen=True)
 class TexturePool:
-    """``groups``: per folder a list of (h, w, 3) uint8 pictures. Each group is drawn with equal chance,
-    so that a thousand small material tiles do not drown thirty photographs."""
+    """``groups``: per folder a list of (h, w, 3) uint8 pictures. Each group is drawn with equal
+    chance, so that a thousand small material tiles do not drown thirty photographs."""
 
     groups: tuple[tuple[NDArray[np.uint8], ...], ...]
 
-    def sample(self, rng: np.random.Generator, size: tuple[int, int], device: torch.device) -> Tensor:
-        """A random cut of a random picture, tiled (mirrored) when too small: (3, height, width) 0 to 1."""
+    def sample(
+        self, rng: np.random.Generator, size: tuple[int, int], device: torch.device
+    ) -> Tensor:
+        """A random cut of a random picture, tiled (mirrored) when too small: (3, height, width) 0
+        to 1."""
         if not self.groups:
             return procedural(rng, size, device)
         group = self.groups[rng.integers(len(self.groups))]
@@ -32,7 +36,8 @@ class TexturePool:
 
 
 def load_pool(path: Path | None) -> TexturePool:
-    """From a pack (``.npz``), a folder with one sub-folder a group, or ``None``: procedural only."""
+    """From a pack (``.npz``), a folder with one sub-folder a group, or ``None``: procedural
+    only."""
     if path is None:
         return TexturePool(())
     if path.suffix == ".npz":
@@ -45,18 +50,24 @@ def load_pool(path: Path | None) -> TexturePool:
     return TexturePool(tuple(tuple(images) for images in _read_folder(path).values()))
 
 
-def pack(folder: Path, target: Path, extra: dict[str, list[NDArray[np.uint8]]] | None = None) -> int:
-    """Write every picture of ``folder/<group>/``, and the groups of ``extra``, into one ``.npz``; returns
-    how many."""
+def pack(
+    folder: Path, target: Path, extra: dict[str, list[NDArray[np.uint8]]] | None = None
+) -> int:
+    """Write every picture of ``folder/<group>/``, and the groups of ``extra``, into one ``.npz``;
+    returns how many."""
     groups = _read_folder(folder) | (extra or {})
-    arrays = {f"{g}/{i:05d}": image for g, images in groups.items() for i, image in enumerate(images)}
+    arrays = {
+        f"{g}/{i:05d}": image for g, images in groups.items() for i, image in enumerate(images)
+    }
     np.savez(target, **arrays)  # type: ignore[arg-type]
     return len(arrays)
 
 
 def procedural(rng: np.random.Generator, size: tuple[int, int], device: torch.device) -> Tensor:
     """Colored noise over a plain color: (3, height, width)."""
-    base = torch.as_tensor(rng.uniform(0.05, 0.95, 3).astype(np.float32), device=device)[:, None, None]
+    base = torch.as_tensor(rng.uniform(0.05, 0.95, 3).astype(np.float32), device=device)[
+        :, None, None
+    ]
     image = base.expand(3, *size).clone()
     for cells in (4, 16, 64):
         noise = rng.normal(0.0, rng.uniform(0.0, 0.12), (1, 3, cells, cells)).astype(np.float32)
@@ -107,4 +118,6 @@ def _cut(image: Tensor, rng: np.random.Generator, size: tuple[int, int]) -> Tens
     u = float(cos) * x - float(sin * aspect) * y + rng.uniform(-room, room)
     v = float(sin * ratio) * x + float(cos * aspect * ratio) * y + rng.uniform(-room, room)
     grid = torch.stack([u, v], 2)[None]
-    return F.grid_sample(image, grid, mode="bilinear", padding_mode="reflection", align_corners=False)[0]
+    return F.grid_sample(
+        image, grid, mode="bilinear", padding_mode="reflection", align_corners=False
+    )[0]

@@ -1,4 +1,5 @@
-"""Long things that are not cables: pens, rods, pipes, wrenches, screwdrivers, pliers. The hard negatives."""
+"""Long things that are not cables: pens, rods, pipes, wrenches, screwdrivers, pliers. The hard
+negatives."""
 
 from __future__ import annotations
 
@@ -39,7 +40,9 @@ def wrench(canvas: Canvas, rng: Rng) -> None:
     for end in ends:
         canvas.disc(end, 2.2 * half, steel, bevel=0.2)
     canvas.disc(ends[0], 1.2 * half, ground)
-    canvas.box(ends[1] - along * 1.5 * half + across * 0.2 * half, (1.6 * half, half), angle + 0.25, ground)
+    canvas.box(
+        ends[1] - along * 1.5 * half + across * 0.2 * half, (1.6 * half, half), angle + 0.25, ground
+    )
 
 
 def screwdriver(canvas: Canvas, rng: Rng) -> None:
@@ -51,7 +54,14 @@ def screwdriver(canvas: Canvas, rng: Rng) -> None:
     along = axes(heading)[0]
     _rod(canvas, rng, [at, at + along * shaft], thin, random_gray(rng, 0.4, 0.95))
     end = at + along * (shaft + handle)
-    _rod(canvas, rng, [at + along * shaft, end], thick, random_color(rng), pattern_period=rng.uniform(0.5, 3) * thick)
+    _rod(
+        canvas,
+        rng,
+        [at + along * shaft, end],
+        thick,
+        random_color(rng),
+        pattern_period=rng.uniform(0.5, 3) * thick,
+    )
     canvas.disc(end, thick, random_gray(rng), bevel=-0.3)
 
 
@@ -65,7 +75,13 @@ def pliers(canvas: Canvas, rng: Rng) -> None:
     steel = random_gray(rng, 0.3, 0.8)
     for side in (-1, 1):
         bow = joint + along * 0.45 * length + across * side * spread
-        _rod(canvas, rng, [joint, bow, joint + along * length + across * side * spread * 0.7], half, color)
+        _rod(
+            canvas,
+            rng,
+            [joint, bow, joint + along * length + across * side * spread * 0.7],
+            half,
+            color,
+        )
         tip = joint - along * 0.45 * length
         wide = joint + across * side * 1.6 * half
         corners = [joint, wide, tip + across * side * 0.3 * half, tip]
@@ -89,24 +105,48 @@ def _bar(canvas: Canvas, rng: Rng, at: np.ndarray) -> None:
 def _pen(canvas: Canvas, rng: Rng, at: np.ndarray) -> None:
     """A barrel with a cap of another color, a clip and a pointed tip."""
     w = canvas.width
-    heading, length, half = rng.uniform(-np.pi, np.pi), rng.uniform(0.1, 0.3) * w, rng.uniform(0.005, 0.014) * w
+    heading, length, half = (
+        rng.uniform(-np.pi, np.pi),
+        rng.uniform(0.1, 0.3) * w,
+        rng.uniform(0.005, 0.014) * w,
+    )
     along, across = axes(heading)
     barrel, cap = random_color(rng), random_color(rng)
     _rod(canvas, rng, [at, at + along * length], half, barrel)
     _rod(canvas, rng, [at, at + along * length * rng.uniform(0.15, 0.4)], 1.15 * half, cap)
     tip = at + along * length
     canvas.polygon([tip - across * half, tip + along * 3 * half, tip + across * half], barrel)
-    canvas.box(at + along * 0.15 * length, (0.12 * length, 0.25 * half), heading, random_gray(rng, 0.5, 1.0))
+    canvas.box(
+        at + along * 0.15 * length,
+        (0.12 * length, 0.25 * half),
+        heading,
+        random_gray(rng, 0.5, 1.0),
+    )
 
 
 def _rod(
-    canvas: Canvas, rng: Rng, points: list[np.ndarray], half: float, color: Color, *, head: float = 1.0,
+    canvas: Canvas,
+    rng: Rng,
+    points: list[np.ndarray],
+    half: float,
+    color: Color,
+    *,
+    head: float = 1.0,
     pattern_period: float = 0.0,
-) -> None:  # fmt: skip
-    """A cylinder along ``points``; its first part is ``head`` times as thick; grooves every ``pattern_period``."""
+) -> None:
+    """A cylinder along ``points``; its first part is ``head`` times as thick; grooves every
+    ``pattern_period``."""
     curve = _polyline(points)
-    look = Look(color, color, "corrugated" if pattern_period else "plain", max(pattern_period, 3.0),
-                gloss=rng.uniform(0, 0.9), shininess=rng.uniform(5, 60), grain=0.0, opacity=1.0)  # fmt: skip
+    look = Look(
+        color,
+        color,
+        "corrugated" if pattern_period else "plain",
+        max(pattern_period, 3.0),
+        gloss=rng.uniform(0, 0.9),
+        shininess=rng.uniform(5, 60),
+        grain=0.0,
+        opacity=1.0,
+    )
     widths = np.full(len(curve), half, np.float32)
     widths[: int(len(widths) * rng.uniform(0.1, 0.6))] *= head
     paint_thing(canvas, curve, widths, look, random_light(rng), rng)

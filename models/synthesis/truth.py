@@ -1,4 +1,5 @@
-"""What is true of a rendered picture besides its pixels: crossings with their order, visibility, camera."""
+"""What is true of a rendered picture besides its pixels: crossings with their order, visibility,
+camera."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ _SEAM = 4  # this many samples around a cut may lie under the neighboring piece 
 @dataclass(frozen=True)
 class Crossing:
     """At ``xy`` (px) cable ``over`` lies on cable ``under`` (1, 2, …; equal for a self-crossing);
-    ``over_sample`` and ``under_sample`` index their centerlines. ``visible``: nothing else lies on top."""
+    ``over_sample`` and ``under_sample`` index their centerlines. ``visible``: nothing else lies on
+    top."""
 
     xy: tuple[float, float]
     over: int
@@ -28,11 +30,12 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole: ``K`` (3, 3) px and ``T_camera_world`` (4, 4) m; the world is the table, z towards the camera.
+    """A pinhole: ``K`` (3, 3) px and ``T_camera_world`` (4, 4) m; the world is the table, z towards
+    the camera.
 
-    ``parallax``: whether heights above the table move points in the picture. The 2.5-D compositor draws
-    the table as this camera, looking straight down, sees it, but everything on it without parallax: there the
-    camera is exact for points of the table only."""
+    ``parallax``: whether heights above the table move points in the picture. The 2.5-D compositor
+    draws the table as this camera, looking straight down, sees it, but everything on it without
+    parallax: there the camera is exact for points of the table only."""
 
     K: FloatArray
     T_camera_world: FloatArray
@@ -45,11 +48,16 @@ class Camera:
         return np.asarray(image[:, :2] / image[:, 2:], np.float32)
 
 
-def random_camera(rng: np.random.Generator, size: tuple[int, int], *, tilt_rad: float = 0.0) -> Camera:
-    """Focal length 0.8 to 1.5 picture widths, 0.25 to 0.9 m from the point of the table in the picture's middle,
-    seen from ``tilt_rad`` beside straight above. Without tilt there is no parallax (the compositor)."""
+def random_camera(
+    rng: np.random.Generator, size: tuple[int, int], *, tilt_rad: float = 0.0
+) -> Camera:
+    """Focal length 0.8 to 1.5 picture widths, 0.25 to 0.9 m from the point of the table in the
+    picture's middle, seen from ``tilt_rad`` beside straight above. Without tilt there is no
+    parallax (the compositor)."""
     focal, distance = rng.uniform(0.8, 1.5) * size[1], rng.uniform(0.25, 0.9)
-    K = np.array([[focal, 0, (size[1] - 1) / 2], [0, focal, (size[0] - 1) / 2], [0, 0, 1]], np.float32)
+    K = np.array(
+        [[focal, 0, (size[1] - 1) / 2], [0, focal, (size[0] - 1) / 2], [0, 0, 1]], np.float32
+    )
     spin = rng.uniform(-np.pi, np.pi) if tilt_rad else 0.0
     cos, sin, c, s = np.cos(spin), np.sin(spin), np.cos(tilt_rad), np.sin(tilt_rad)
     turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
@@ -73,7 +81,9 @@ def crossings(plan: Stack, ids: NDArray[np.integer]) -> tuple[Crossing, ...]:
     return tuple(found)
 
 
-def visible(plan: Stack, curve: FloatArray, cable: int, ids: NDArray[np.integer]) -> NDArray[np.bool_]:
+def visible(
+    plan: Stack, curve: FloatArray, cable: int, ids: NDArray[np.integer]
+) -> NDArray[np.bool_]:
     """(m,) whether each sample of curve number ``cable`` lies in the picture and on top there."""
     height, width = ids.shape
     xy = np.rint(curve[:, :2]).astype(int)

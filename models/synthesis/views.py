@@ -1,10 +1,12 @@
-"""Pictures of known 3D cables from known cameras: the truth that a reconstruction is measured against.
+"""Pictures of known 3D cables from known cameras: the truth that a reconstruction is measured
+against.
 
-Strategy: the table z = 0 carries a texture and is seen through its homography, so that all views show the same
-ground. A cable is a dense curve with a radius; its samples are painted as short strokes across their projection,
-the nearest to the camera on top, each pixel shaded as a cylinder. Shadows are the cables' projections along the
-light onto the table, painted into the texture. The picture is rendered twice as large and reduced, then blurred
-and given noise. Only NumPy and OpenCV; everything random comes from the generator.
+Strategy: the table z = 0 carries a texture and is seen through its homography, so that all views
+show the same ground. A cable is a dense curve with a radius; its samples are painted as short
+strokes across their projection, the nearest to the camera on top, each pixel shaded as a cylinder.
+Shadows are the cables' projections along the light onto the table, painted into the texture. The
+picture is rendered twice as large and reduced, then blurred and given noise. Only NumPy and OpenCV;
+everything random comes from the generator.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ class Cable3D:
 
 @dataclass(frozen=True)
 class Optics:
-    """``blur_px`` (sigma) and ``noise`` (of 1) of the camera; ``light`` direction to the lamp, ``ambient`` share."""
+    """``blur_px`` (sigma) and ``noise`` (of 1) of the camera; ``light`` direction to the lamp,
+    ``ambient`` share."""
 
     blur_px: float = 0.6
     noise: float = 0.015
@@ -60,32 +63,45 @@ class Scene3D:
 
     @cached_property
     def table(self) -> Float32Array:
-        """(``_TEXELS``, ``_TEXELS``, 3) 0 to 1: the texture with the cables' shadows, the same from everywhere."""
-        texture = cv2.resize(self.texture, (_TEXELS, _TEXELS), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+        """(``_TEXELS``, ``_TEXELS``, 3) 0 to 1: the texture with the cables' shadows, the same from
+        everywhere."""
+        texture = (
+            cv2.resize(self.texture, (_TEXELS, _TEXELS), interpolation=cv2.INTER_AREA).astype(
+                np.float32
+            )
+            / 255
+        )
         cover = np.zeros(texture.shape[:2], np.uint8)
         light = np.asarray(self.optics.light)
         for cable in self.cables:
             onto = cable.points_m[:, :2] - cable.points_m[:, 2:] * light[:2] / light[2]
             pixels = (onto / _TABLE_M + 0.5) * _TEXELS - 0.5
             thick = max(1, round(2 * cable.radius_m * _TEXELS / _TABLE_M))
-            cv2.polylines(cover, [np.rint(pixels * 16).astype(np.int32)], False, 255, thick, cv2.LINE_AA, 4)
-        soft = cv2.GaussianBlur(cover.astype(np.float32) / 255, (0, 0), _SHADOW_EDGE_M * _TEXELS / _TABLE_M)
+            cv2.polylines(
+                cover, [np.rint(pixels * 16).astype(np.int32)], False, 255, thick, cv2.LINE_AA, 4
+            )
+        soft = cv2.GaussianBlur(
+            cover.astype(np.float32) / 255, (0, 0), _SHADOW_EDGE_M * _TEXELS / _TABLE_M
+        )
         return np.asarray(texture * (1 - self.optics.shadow * soft)[:, :, None], np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """``rgb`` (H, W, 3) uint8; ``ids`` (H, W) 0 table, else the cable's number from 1; ``depth_m`` (H, W) of the
-    nearest cable surface, infinite beside cables."""
+    """``rgb`` (H, W, 3) uint8; ``ids`` (H, W) 0 table, else the cable's number from 1; ``depth_m``
+    (H, W) of the nearest cable surface, infinite beside cables."""
 
     rgb: ByteArray
     ids: IntArray
     depth_m: FloatArray
 
 
-def random_cable(rng: np.random.Generator, length_m: float, *, bend: float = 3.0, rise_m: float = 0.04) -> FloatArray:
-    """(n, 3) smooth random centerline of about ``length_m`` around the origin, its main direction along y, between
-    5 mm and 5 mm + ``rise_m`` over the table. ``bend`` (1/m) scales the turning of its direction."""
+def random_cable(
+    rng: np.random.Generator, length_m: float, *, bend: float = 3.0, rise_m: float = 0.04
+) -> FloatArray:
+    """(n, 3) smooth random centerline of about ``length_m`` around the origin, its main direction
+    along y, between 5 mm and 5 mm + ``rise_m`` over the table. ``bend`` (1/m) scales the turning of
+    its direction."""
     count = 2000
     along = np.linspace(0, length_m, count)
     heading, height = np.zeros(count), np.zeros(count)
@@ -94,11 +110,15 @@ def random_cable(rng: np.random.Generator, length_m: float, *, bend: float = 3.0
         heading += rng.normal(0, bend / (2 * np.pi * cycles) / wave**0.5) * np.sin(
             2 * np.pi * cycles * along + rng.uniform(-np.pi, np.pi)
         )
-        height += rng.normal(0, 1 / wave) * np.sin(2 * np.pi * cycles * along + rng.uniform(-np.pi, np.pi))
+        height += rng.normal(0, 1 / wave) * np.sin(
+            2 * np.pi * cycles * along + rng.uniform(-np.pi, np.pi)
+        )
     heading = 1.2 * np.tanh(heading / 1.2)
     flat = np.stack([np.sin(heading), np.cos(heading)], axis=1)
     xy = np.cumsum(flat, axis=0) * length_m / count
-    height = (height - height.min()) / max(float(np.ptp(height)), 1e-9) * rng.uniform(0.4, 1.0) * rise_m + 0.005
+    height = (height - height.min()) / max(float(np.ptp(height)), 1e-9) * rng.uniform(
+        0.4, 1.0
+    ) * rise_m + 0.005
     middle = (xy.max(axis=0) + xy.min(axis=0)) / 2
     return np.concatenate([xy - middle, height[:, None]], axis=1)
 
@@ -114,7 +134,8 @@ def noise_texture(rng: np.random.Generator) -> ByteArray:
 
 
 def render(scene: Scene3D, camera: Camera, rng: np.random.Generator) -> Rendered:
-    """What ``camera`` sees, lens distortion included. The camera stands over the table and looks down on it."""
+    """What ``camera`` sees, lens distortion included. The camera stands over the table and looks
+    down on it."""
     straight = _without_lens(camera)
     size = (straight.intrinsics.height, straight.intrinsics.width)
     larger = _enlarged(straight)
@@ -135,7 +156,8 @@ def render(scene: Scene3D, camera: Camera, rng: np.random.Generator) -> Rendered
 
 
 def _without_lens(camera: Camera) -> Camera:
-    """The pinhole whose picture holds all that the lens shows, up to ``_WIDER`` times its size to each side."""
+    """The pinhole whose picture holds all that the lens shows, up to ``_WIDER`` times its size to
+    each side."""
     i = camera.intrinsics
     if not i.distorted:
         return camera
@@ -154,7 +176,9 @@ def _enlarged(camera: Camera) -> Camera:
     """``_SUPER`` times as many pixels; pixel centers at (k + 0.5) s - 0.5."""
     i, s = camera.intrinsics, _SUPER
     middle = ((i.cx + 0.5) * s - 0.5, (i.cy + 0.5) * s - 0.5)
-    return Camera(Intrinsics(i.width * s, i.height * s, i.fx * s, i.fy * s, *middle), camera.T_world_camera)
+    return Camera(
+        Intrinsics(i.width * s, i.height * s, i.fx * s, i.fy * s, *middle), camera.T_world_camera
+    )
 
 
 def _table(scene: Scene3D, camera: Camera) -> Float32Array:
@@ -163,17 +187,28 @@ def _table(scene: Scene3D, camera: Camera) -> Float32Array:
     # texel to table (meters, z = 0) to pixel
     corner = 0.5 / scale - _TABLE_M / 2
     to_table = np.array([[1 / scale, 0, corner], [0, 1 / scale, corner], [0, 0, 1]])
-    pose = np.concatenate([camera.rotation.T[:, :2], -(camera.rotation.T @ camera.center)[:, None]], axis=1)
+    pose = np.concatenate(
+        [camera.rotation.T[:, :2], -(camera.rotation.T @ camera.center)[:, None]], axis=1
+    )
     homography = camera.intrinsics.matrix @ pose @ to_table
     size = (camera.intrinsics.width, camera.intrinsics.height)
-    seen = cv2.warpPerspective(scene.table, homography, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    seen = cv2.warpPerspective(
+        scene.table, homography, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+    )
     return np.asarray(seen, np.float32)
 
 
 def _paint(
-    rgb: Float32Array, nearest: FloatArray, ids: IntArray, cable: Cable3D, number: int, camera: Camera, optics: Optics
+    rgb: Float32Array,
+    nearest: FloatArray,
+    ids: IntArray,
+    cable: Cable3D,
+    number: int,
+    camera: Camera,
+    optics: Optics,
 ) -> None:
-    """The surface's samples, the nearest to the camera in each pixel, over what is painted already."""
+    """The surface's samples, the nearest to the camera in each pixel, over what is painted
+    already."""
     surface, color = _surface(cable, camera, optics)
     pixels, depth = camera.project(surface), camera.in_camera(surface)[:, 2]
     at = np.rint(np.where(np.isfinite(pixels), pixels, -1)).astype(np.int64)
@@ -193,8 +228,8 @@ def _paint(
 
 
 def _surface(cable: Cable3D, camera: Camera, optics: Optics) -> tuple[FloatArray, FloatArray]:
-    """(s, 3) points of the cable's visible half, about two thirds of a pixel apart in both directions, and their
-    (s, 3) colors."""
+    """(s, 3) points of the cable's visible half, about two thirds of a pixel apart in both
+    directions, and their (s, 3) colors."""
     points = _dense(cable.points_m, camera)
     tangent = _unit(np.gradient(points, axis=0))
     sight = _unit(points - camera.center)
@@ -210,7 +245,8 @@ def _surface(cable: Cable3D, camera: Camera, optics: Optics) -> tuple[FloatArray
 
 
 def _dense(points: FloatArray, camera: Camera) -> FloatArray:
-    """The part in front of the camera, resampled so that neighbors are about two thirds of a pixel apart."""
+    """The part in front of the camera, resampled so that neighbors are about two thirds of a pixel
+    apart."""
     points = points[camera.in_camera(points)[:, 2] > _NEAREST_M]
     if len(points) < 2:
         raise ValueError("the cable is not in front of the camera")
@@ -225,7 +261,11 @@ def _unit(vectors: FloatArray) -> FloatArray:
 
 
 def _shade(
-    normal: FloatArray, rise: FloatArray, front: FloatArray, color: tuple[float, float, float], optics: Optics
+    normal: FloatArray,
+    rise: FloatArray,
+    front: FloatArray,
+    color: tuple[float, float, float],
+    optics: Optics,
 ) -> FloatArray:
     """(n, a, 3) a cylinder of (n, a, 3) normals under one lamp, with a highlight."""
     light = np.asarray(optics.light) / np.linalg.norm(optics.light)
@@ -243,8 +283,16 @@ def _bend(
     """The picture of the pinhole ``straight`` as the lens of ``camera`` shows it."""
     i, wide = camera.intrinsics, straight.intrinsics
     x, y = np.meshgrid(np.arange(i.width, dtype=np.float64), np.arange(i.height, dtype=np.float64))
-    ideal = camera.undistort(np.stack([x.ravel(), y.ravel()], axis=1)) + np.array([wide.cx - i.cx, wide.cy - i.cy])
+    ideal = camera.undistort(np.stack([x.ravel(), y.ravel()], axis=1)) + np.array(
+        [wide.cx - i.cx, wide.cy - i.cy]
+    )
     place = np.nan_to_num(ideal, nan=-1.0).astype(np.float32).reshape(i.height, i.width, 2)
-    warped = cv2.remap(rgb, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    warped = cv2.remap(
+        rgb, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+    )
     near = np.rint(place).astype(np.int64).clip(0, (wide.width - 1, wide.height - 1))
-    return np.asarray(warped, np.float32), ids[near[..., 1], near[..., 0]], depth[near[..., 1], near[..., 0]]
+    return (
+        np.asarray(warped, np.float32),
+        ids[near[..., 1], near[..., 0]],
+        depth[near[..., 1], near[..., 0]],
+    )

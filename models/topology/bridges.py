@@ -1,8 +1,10 @@
-"""Where a strand may go on over a gap of the mask, and the evidence for it (thesis 6.6.1, extended).
+"""Where a strand may go on over a gap of the mask, and the evidence for it (thesis 6.6.1,
+extended).
 
-Strategy: every free end looks ahead. What it sees on other strands, a free end that faces it, a joint that lacks an
-arm, or a side, is a proposal; two ends that face one another with a strand between them propose a crossing. A small
-network turns the evidence of a proposal into a probability.
+Strategy: every free end looks ahead. What it sees on other strands, a free end that faces it, a
+joint that lacks an arm, or a side, is a proposal; two ends that face one another with a strand
+between them propose a crossing. A small network turns the evidence of a proposal into a
+probability.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ _FACING = 0.6
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """A free end: its knot, its strand, the direction it points in, how it turns (radians a px), and its width."""
+    """A free end: its knot, its strand, the direction it points in, how it turns (radians a px),
+    and its width."""
 
     knot: int
     strand: int
@@ -54,7 +57,8 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Bridge:
-    """``nodes``: of the graph, to be joined in this order, a free end first; ``evidence``: ``(21,)``."""
+    """``nodes``: of the graph, to be joined in this order, a free end first; ``evidence``:
+    ``(21,)``."""
 
     nodes: tuple[int, ...]
     evidence: BridgeEvidence
@@ -75,16 +79,28 @@ def free_ends(graph: Graph) -> list[End]:
 
 
 def _end(knot: int, strand: int, xy: FloatArray, radii: FloatArray) -> End:
-    """Strategy: the outermost half width of a medial line follows the shape of the tip; what lies behind it tells."""
+    """Strategy: the outermost half width of a medial line follows the shape of the tip; what lies
+    behind it tells."""
     lengths = arc_lengths(xy)
     total = float(lengths[-1])
     width = max(2.0, width_of(radii))
-    at = np.minimum(np.array([0.4, 1.6, 1.8, 3.4]) * width + [0, 2, 2, 4], total * np.array([0.2, 0.6, 0.6, 1.0]))
+    at = np.minimum(
+        np.array([0.4, 1.6, 1.8, 3.4]) * width + [0, 2, 2, 4],
+        total * np.array([0.2, 0.6, 0.6, 1.0]),
+    )
     outer, middle, again, inner = point_at(xy, lengths, at)
     near, far = unit(outer - middle), unit(again - inner)
     turn = float(np.arctan2(far[0] * near[1] - far[1] * near[0], far @ near))
     away = max(float(at[2] + at[3] - at[0] - at[1]) / 2, 1e-6)
-    return End(knot, strand, xy[0], near, float(np.clip(turn / away, -0.5 / width, 0.5 / width)), width, total)
+    return End(
+        knot,
+        strand,
+        xy[0],
+        near,
+        float(np.clip(turn / away, -0.5 / width, 0.5 / width)),
+        width,
+        total,
+    )
 
 
 def proposals(graph: Graph, predictions: Predictions) -> list[Bridge]:
@@ -95,7 +111,10 @@ def proposals(graph: Graph, predictions: Predictions) -> list[Bridge]:
     view = _View(graph, predictions, ends)
     found = []
     for end in ends.values():
-        found += [Bridge((end.knot, there), _evidence(view, end, there, None)) for there in _ahead(view, end)]
+        found += [
+            Bridge((end.knot, there), _evidence(view, end, there, None))
+            for there in _ahead(view, end)
+        ]
     return found + _through(view)
 
 
@@ -113,9 +132,15 @@ class _View:
         self.segments: IntArray = graph.edges[:, graph.traced]
         self.knots = list(ends)
         self.tree = cKDTree(np.stack([e.xy for e in ends.values()]))
-        self.reach = _REACH_PX + 3.2 * float(graph.radii.max()) + _REACH_WIDTHS * max(e.width for e in ends.values())
+        self.reach = (
+            _REACH_PX
+            + 3.2 * float(graph.radii.max())
+            + _REACH_WIDTHS * max(e.width for e in ends.values())
+        )
         self.nearest = {knot: self._nearest(e) for knot, e in ends.items()}
-        self.loose, self.traced = (links_of(graph, predictions, which) for which in (~graph.traced, graph.traced))
+        self.loose, self.traced = (
+            links_of(graph, predictions, which) for which in (~graph.traced, graph.traced)
+        )
 
     def link(self, end: End, there: int) -> float:
         """The most probable link from the end to a node or its neighbors on a strand."""
@@ -138,12 +163,17 @@ class _View:
     def own(self, end: End, node: int) -> bool:
         """Whether a node lies on the end's own strand, within a few nodes of it."""
         chain = self.graph.chains[end.strand]
-        places = [p if chain[0] == end.knot else len(chain) - 1 - p for k, p in self.owners[node] if k == end.strand]
+        places = [
+            p if chain[0] == end.knot else len(chain) - 1 - p
+            for k, p in self.owners[node]
+            if k == end.strand
+        ]
         return any(p < _OWN_NODES for p in places)
 
 
 def _ahead(view: _View, end: End) -> list[int]:
-    """The nodes that the end may go on to: of every strand ahead the one that lies most nearly ahead."""
+    """The nodes that the end may go on to: of every strand ahead the one that lies most nearly
+    ahead."""
     graph = view.graph
     step = graph.xy - end.xy
     size = np.hypot(*step.T)
@@ -152,7 +182,9 @@ def _ahead(view: _View, end: End) -> list[int]:
     cost = size * (2.2 - 1.2 * cosine) - graph.radii
     best: dict[int, tuple[float, int]] = {}
     for node in np.flatnonzero((size < reach) & (cosine > _CONE) & (size > 0)).tolist():
-        if view.own(end, node) or (node in view.ends and _between(view, end, view.ends[node]) is not None):
+        if view.own(end, node) or (
+            node in view.ends and _between(view, end, view.ends[node]) is not None
+        ):
             continue
         for k, _ in view.owners[node]:
             best[k] = min(best.get(k, (np.inf, -1)), (float(cost[node]), node))
@@ -161,7 +193,8 @@ def _ahead(view: _View, end: End) -> list[int]:
 
 
 def _through(view: _View) -> list[Bridge]:
-    """Two ends that face one another over a strand: the bridge goes through the node between them."""
+    """Two ends that face one another over a strand: the bridge goes through the node between
+    them."""
     found = []
     for end in view.ends.values():
         for other in view.near(end):
@@ -183,12 +216,17 @@ def _face(one: End, other: End) -> bool:
 
 def _spans(graph: Graph, one: End, other: End, between: int) -> bool:
     """Whether two ends are near enough for a bridge through a node."""
-    reach = _REACH_WIDTHS * (one.width + other.width) / 2 + _REACH_PX + 3.2 * float(graph.radii[between])
+    reach = (
+        _REACH_WIDTHS * (one.width + other.width) / 2
+        + _REACH_PX
+        + 3.2 * float(graph.radii[between])
+    )
     return bool(np.hypot(*(other.xy - one.xy)) <= reach)
 
 
 def _between(view: _View, one: End, other: End) -> int | None:
-    """The node nearest to where the line between two ends meets another strand's chain of nodes, or None."""
+    """The node nearest to where the line between two ends meets another strand's chain of nodes, or
+    None."""
     graph = view.graph
     own = np.zeros(len(graph.xy), bool)
     own[graph.chains[one.strand]] = own[graph.chains[other.strand]] = True
@@ -201,11 +239,12 @@ def _between(view: _View, one: End, other: End) -> int | None:
 
 
 class BridgeEvidence(NamedTuple):
-    """What speaks for a strand to go on over a gap: the gap in widths, in px, and up to the other strand's edge; the
-    turn at either side, radians, also against the end's curvature; how the widths agree (log ratio); what kind of place
-    it leads to; the share of foreground in the gap; what the networks give for the link and the nodes; lengths of both
-    strands in widths, at most 12; whether each end is the other's nearest, how sure the end's own links are, and how
-    much the straightest other pair at the joint bends."""
+    """What speaks for a strand to go on over a gap: the gap in widths, in px, and up to the other
+    strand's edge; the turn at either side, radians, also against the end's curvature; how the
+    widths agree (log ratio); what kind of place it leads to; the share of foreground in the gap;
+    what the networks give for the link and the nodes; lengths of both strands in widths, at most
+    12; whether each end is the other's nearest, how sure the end's own links are, and how much the
+    straightest other pair at the joint bends."""
 
     gap_widths: float
     gap_px: float
@@ -268,14 +307,18 @@ def _evidence(view: _View, end: End, there: int, between: int | None) -> BridgeE
 
 
 def _turns(end: End, step: FloatArray, size: float) -> tuple[float, float]:
-    """Angle between where the end points and the bridge; and the same if the end keeps on turning as it does."""
-    turn = float(np.arctan2(end.heading[0] * step[1] - end.heading[1] * step[0], end.heading @ step))
+    """Angle between where the end points and the bridge; and the same if the end keeps on turning
+    as it does."""
+    turn = float(
+        np.arctan2(end.heading[0] * step[1] - end.heading[1] * step[0], end.heading @ step)
+    )
     expected = end.curvature * (size / 2 + end.width)
     return abs(turn), abs(turn - expected)
 
 
 def _gap(graph: Graph, end: End, there: FloatArray) -> tuple[float, float]:
-    """Length of the bridge on background, px; and the share of foreground between its first and last background."""
+    """Length of the bridge on background, px; and the share of foreground between its first and
+    last background."""
     size = float(np.hypot(*(there - end.xy)))
     along = end.xy + np.linspace(0, 1, max(4, round(size) + 1))[:, None] * (there - end.xy)
     limit = np.array(graph.distances.shape[::-1]) - 1
@@ -287,9 +330,10 @@ def _gap(graph: Graph, end: End, there: FloatArray) -> tuple[float, float]:
 
 
 def _other_side(view: _View, end: End, there: int) -> tuple[float, float, float]:
-    """How much a strand would turn beyond the bridge, radians, and the logarithm of the widths' ratio: for a free end
-    towards its strand, for a joint on its best arm, for a side the incidence (0: at a right angle). And how much the
-    straightest other pair of a joint's arms turns: a strand that crosses there."""
+    """How much a strand would turn beyond the bridge, radians, and the logarithm of the widths'
+    ratio: for a free end towards its strand, for a joint on its best arm, for a side the incidence
+    (0: at a right angle). And how much the straightest other pair of a joint's arms turns: a strand
+    that crosses there."""
     graph = view.graph
     here = Arm(end.strand, 0, end.knot, end.xy, -end.heading, end.width)
     if there in view.at:
@@ -297,11 +341,15 @@ def _other_side(view: _View, end: End, there: int) -> tuple[float, float, float]
         turned = [(bend(here, a) + abs(np.log(a.width / end.width)), a) for a in arms]
         arm = min(turned, key=lambda t: t[0])[1]
         others = [a for a in arms if a is not arm]
-        beside = min((bend(a, b) for i, a in enumerate(others) for b in others[i + 1 :]), default=_NO_PAIR)
+        beside = min(
+            (bend(a, b) for i, a in enumerate(others) for b in others[i + 1 :]), default=_NO_PAIR
+        )
         return bend(here, arm), float(np.log(arm.width / end.width)), beside
     k, place = view.owners[there][0]
     chain = graph.chains[k]
-    along = unit(graph.xy[chain[min(place + 1, len(chain) - 1)]] - graph.xy[chain[max(place - 1, 0)]])
+    along = unit(
+        graph.xy[chain[min(place + 1, len(chain) - 1)]] - graph.xy[chain[max(place - 1, 0)]]
+    )
     incidence = float(np.arcsin(min(1.0, abs(float(along @ unit(graph.xy[there] - end.xy))))))
     width = width_of(graph.web.strands[k].radii)
     return incidence, float(np.log(width / end.width)), _NO_PAIR
@@ -315,7 +363,9 @@ def _own_links(view: _View, end: End) -> float:
     return float(np.mean(chain_links(chain[:5], view.traced)))
 
 
-def _first_met(start: FloatArray, stop: FloatArray, starts: FloatArray, stops: FloatArray) -> FloatArray | None:
+def _first_met(
+    start: FloatArray, stop: FloatArray, starts: FloatArray, stops: FloatArray
+) -> FloatArray | None:
     """Where a line first meets one of several segments ``(m, 2)``, or None."""
     step, along, offset = stop - start, stops - starts, starts - start
     area = step[0] * along[:, 1] - step[1] * along[:, 0]

@@ -1,4 +1,5 @@
-"""Small networks that weigh evidence: is it a crossing, does a strand go on over a gap, is a short strand a branch."""
+"""Small networks that weigh evidence: is it a crossing, does a strand go on over a gap, is a short
+strand a branch."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from models.topology.graph import Graph
 from models.topology.scene import Predictions
 
 Classifier = Callable[[Float32Array], NDArray[np.floating]]
-"""``(n, features)`` evidence to ``(n,)`` probabilities, or ``(n, readings)`` of which every row sums to 1."""
+"""``(n, features)`` evidence to ``(n,)`` probabilities, or ``(n, readings)`` of which every row
+sums to 1."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,9 @@ class Classifiers:
     stub: Classifier
 
 
-def probabilities_of(classifier: Classifier, rows: Sequence[Sequence[float] | FloatArray]) -> FloatArray:
+def probabilities_of(
+    classifier: Classifier, rows: Sequence[Sequence[float] | FloatArray]
+) -> FloatArray:
     """The classifier's probabilities for rows of evidence; ``(0,)`` for no rows."""
     if not rows:
         return np.zeros(0)
@@ -41,10 +45,18 @@ Links = dict[tuple[int, int], float]
 def links_of(graph: Graph, predictions: Predictions, which: BoolArray) -> Links:
     """The probabilities of some of the graph's edges."""
     i, j = graph.edges[:, which]
-    return dict(zip(zip(i.tolist(), j.tolist(), strict=True), predictions.links[which].tolist(), strict=True))
+    return dict(
+        zip(
+            zip(i.tolist(), j.tolist(), strict=True), predictions.links[which].tolist(), strict=True
+        )
+    )
 
 
 def chain_links(chain: IntArray, links: Links) -> list[float]:
     """The probabilities of the links along a chain of nodes."""
-    pairs = zip(np.minimum(chain[:-1], chain[1:]).tolist(), np.maximum(chain[:-1], chain[1:]).tolist(), strict=True)
+    pairs = zip(
+        np.minimum(chain[:-1], chain[1:]).tolist(),
+        np.maximum(chain[:-1], chain[1:]).tolist(),
+        strict=True,
+    )
     return [links.get(p, 0.0) for p in pairs]

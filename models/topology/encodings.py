@@ -1,9 +1,10 @@
 """What the networks see of nodes and edges (thesis 6.5.2), read only where nodes are.
 
-The thesis convolves the whole distance transform and then reads it at the nodes; here the same two convolutions see
-a window of it around each node, scaled by the nodes' spacing. Absolute positions (its F_P) are left out: where in the
-picture a harness lies is no part of its topology. An edge's direction is periodic over 180 degrees; its first three
-harmonics stand in for the 180 values of a Gaussian.
+The thesis convolves the whole distance transform and then reads it at the nodes; here the same two
+convolutions see a window of it around each node, scaled by the nodes' spacing. Absolute positions
+(its F_P) are left out: where in the picture a harness lies is no part of its topology. An edge's
+direction is periodic over 180 degrees; its first three harmonics stand in for the 180 values of a
+Gaussian.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ _SAMPLES = 9
 
 @dataclass(frozen=True, eq=False)
 class Encoded:
-    """``patches``: ``(N, 16, 16)`` distances in spacings; ``nodes``: ``(N, 5)``; ``edges``: ``(2, E)`` int64;
-    ``edge_features``: ``(E, 12)``; all float32 but ``edges``."""
+    """``patches``: ``(N, 16, 16)`` distances in spacings; ``nodes``: ``(N, 5)``; ``edges``: ``(2,
+    E)`` int64; ``edge_features``: ``(E, 12)``; all float32 but ``edges``."""
 
     patches: Float32Array
     nodes: Float32Array
@@ -60,8 +61,16 @@ def _node_features(graph: Graph) -> Float32Array:
     count = np.bincount(graph.edges[:, graph.traced].ravel(), minlength=len(graph.xy))
     limit = np.array(graph.distances.shape[::-1]) - 1
     to_border = np.minimum(graph.xy, limit - graph.xy).min(axis=1, initial=np.inf)
-    features = np.stack((graph.radii / graph.spacing, count == 1, count == 2, count > 2,
-                         to_border < graph.radii + 3), axis=1)  # fmt: skip
+    features = np.stack(
+        (
+            graph.radii / graph.spacing,
+            count == 1,
+            count == 2,
+            count > 2,
+            to_border < graph.radii + 3,
+        ),
+        axis=1,
+    )
     return features.astype(np.float32)
 
 
@@ -75,15 +84,25 @@ def _edge_features(graph: Graph) -> Float32Array:
     depth = read_nearest(graph.distances, along)
     tail, tail_share = _tails(graph)
     features = np.column_stack(
-        (norm / graph.spacing, turns, (depth > 0).mean(axis=1), depth.min(axis=1, initial=0.0) / graph.spacing,
-         graph.traced, tail[graph.edges].max(axis=0) * graph.traced, tail_share[graph.edges].max(axis=0) * graph.traced)
-    )  # fmt: skip
+        (
+            norm / graph.spacing,
+            turns,
+            (depth > 0).mean(axis=1),
+            depth.min(axis=1, initial=0.0) / graph.spacing,
+            graph.traced,
+            tail[graph.edges].max(axis=0) * graph.traced,
+            tail_share[graph.edges].max(axis=0) * graph.traced,
+        )
+    )
     return features.astype(np.float32)
 
 
 def _tails(graph: Graph) -> tuple[FloatArray, FloatArray]:
-    """For nodes on strands with a free end: 1, and the strand's length in spacings, squashed to 0 to 1."""
-    knots = np.bincount(np.concatenate([c[[0, -1]] for c in graph.chains] or [np.zeros(0, np.int64)]))
+    """For nodes on strands with a free end: 1, and the strand's length in spacings, squashed to 0
+    to 1."""
+    knots = np.bincount(
+        np.concatenate([c[[0, -1]] for c in graph.chains] or [np.zeros(0, np.int64)])
+    )
     tail, length = np.zeros(len(graph.xy)), np.zeros(len(graph.xy))
     for strand, chain in zip(graph.web.strands, graph.chains, strict=True):
         if min(knots[strand.a], knots[strand.b]) == 1:

@@ -19,5 +19,8 @@ FEATURES: Mapping[str, tuple[str, ...]] = {
 
 
 def classifiers_of(network_of: Callable[[str], Network]) -> Classifiers:
-    """The classifiers, their networks taken by task. Raises FeaturesDifferError where one weighs other columns."""
-    return Classifiers(*(network_of(task).weighing(features) for task, features in FEATURES.items()))
+    """The classifiers, their networks taken by task. Raises FeaturesDifferError where one weighs
+    other columns."""
+    return Classifiers(
+        *(network_of(task).weighing(features) for task, features in FEATURES.items())
+    )

@@ -18,17 +18,25 @@ from models.topology.encodings import encode
 from models.topology.graph import Graph, TooComplexError, initialize
 from models.topology.order import Surface, ordered, picture
 from models.topology.scene import Predictions, Status, Topology
-from models.topology.sections import branch_points_of, crossings_of, final_links, sections_of, walk_all
+from models.topology.sections import (
+    branch_points_of,
+    crossings_of,
+    final_links,
+    sections_of,
+    walk_all,
+)
 from models.topology.sites import Site
 from models.topology.solver import solve
 
 MAX_PIXELS = 1_500_000
 _SURFACE_PX = 1_000
-"""Where nothing is found and more foreground than this was left out, the mask may show a surface, no DLOs."""
+"""Where nothing is found and more foreground than this was left out, the mask may show a surface,
+no DLOs."""
 
 
 class TopologyNetwork(Protocol):
-    """Patches, node features, edges and edge features to links, orientations and classes (probabilities)."""
+    """Patches, node features, edges and edge features to links, orientations and classes
+    (probabilities)."""
 
     def run(self, *inputs: NDArray) -> tuple[NDArray, ...]: ...
 
@@ -42,18 +50,21 @@ def extract(
 ) -> Topology:
     """The topology of the DLOs and harnesses in a mask.
 
-    ``mask``: ``(H, W)``; ``image``: ``(H, W, 3)`` RGB or None: its colors help to tell crossings from branch-points
-    and show which strand is on top; ``surfaces``: further things seen (depth), in the pixels of ``mask``.
+    ``mask``: ``(H, W)``; ``image``: ``(H, W, 3)`` RGB or None: its colors help to tell crossings
+    from branch-points and show which strand is on top; ``surfaces``: further things seen (depth),
+    in the pixels of ``mask``.
 
-    Any mask is allowed: above 1.5 megapixels it is reduced; noise gives the status ``too_complex`` and an empty
-    answer. Raises ValueError when the image is of another size than the mask.
+    Any mask is allowed: above 1.5 megapixels it is reduced; noise gives the status ``too_complex``
+    and an empty answer. Raises ValueError when the image is of another size than the mask.
     """
     binary = np.ascontiguousarray(mask, dtype=bool)
     small = reduced(binary, image, MAX_PIXELS)
     if small is None:
         return _extract(binary, network, classifiers, image, surfaces)
     seen = [replace(s, read=_scaled(s.read, small)) for s in surfaces]
-    return _enlarged(_extract(small.mask, network, classifiers, small.image, seen), mask.shape, small)
+    return _enlarged(
+        _extract(small.mask, network, classifiers, small.image, seen), mask.shape, small
+    )
 
 
 def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
@@ -61,7 +72,9 @@ def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
     if not len(graph.xy):
         return Predictions(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     encoded = encode(graph)
-    links, orientations, classes = network.run(encoded.patches, encoded.nodes, encoded.edges, encoded.edge_features)
+    links, orientations, classes = network.run(
+        encoded.patches, encoded.nodes, encoded.edges, encoded.edge_features
+    )
     angles = np.deg2rad(np.argmax(orientations, axis=1).astype(np.float64))
     return Predictions(links.astype(np.float64), angles, classes.astype(np.float64))
 
@@ -81,12 +94,16 @@ def _extract(
         return _nothing(mask.shape, "too_complex", watch.timings_ms)
     if not graph.web.strands:
         left_out = np.count_nonzero(mask) - np.count_nonzero(graph.distances)
-        return _nothing(mask.shape, "unsure" if left_out > _SURFACE_PX else "empty", watch.timings_ms)
+        return _nothing(
+            mask.shape, "unsure" if left_out > _SURFACE_PX else "empty", watch.timings_ms
+        )
     with watch.step("networks"):
         predictions = predict(graph, network)
     with watch.step("solver"):
         depths = [s for s in surfaces if s.is_depth]
-        solution = solve(graph, predictions, classifiers, None if image is None else _tint(image), depths)
+        solution = solve(
+            graph, predictions, classifiers, None if image is None else _tint(image), depths
+        )
         walks = walk_all(solution)
         sections = sections_of(walks, solution, graph)
     with watch.step("output"):
@@ -97,16 +114,34 @@ def _extract(
         closed = all(s.closed for s in sections)
         status: Status = "branched" if branches else "closed" if closed else "plain"
     return Topology(
-        (mask.shape[0], mask.shape[1]), status if sections else "empty", tuple(sections), tuple(branches),
-        tuple(crossings), graph.xy, predictions.angles, predictions.classes, links, scores, watch.timings_ms,
-    )  # fmt: skip
+        (mask.shape[0], mask.shape[1]),
+        status if sections else "empty",
+        tuple(sections),
+        tuple(branches),
+        tuple(crossings),
+        graph.xy,
+        predictions.angles,
+        predictions.classes,
+        links,
+        scores,
+        watch.timings_ms,
+    )
 
 
 def _nothing(shape: tuple[int, ...], status: Status, timings: dict[str, float]) -> Topology:
     return Topology(
-        (shape[0], shape[1]), status, (), (), (), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)),
-        np.zeros((0, 2), np.int64), np.zeros(0), timings,
-    )  # fmt: skip
+        (shape[0], shape[1]),
+        status,
+        (),
+        (),
+        (),
+        np.zeros((0, 2)),
+        np.zeros(0),
+        np.zeros((0, 2)),
+        np.zeros((0, 2), np.int64),
+        np.zeros(0),
+        timings,
+    )
 
 
 _COLOR_UNIT = 25.0
@@ -116,7 +151,8 @@ _COLOR_WEIGHT = 1.5
 
 
 def _tint(image: ByteArray) -> Callable[[Site], float]:
-    """Colors at a site as log odds for a crossing: its pairs should look alike, more than the other way to pair."""
+    """Colors at a site as log odds for a crossing: its pairs should look alike, more than the other
+    way to pair."""
     seen = picture(image)
 
     def odds(site: Site) -> float:
@@ -134,7 +170,9 @@ def _apart(colors: list[FloatArray], i: int, j: int) -> float:
     return float(np.sqrt(np.mean((colors[i] - colors[j]) ** 2)))
 
 
-def _scaled(read: Callable[[FloatArray], FloatArray], small: Reduced) -> Callable[[FloatArray], FloatArray]:
+def _scaled(
+    read: Callable[[FloatArray], FloatArray], small: Reduced
+) -> Callable[[FloatArray], FloatArray]:
     return lambda places: read(small.enlarged(places))
 
 
@@ -144,7 +182,9 @@ def _enlarged(topology: Topology, shape: tuple[int, ...], small: Reduced) -> Top
     for section in topology.sections:
         xy = small.enlarged(section.xy)
         first, last = section.end_widths
-        whole = replace(section, xy=xy, width=section.width * small.size, length=float(arc_lengths(xy)[-1]))
+        whole = replace(
+            section, xy=xy, width=section.width * small.size, length=float(arc_lengths(xy)[-1])
+        )
         sections.append(replace(whole, end_widths=(first * small.size, last * small.size)))
     return replace(
         topology,

@@ -1,6 +1,8 @@
-"""Graph initialization: nodes of constant density along the strands, and candidate edges (thesis 6.4).
+"""Graph initialization: nodes of constant density along the strands, and candidate edges (thesis
+6.4).
 
-Symbols: N nodes, E undirected candidate edges ``(i, j)`` with ``i < j``. The first K nodes are the web's knots.
+Symbols: N nodes, E undirected candidate edges ``(i, j)`` with ``i < j``. The first K nodes are the
+web's knots.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ NEIGHBORS = 8
 """K_nn of thesis 6.4.3."""
 _SPACING_WIDTHS = 1.1
 _LEAST_SPACING_PX = 8.0
-"""Between nodes: about a typical width, so that windows around neighbors overlap; not less, for thin strands."""
+"""Between nodes: about a typical width, so that windows around neighbors overlap; not less, for
+thin strands."""
 _MAX_NODES = 2_000
 _MAX_STRANDS = 800
 _HOLE_WIDTHS, _SLIT_WIDTHS = 0.2, 0.25
@@ -37,9 +40,10 @@ class TooComplexError(ValueError):
 class Graph:
     """What is known before anything is learned.
 
-    ``xy``: ``(N, 2)``; ``radii``: ``(N,)`` half widths; ``spacing`` px between neighbors; ``edges``: ``(2, E)``;
-    ``traced``: ``(E,)`` bool, the nodes are neighbors on a strand; ``chains``: for each strand of ``web`` its nodes in
-    order, both knots included; ``distances``: ``(H, W)``.
+    ``xy``: ``(N, 2)``; ``radii``: ``(N,)`` half widths; ``spacing`` px between neighbors;
+    ``edges``: ``(2, E)``; ``traced``: ``(E,)`` bool, the nodes are neighbors on a strand;
+    ``chains``: for each strand of ``web`` its nodes in order, both knots included; ``distances``:
+    ``(H, W)``.
     """
 
     xy: FloatArray
@@ -55,8 +59,8 @@ class Graph:
 def initialize(mask: BoolArray) -> Graph:
     """The graph of ``(H, W)`` foreground. Raises TooComplexError for masks of noise.
 
-    Nodes lie on the medial lines, evenly: their density is the same for every mask by construction, while thinning
-    the maxima of the distance transform (6.4.2) leaves it to chance.
+    Nodes lie on the medial lines, evenly: their density is the same for every mask by construction,
+    while thinning the maxima of the distance transform (6.4.2) leaves it to chance.
     """
     foreground = clean(mask, _HOLE_WIDTHS, _SLIT_WIDTHS)
     raw = web_of(trace(foreground), foreground.distances)
@@ -69,7 +73,8 @@ def initialize(mask: BoolArray) -> Graph:
 
 
 def sample(web: Web, distances: Float32Array) -> Graph:
-    """Nodes along the strands of the web, and edges: the 8 nearest and the neighbors on a strand."""
+    """Nodes along the strands of the web, and edges: the 8 nearest and the neighbors on a
+    strand."""
     spacing = _spacing(web)
     xy = [web.knots_xy]
     chains = []
@@ -83,12 +88,19 @@ def sample(web: Web, distances: Float32Array) -> Graph:
         count += len(inner)
     nodes = np.concatenate(xy)
     edges, traced = _edges(nodes, chains)
-    return Graph(nodes, _read_radii(distances, nodes), spacing, edges, traced, tuple(chains), web, distances)
+    return Graph(
+        nodes, _read_radii(distances, nodes), spacing, edges, traced, tuple(chains), web, distances
+    )
 
 
 def without(graph: Graph, dropped: set[int]) -> Graph:
-    """The graph without some of its strands; strands that then meet two by two are one. Nodes and edges stay."""
-    pairs = [(s, c) for k, (s, c) in enumerate(zip(graph.web.strands, graph.chains, strict=True)) if k not in dropped]
+    """The graph without some of its strands; strands that then meet two by two are one. Nodes and
+    edges stay."""
+    pairs = [
+        (s, c)
+        for k, (s, c) in enumerate(zip(graph.web.strands, graph.chains, strict=True))
+        if k not in dropped
+    ]
     at: dict[int, list[tuple[Strand, IntArray]]] = defaultdict(list)
     for pair in pairs:
         at[pair[0].a].append(pair)
@@ -104,7 +116,9 @@ def without(graph: Graph, dropped: set[int]) -> Graph:
     kept = list({id(s): (s, c) for found in at.values() for s, c in found}.values())
     web = Web(graph.web.knots_xy, tuple(s for s, _ in kept))
     chains = [c for _, c in kept]
-    traced = np.isin(graph.edges[0] * len(graph.xy) + graph.edges[1], _keys_along(chains, len(graph.xy)))
+    traced = np.isin(
+        graph.edges[0] * len(graph.xy) + graph.edges[1], _keys_along(chains, len(graph.xy))
+    )
     return replace(graph, web=web, chains=tuple(chains), traced=traced)
 
 
@@ -140,5 +154,7 @@ def _edges(xy: FloatArray, chains: list[IntArray]) -> tuple[IntArray, BoolArray]
 
 def _keys_along(chains: list[IntArray], count: int) -> IntArray:
     """A number for every pair of neighbors on a chain."""
-    along = np.concatenate([np.zeros((2, 0), np.int64), *(np.stack((c[:-1], c[1:])) for c in chains)], axis=1)
+    along = np.concatenate(
+        [np.zeros((2, 0), np.int64), *(np.stack((c[:-1], c[1:])) for c in chains)], axis=1
+    )
     return np.unique(np.minimum(*along) * count + np.maximum(*along))

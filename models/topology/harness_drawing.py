@@ -1,9 +1,11 @@
-"""Which section is which branch of the harness drawing (beyond the thesis, its 6.8.7 names it as future work).
+"""Which section is which branch of the harness drawing (beyond the thesis, its 6.8.7 names it as
+future work).
 
-Strategy: drawing and picture are trees of branches; a match keeps neighbors neighbors. One drawn branch is laid on one
-section, either way round, and from there the match grows outwards: at every pair of points the branches that leave them
-are assigned so that lengths agree best. All starts are tried and the cheapest match wins. The scale, pixels per unit,
-is either given or follows from the match itself: from the start's own lengths first, then as the median of all ratios.
+Strategy: drawing and picture are trees of branches; a match keeps neighbors neighbors. One drawn
+branch is laid on one section, either way round, and from there the match grows outwards: at every
+pair of points the branches that leave them are assigned so that lengths agree best. All starts are
+tried and the cheapest match wins. The scale, pixels per unit, is either given or follows from the
+match itself: from the start's own lengths first, then as the median of all ratios.
 """
 
 from __future__ import annotations
@@ -46,8 +48,9 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Match:
-    """``sections``: drawn branch's name to the indices of the sections that are it, in order; ``points``: drawn point's
-    name to branch-point index; ``costs`` by name; ``scale`` px per unit, None if nothing matched."""
+    """``sections``: drawn branch's name to the indices of the sections that are it, in order;
+    ``points``: drawn point's name to branch-point index; ``costs`` by name; ``scale`` px per unit,
+    None if nothing matched."""
 
     sections: dict[str, tuple[int, ...]]
     points: dict[str, int]
@@ -61,8 +64,9 @@ class Match:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Sections in a row that are taken for one branch. ``points``: what is at its ends, a branch-point's index or
-    ``(section, end)`` of a free end; ``cut``: it leaves the picture; ``bulky``: a connector shows at either end."""
+    """Sections in a row that are taken for one branch. ``points``: what is at its ends, a
+    branch-point's index or ``(section, end)`` of a free end; ``cut``: it leaves the picture;
+    ``bulky``: a connector shows at either end."""
 
     sections: tuple[int, ...]
     length: float
@@ -71,13 +75,15 @@ class _Piece:
     bulky: tuple[bool | None, bool | None]
 
     def turned(self) -> _Piece:
-        return _Piece(self.sections[::-1], self.length, self.points[::-1], self.cut, self.bulky[::-1])
+        return _Piece(
+            self.sections[::-1], self.length, self.points[::-1], self.cut, self.bulky[::-1]
+        )
 
 
 @dataclass(frozen=True)
 class _Edge:
-    """A branch or section as seen from one of its points: ``there`` is the other one; ``cut``: it leaves the picture;
-    ``bulky``: a connector sits at ``there``, None where that is not known."""
+    """A branch or section as seen from one of its points: ``there`` is the other one; ``cut``: it
+    leaves the picture; ``bulky``: a connector sits at ``there``, None where that is not known."""
 
     key: int
     there: object
@@ -96,12 +102,17 @@ class _Trial:
 
 
 def match_drawing(
-    topology: Topology, branches: list[Drawn], connectors: Iterable[str] = (), scale: float | None = None
+    topology: Topology,
+    branches: list[Drawn],
+    connectors: Iterable[str] = (),
+    scale: float | None = None,
 ) -> Match:
-    """The best match of drawing and picture. ``scale`` in px per unit of the drawing, or None to estimate it.
+    """The best match of drawing and picture. ``scale`` in px per unit of the drawing, or None to
+    estimate it.
 
-    The drawing may know better than the picture: short free sections that fit nowhere (a clip, a burr) are taken off
-    one by one, so that the sections on either side become one branch, as long as the match gets cheaper.
+    The drawing may know better than the picture: short free sections that fit nowhere (a clip, a
+    burr) are taken off one by one, so that the sections on either side become one branch, as long
+    as the match gets cheaper.
     """
     drawn = _drawn_tree(branches, set(connectors))
     pieces = _pieces(topology)
@@ -114,18 +125,23 @@ def match_drawing(
         pieces = shorter
     if not found:
         everything = tuple(b.name for b in branches)
-        return Match({}, {}, {}, everything, tuple(range(len(topology.sections))), scale, 1.0, False)
+        return Match(
+            {}, {}, {}, everything, tuple(range(len(topology.sections))), scale, 1.0, False
+        )
     best = min(found, key=lambda f: f.cost)
     rivals = [f.cost for f in found if f.named() != best.named()]
     names = {branches[d].name: sections for d, sections in best.named().items()}
     used = {k for sections in names.values() for k in sections}
     return Match(
-        names, {str(p): q for p, q in best.trial.points.items() if isinstance(q, int)},
+        names,
+        {str(p): q for p, q in best.trial.points.items() if isinstance(q, int)},
         {branches[d].name: c for d, c in best.trial.costs.items()},
         tuple(b.name for b in branches if b.name not in names),
         tuple(k for k in range(len(topology.sections)) if k not in used),
-        best.scale, best.cost, bool(rivals) and min(rivals) - best.cost < _AMBIGUOUS,
-    )  # fmt: skip
+        best.scale,
+        best.cost,
+        bool(rivals) and min(rivals) - best.cost < _AMBIGUOUS,
+    )
 
 
 @dataclass(frozen=True)
@@ -142,14 +158,20 @@ class _Found:
 
 
 def _matches(
-    drawn: Mapping[object, list[_Edge]], pieces: list[_Piece], branches: list[Drawn], scale: float | None, dropped: int
+    drawn: Mapping[object, list[_Edge]],
+    pieces: list[_Piece],
+    branches: list[Drawn],
+    scale: float | None,
+    dropped: int,
 ) -> list[_Found]:
     """The match from every start; what was dropped costs a little, or everything would be."""
     seen = _seen_tree(pieces)
     return [
         _grown(drawn, seen, branches, pieces, d, s, flipped, scale, _DROPPED * dropped)
-        for d in range(len(branches)) for s in range(len(pieces)) for flipped in (False, True)
-    ]  # fmt: skip
+        for d in range(len(branches))
+        for s in range(len(pieces))
+        for flipped in (False, True)
+    ]
 
 
 def _pieces(topology: Topology) -> list[_Piece]:
@@ -158,16 +180,25 @@ def _pieces(topology: Topology) -> list[_Piece]:
         if s.closed:
             continue
         first, last = ((b if b >= 0 else (k, e)) for e, b in enumerate(s.branches))
-        bulky = [w > _BULKY * s.width if kind == "free" else None for w, kind in zip(s.end_widths, s.ends, strict=True)]
-        pieces.append(_Piece((k,), s.length, (first, last), "border" in s.ends, (bulky[0], bulky[1])))
+        bulky = [
+            w > _BULKY * s.width if kind == "free" else None
+            for w, kind in zip(s.end_widths, s.ends, strict=True)
+        ]
+        pieces.append(
+            _Piece((k,), s.length, (first, last), "border" in s.ends, (bulky[0], bulky[1]))
+        )
     return pieces
 
 
 def _without_shortest(pieces: list[_Piece]) -> list[_Piece] | None:
-    """The pieces without the shortest free one that hangs on a branch-point, if it is much shorter than the typical
-    piece; two that are then left at the point become one."""
+    """The pieces without the shortest free one that hangs on a branch-point, if it is much shorter
+    than the typical piece; two that are then left at the point become one."""
     typical = float(np.median([p.length for p in pieces])) if pieces else 0.0
-    free = [p for p in pieces if sum(isinstance(q, int) for q in p.points) == 1 and p.length < _SHORT * typical]
+    free = [
+        p
+        for p in pieces
+        if sum(isinstance(q, int) for q in p.points) == 1 and p.length < _SHORT * typical
+    ]
     if not free:
         return None
     gone = min(free, key=lambda p: p.length)
@@ -179,9 +210,12 @@ def _without_shortest(pieces: list[_Piece]) -> list[_Piece] | None:
     first = meeting[0] if meeting[0].points[1] == point else meeting[0].turned()
     last = meeting[1] if meeting[1].points[0] == point else meeting[1].turned()
     joined = _Piece(
-        first.sections + last.sections, first.length + last.length, (first.points[0], last.points[1]),
-        first.cut or last.cut, (first.bulky[0], last.bulky[1]),
-    )  # fmt: skip
+        first.sections + last.sections,
+        first.length + last.length,
+        (first.points[0], last.points[1]),
+        first.cut or last.cut,
+        (first.bulky[0], last.bulky[1]),
+    )
     return [p for p in left if p is not meeting[0] and p is not meeting[1]] + [joined]
 
 
@@ -189,7 +223,9 @@ def _drawn_tree(branches: list[Drawn], connectors: set[str]) -> dict[object, lis
     tree: dict[object, list[_Edge]] = defaultdict(list)
     for k, b in enumerate(branches):
         for here, there in ((b.a, b.b), (b.b, b.a)):
-            tree[here].append(_Edge(k, there, b.length, False, there in connectors if connectors else None))
+            tree[here].append(
+                _Edge(k, there, b.length, False, there in connectors if connectors else None)
+            )
     return tree
 
 
@@ -203,14 +239,28 @@ def _seen_tree(pieces: list[_Piece]) -> dict[object, list[_Edge]]:
 
 
 def _grown(
-    drawn: Mapping[object, list[_Edge]], seen: Mapping[object, list[_Edge]], branches: list[Drawn],
-    pieces: list[_Piece], d: int, s: int, flipped: bool, scale: float | None, extra_cost: float,
-) -> _Found:  # fmt: skip
-    """The match that grows from one pair; with a free scale it is grown again at the scale that it implies."""
+    drawn: Mapping[object, list[_Edge]],
+    seen: Mapping[object, list[_Edge]],
+    branches: list[Drawn],
+    pieces: list[_Piece],
+    d: int,
+    s: int,
+    flipped: bool,
+    scale: float | None,
+    extra_cost: float,
+) -> _Found:
+    """The match that grows from one pair; with a free scale it is grown again at the scale that it
+    implies."""
     trial, used = _Trial(), scale or pieces[s].length / branches[d].length
     for _ in range(1 if scale else 3):
-        trial = _start(drawn, seen, branches[d], d, pieces[s].turned() if flipped else pieces[s], s, used)
-        ratios = [pieces[k].length / branches[b].length for b, k in trial.pairs.items() if not pieces[k].cut]
+        trial = _start(
+            drawn, seen, branches[d], d, pieces[s].turned() if flipped else pieces[s], s, used
+        )
+        ratios = [
+            pieces[k].length / branches[b].length
+            for b, k in trial.pairs.items()
+            if not pieces[k].cut
+        ]
         if scale or not ratios or abs(np.log(np.median(ratios) / used)) < 0.01:
             break
         used = float(np.median(ratios))
@@ -220,13 +270,21 @@ def _grown(
 
 
 def _start(
-    drawn: Mapping[object, list[_Edge]], seen: Mapping[object, list[_Edge]], branch: Drawn, d: int, piece: _Piece,
-    s: int, scale: float,
-) -> _Trial:  # fmt: skip
+    drawn: Mapping[object, list[_Edge]],
+    seen: Mapping[object, list[_Edge]],
+    branch: Drawn,
+    d: int,
+    piece: _Piece,
+    s: int,
+    scale: float,
+) -> _Trial:
     trial = _Trial()
     trial.pairs[d] = s
-    trial.costs[d] = _cost(_Edge(d, None, branch.length, False, None),
-                           _Edge(s, None, piece.length, piece.cut, None), scale)  # fmt: skip
+    trial.costs[d] = _cost(
+        _Edge(d, None, branch.length, False, None),
+        _Edge(s, None, piece.length, piece.cut, None),
+        scale,
+    )
     for point, place in zip((branch.a, branch.b), piece.points, strict=True):
         trial.points[point] = place
         _grow(trial, drawn, seen, point, place, scale)
@@ -234,19 +292,30 @@ def _start(
 
 
 def _grow(
-    trial: _Trial, drawn: Mapping[object, list[_Edge]], seen: Mapping[object, list[_Edge]], point: object,
-    place: object, scale: float,
-) -> None:  # fmt: skip
-    """Assign the branches that leave ``point`` to the sections that leave ``place``, then go on from their far ends."""
+    trial: _Trial,
+    drawn: Mapping[object, list[_Edge]],
+    seen: Mapping[object, list[_Edge]],
+    point: object,
+    place: object,
+    scale: float,
+) -> None:
+    """Assign the branches that leave ``point`` to the sections that leave ``place``, then go on
+    from their far ends."""
     wanted = [e for e in drawn[point] if e.key not in trial.pairs]
     taken = set(trial.pairs.values())
     found = [e for e in seen[place] if e.key not in taken]
     if not wanted or not found:
         return
     # Looking ahead: a branch fits better where as much hangs on its far end as in the drawing.
-    table = np.array([
-        [_cost(w, f, scale) + _shape_cost(drawn, seen, w, f, point, place, scale) for f in found] for w in wanted
-    ])  # fmt: skip
+    table = np.array(
+        [
+            [
+                _cost(w, f, scale) + _shape_cost(drawn, seen, w, f, point, place, scale)
+                for f in found
+            ]
+            for w in wanted
+        ]
+    )
     padded = np.full((len(wanted) + len(found),) * 2, 0.0)
     padded[: len(wanted), : len(found)] = table
     padded[: len(wanted), len(found) :] = 2 * _UNMATCHED
@@ -262,20 +331,31 @@ def _grow(
 
 
 def _cost(wanted: _Edge, found: _Edge, scale: float) -> float:
-    """Difference of the lengths' logarithms; a section that leaves the picture may well be longer than it looks."""
+    """Difference of the lengths' logarithms; a section that leaves the picture may well be longer
+    than it looks."""
     difference = float(np.log(max(found.length, 1.0) / (wanted.length * scale)))
     other_end = None not in (wanted.bulky, found.bulky) and wanted.bulky != found.bulky
-    return abs(difference) * (_CUT_OFF if found.cut and difference < 0 else 1.0) + _CONNECTOR * other_end
+    return (
+        abs(difference) * (_CUT_OFF if found.cut and difference < 0 else 1.0)
+        + _CONNECTOR * other_end
+    )
 
 
 def _shape_cost(
-    drawn: Mapping[object, list[_Edge]], seen: Mapping[object, list[_Edge]], wanted: _Edge, found: _Edge,
-    point: object, place: object, scale: float,
-) -> float:  # fmt: skip
+    drawn: Mapping[object, list[_Edge]],
+    seen: Mapping[object, list[_Edge]],
+    wanted: _Edge,
+    found: _Edge,
+    point: object,
+    place: object,
+    scale: float,
+) -> float:
     """Difference in number of branches beyond, and of their summed length, discounted."""
     count = [len(tree[e.there]) - 1 for tree, e in ((drawn, wanted), (seen, found))]
-    beyond = [sum(e.length for e in tree[edge.there] if e.key != edge.key) for tree, edge in
-              ((drawn, wanted), (seen, found))]  # fmt: skip
+    beyond = [
+        sum(e.length for e in tree[edge.there] if e.key != edge.key)
+        for tree, edge in ((drawn, wanted), (seen, found))
+    ]
     difference = 0.25 * abs(count[0] - count[1]) * (0.3 if found.cut else 1.0)
     if min(beyond) > 0:
         difference += 0.2 * abs(float(np.log(beyond[1] / (beyond[0] * scale))))

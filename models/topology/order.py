@@ -1,7 +1,9 @@
-"""Which strand lies on top at a crossing: from the picture, a depth map, or points in space (thesis 6.7, line 4).
+"""Which strand lies on top at a crossing: from the picture, a depth map, or points in space (thesis
+6.7, line 4).
 
-One rule for all three: what is seen along the upper strand runs through the crossing unchanged; along the lower one it
-is interrupted. Nothing seen, or no difference: the order stays unknown (score 0.5).
+One rule for all three: what is seen along the upper strand runs through the crossing unchanged;
+along the lower one it is interrupted. Nothing seen, or no difference: the order stays unknown
+(score 0.5).
 """
 
 from __future__ import annotations
@@ -41,9 +43,10 @@ class Stretch(Protocol):
 
 @dataclass(frozen=True)
 class Surface:
-    """Something seen over the picture: ``read`` takes ``(…, 2)`` places to ``(…, C)`` values, NaN where nothing is
-    known; ``noise`` is a standard deviation that means nothing; ``is_depth``: what is nearer also speaks for on top;
-    ``focal_px`` of the camera of a depth, where it is known: how thick strands are then follows from their widths."""
+    """Something seen over the picture: ``read`` takes ``(…, 2)`` places to ``(…, C)`` values, NaN
+    where nothing is known; ``noise`` is a standard deviation that means nothing; ``is_depth``: what
+    is nearer also speaks for on top; ``focal_px`` of the camera of a depth, where it is known: how
+    thick strands are then follows from their widths."""
 
     read: Callable[[FloatArray], FloatArray]
     noise: float
@@ -57,7 +60,8 @@ def picture(image: ByteArray) -> Surface:
 
 
 def depth_map(depth_m: Float32Array, focal_px: float | None = None) -> Surface:
-    """``(H, W)`` meters to the camera; 0 and NaN are unknown. ``focal_px`` of the camera, where it is known."""
+    """``(H, W)`` meters to the camera; 0 and NaN are unknown. ``focal_px`` of the camera, where it
+    is known."""
 
     def read(places: FloatArray) -> FloatArray:
         values = read_nearest(depth_m, places)
@@ -67,7 +71,8 @@ def depth_map(depth_m: Float32Array, focal_px: float | None = None) -> Surface:
 
 
 def points(xy: FloatArray, depth_m: FloatArray, reach_px: float = 6.0) -> Surface:
-    """Points in space as they appear in the picture: ``(n, 2)`` pixels and ``(n,)`` meters to the camera."""
+    """Points in space as they appear in the picture: ``(n, 2)`` pixels and ``(n,)`` meters to the
+    camera."""
     tree = cKDTree(xy)
 
     def read(places: FloatArray) -> FloatArray:
@@ -80,12 +85,17 @@ def points(xy: FloatArray, depth_m: FloatArray, reach_px: float = 6.0) -> Surfac
     return Surface(read, _DEPTH_NOISE_M, is_depth=True)
 
 
-def ordered(crossings: Sequence[Crossing], sections: Sequence[Section], surfaces: Sequence[Surface]) -> list[Crossing]:
-    """The crossings with the upper strand as ``over``; all surfaces count, weighted by what they can tell."""
+def ordered(
+    crossings: Sequence[Crossing], sections: Sequence[Section], surfaces: Sequence[Surface]
+) -> list[Crossing]:
+    """The crossings with the upper strand as ``over``; all surfaces count, weighted by what they
+    can tell."""
     return [_order(c, sections, surfaces) for c in crossings]
 
 
-def _order(crossing: Crossing, sections: Sequence[Section], surfaces: Sequence[Surface]) -> Crossing:
+def _order(
+    crossing: Crossing, sections: Sequence[Section], surfaces: Sequence[Surface]
+) -> Crossing:
     one, other = crossing.over, crossing.under
     odds = sum(log_odds(one, other, sections, s) for s in surfaces)
     score = 1 / (1 + float(np.exp(-abs(odds))))
@@ -95,7 +105,8 @@ def _order(crossing: Crossing, sections: Sequence[Section], surfaces: Sequence[S
 
 
 def log_odds(one: Place, other: Place, sections: Sequence[Stretch], surface: Surface) -> float:
-    """Positive if ``one`` runs through unchanged while ``other`` does not; 0 if the surface does not tell."""
+    """Positive if ``one`` runs through unchanged while ``other`` does not; 0 if the surface does
+    not tell."""
     sine = _sine(one, other, sections)
     first = _deviation(one, sections[one.section], sections[other.section].width / sine, surface)
     second = _deviation(other, sections[other.section], sections[one.section].width / sine, surface)
@@ -103,12 +114,15 @@ def log_odds(one: Place, other: Place, sections: Sequence[Stretch], surface: Sur
         return 0.0
     odds = _SHARPNESS * float(np.log(second[0] / first[0]))
     if surface.is_depth:
-        odds += float(np.clip((second[1] - first[1]) / surface.noise, -_MOST_DEPTH_ODDS, _MOST_DEPTH_ODDS))
+        odds += float(
+            np.clip((second[1] - first[1]) / surface.noise, -_MOST_DEPTH_ODDS, _MOST_DEPTH_ODDS)
+        )
     return odds
 
 
 def _sine(one: Place, other: Place, sections: Sequence[Stretch]) -> float:
-    """Sine of the angle between two strands where they cross: at a flat angle they lie on one another for longer."""
+    """Sine of the angle between two strands where they cross: at a flat angle they lie on one
+    another for longer."""
     headings = []
     for place in (one, other):
         section = sections[place.section]
@@ -120,15 +134,21 @@ def _sine(one: Place, other: Place, sections: Sequence[Stretch]) -> float:
     return max(_LEAST_SINE, abs(float(a * d - b * c)))
 
 
-def _deviation(place: Place, section: Stretch, overlap: float, surface: Surface) -> tuple[float, float] | None:
-    """Mean squared deviation, noise included, of what is seen in the crossing from what is seen before and after, and
-    the mean of the latter right beside the crossing; None where too little is seen."""
+def _deviation(
+    place: Place, section: Stretch, overlap: float, surface: Surface
+) -> tuple[float, float] | None:
+    """Mean squared deviation, noise included, of what is seen in the crossing from what is seen
+    before and after, and the mean of the latter right beside the crossing; None where too little is
+    seen."""
     lengths = arc_lengths(section.xy)
     at = place.u * lengths[-1]
     half = 0.5 * overlap + 1
     arm = max(6.0, 1.5 * section.width)
     inner = np.linspace(at - half, at + half, 9)
-    before, after = np.linspace(at - half - arm, at - half - 2, 6), np.linspace(at + half + 2, at + half + arm, 6)
+    before, after = (
+        np.linspace(at - half - arm, at - half - 2, 6),
+        np.linspace(at + half + 2, at + half + arm, 6),
+    )
     center, left, right = (_profile(section, lengths, s, surface) for s in (inner, before, after))
     if any(np.isnan(part).all(axis=0).any() for part in (center, left, right)):
         return None
@@ -139,7 +159,8 @@ def _deviation(place: Place, section: Stretch, overlap: float, surface: Surface)
 
 
 def _profile(section: Stretch, lengths: FloatArray, at: FloatArray, surface: Surface) -> FloatArray:
-    """``(n, C)`` along the section, averaged over the middle of its width so that highlights count little."""
+    """``(n, C)`` along the section, averaged over the middle of its width so that highlights count
+    little."""
     along = np.clip(at, 0, lengths[-1])
     places = point_at(section.xy, lengths, along)
     ahead = point_at(section.xy, lengths, np.clip(along + 3, 0, lengths[-1]))

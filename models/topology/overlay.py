@@ -1,4 +1,5 @@
-"""The picture of a topology for people, over the photograph; and the strokes that such pictures are made of."""
+"""The picture of a topology for people, over the photograph; and the strokes that such pictures are
+made of."""
 
 from __future__ import annotations
 
@@ -31,10 +32,14 @@ def section_color(k: int) -> Color:
 
 
 def overlay(
-    ground: ByteArray, topology: Topology, names: dict[int, str] | None = None, longest: int | None = None
+    ground: ByteArray,
+    topology: Topology,
+    names: dict[int, str] | None = None,
+    longest: int | None = None,
 ) -> ByteArray:
-    """``(H, W, 3)`` RGB: sections with their ids (or ``names`` by index), branch-points red, crossings blue; the
-    lower section is interrupted there. The picture is reduced to a ``longest`` side before it is drawn on."""
+    """``(H, W, 3)`` RGB: sections with their ids (or ``names`` by index), branch-points red,
+    crossings blue; the lower section is interrupted there. The picture is reduced to a ``longest``
+    side before it is drawn on."""
     if longest is not None and max(ground.shape[:2]) > longest:
         ground, topology = _reduced(ground, topology, -(-max(ground.shape[:2]) // longest))
     picture = np.asarray(cv2.convertScaleAbs(ground, alpha=_DIM), np.uint8)
@@ -55,7 +60,8 @@ def overlay(
 
 
 def _reduced(ground: ByteArray, topology: Topology, factor: int) -> tuple[ByteArray, Topology]:
-    """By a whole number; a rest at the right and lower border is cut off. Centers are at ``(k + 0.5) s - 0.5``."""
+    """By a whole number; a rest at the right and lower border is cut off. Centers are at ``(k +
+    0.5) s - 0.5``."""
     scale = 1 / factor
     height, width = (max(1, side // factor) for side in ground.shape[:2])
     part = ground[: height * factor, : width * factor]
@@ -63,7 +69,9 @@ def _reduced(ground: ByteArray, topology: Topology, factor: int) -> tuple[ByteAr
     def moved(xy: tuple[float, float]) -> tuple[float, float]:
         return (xy[0] + 0.5) * scale - 0.5, (xy[1] + 0.5) * scale - 0.5
 
-    sections = (replace(s, xy=(s.xy + 0.5) * scale - 0.5, width=s.width * scale) for s in topology.sections)
+    sections = (
+        replace(s, xy=(s.xy + 0.5) * scale - 0.5, width=s.width * scale) for s in topology.sections
+    )
     reduced = replace(
         topology,
         sections=tuple(sections),
@@ -71,16 +79,34 @@ def _reduced(ground: ByteArray, topology: Topology, factor: int) -> tuple[ByteAr
         crossings=tuple(replace(c, xy=moved(c.xy)) for c in topology.crossings),
         nodes_xy=(topology.nodes_xy + 0.5) * scale - 0.5,
     )
-    return np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8), reduced
+    return np.asarray(
+        cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8
+    ), reduced
 
 
 def _draw_crossing(picture: ByteArray, topology: Topology, crossing: Crossing, unit: float) -> None:
-    upper, lower = topology.sections[crossing.over.section], topology.sections[crossing.under.section]
-    draw_line(picture, _around(topology, crossing.under, max(0.7 * upper.width, 6 * unit)), DARK, 4 * unit, False)
+    upper, lower = (
+        topology.sections[crossing.over.section],
+        topology.sections[crossing.under.section],
+    )
+    draw_line(
+        picture,
+        _around(topology, crossing.under, max(0.7 * upper.width, 6 * unit)),
+        DARK,
+        4 * unit,
+        False,
+    )
     bridge = _around(topology, crossing.over, max(0.9 * lower.width, 8 * unit))
     draw_line(picture, bridge, WHITE, 5 * unit, False)
     draw_line(picture, bridge, section_color(crossing.over.section), 3 * unit, False)
-    cv2.circle(picture, pixel(np.array(crossing.xy)), round(9 * unit), CROSSING, max(1, round(2 * unit)), cv2.LINE_AA)
+    cv2.circle(
+        picture,
+        pixel(np.array(crossing.xy)),
+        round(9 * unit),
+        CROSSING,
+        max(1, round(2 * unit)),
+        cv2.LINE_AA,
+    )
     if crossing.order_score < _UNSURE:
         draw_tag(picture, "?", np.array(crossing.xy) + 14 * unit, WHITE, 0.4 * unit)
 
@@ -112,7 +138,16 @@ def draw_tag(picture: ByteArray, text: str, xy: FloatArray, color: Color, scale:
     center = np.clip(xy, reach, limit)
     low, high = pixel(center - reach), pixel(center + reach)
     cv2.rectangle(picture, low, high, color, -1)
-    cv2.putText(picture, text, (low[0] + 4, high[1] - 4), cv2.FONT_HERSHEY_SIMPLEX, scale, DARK, thick, cv2.LINE_AA)
+    cv2.putText(
+        picture,
+        text,
+        (low[0] + 4, high[1] - 4),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        scale,
+        DARK,
+        thick,
+        cv2.LINE_AA,
+    )
 
 
 def pixel(xy: FloatArray) -> tuple[int, int]:

@@ -1,4 +1,5 @@
-"""The web by what the networks give: stubs are taken off and gaps are bridged (thesis 6.6.1, extended)."""
+"""The web by what the networks give: stubs are taken off and gaps are bridged (thesis 6.6.1,
+extended)."""
 
 from __future__ import annotations
 
@@ -17,11 +18,13 @@ from models.topology.scene import Predictions
 from models.topology.stubs import candidates
 
 _LEAST = 0.5
-"""Bridges that are less probable are not built; shorter strands that are less probable are taken off."""
+"""Bridges that are less probable are not built; shorter strands that are less probable are taken
+off."""
 
 
 def repaired(graph: Graph, predictions: Predictions, classifiers: Classifiers) -> Web:
-    """The strands that are part of a DLO, with gaps of the mask bridged; knots of two strands are dissolved."""
+    """The strands that are part of a DLO, with gaps of the mask bridged; knots of two strands are
+    dissolved."""
     real = pruned(graph, predictions, classifiers)
     bridges = _bridges(real, predictions, classifiers)
     web = _bridged(real, bridges) if bridges else real.web
@@ -29,18 +32,22 @@ def repaired(graph: Graph, predictions: Predictions, classifiers: Classifiers) -
 
 
 def pruned(graph: Graph, predictions: Predictions, classifiers: Classifiers) -> Graph:
-    """The graph without short strands that are no part of a DLO: what they cover of an end comes free."""
+    """The graph without short strands that are no part of a DLO: what they cover of an end comes
+    free."""
     found = candidates(graph, predictions)
     scores = probabilities_of(classifiers.stub, [c.evidence for c in found])
     dropped = {c.strand for c, p in zip(found, scores.tolist(), strict=True) if p < _LEAST}
     return without(graph, dropped) if dropped else graph
 
 
-def _bridges(graph: Graph, predictions: Predictions, classifiers: Classifiers) -> list[tuple[int, int]]:
+def _bridges(
+    graph: Graph, predictions: Predictions, classifiers: Classifiers
+) -> list[tuple[int, int]]:
     """Pairs of nodes to join, the most probable first, every free end once."""
     proposed = proposals(graph, predictions)
     scores = _both_ways(
-        [b.nodes for b in proposed], probabilities_of(classifiers.bridge, [b.evidence for b in proposed])
+        [b.nodes for b in proposed],
+        probabilities_of(classifiers.bridge, [b.evidence for b in proposed]),
     )
     ends = {b.nodes[0] for b in proposed}
     taken: set[int] = set()
@@ -60,7 +67,8 @@ def _both_ways(nodes: list[tuple[int, ...]], scores: FloatArray) -> FloatArray:
 
 
 def _bridged(graph: Graph, bridges: list[tuple[int, int]]) -> Web:
-    """The web with one more strand a bridge; strands are split where a bridge meets their side or crosses them."""
+    """The web with one more strand a bridge; strands are split where a bridge meets their side or
+    crosses them."""
     strands = list(graph.web.strands)
     knots = list(graph.web.knots_xy)
     cuts: dict[int, list[tuple[int, int]]] = defaultdict(list)
@@ -79,7 +87,10 @@ def _bridged(graph: Graph, bridges: list[tuple[int, int]]) -> Web:
         strands.append(_straight(graph, here, there, (knot_of[here], knot_of[there])))
         for k, xy in _crossed(strands[:-1], strands[-1]):
             cuts[len(strands) - 1].append((_nearest(strands[-1], xy), cut(k, xy)))
-    return Web(np.array(knots), tuple(part for k, strand in enumerate(strands) for part in _split(strand, cuts[k])))
+    return Web(
+        np.array(knots),
+        tuple(part for k, strand in enumerate(strands) for part in _split(strand, cuts[k])),
+    )
 
 
 def _nearest(strand: Strand, xy: FloatArray) -> int:
@@ -94,14 +105,16 @@ def _straight(graph: Graph, here: int, there: int, knots: tuple[int, int]) -> St
 
 
 def _crossed(strands: list[Strand], bridge: Strand) -> list[tuple[int, FloatArray]]:
-    """The strands that a bridge crosses, and where; within the half width of its ends it may touch what it leads to."""
+    """The strands that a bridge crosses, and where; within the half width of its ends it may touch
+    what it leads to."""
     parts = segments(tuple((k, s.xy) for k, s in enumerate(strands)))
     _, j, xy = intersections((bridge.xy[:1], bridge.xy[-1:]), (parts[0], parts[1]))
     owners = parts[2][j].astype(int).tolist()
     return [
-        (k, place) for k, place in zip(owners, xy, strict=True)
+        (k, place)
+        for k, place in zip(owners, xy, strict=True)
         if all(np.hypot(*(place - bridge.xy[e])) > bridge.radii[e] + 1 for e in (0, -1))
-    ]  # fmt: skip
+    ]
 
 
 def _split(strand: Strand, cuts: list[tuple[int, int]]) -> list[Strand]:

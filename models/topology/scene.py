@@ -1,4 +1,5 @@
-"""The topology of what a picture shows: sections, branch-points, crossings, and the graph they were read from."""
+"""The topology of what a picture shows: sections, branch-points, crossings, and the graph they were
+read from."""
 
 from __future__ import annotations
 
@@ -13,9 +14,10 @@ Status = Literal["branched", "plain", "closed", "empty", "unsure", "too_complex"
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """The strand between two branch-points or free ends. ``xy``: ``(n, 2)``; ``width`` px; ``ends``: kinds at the first
-    and the last point; ``branches``: indices of the branch-points there or -1; ``closed``: a ring; ``score``: share
-    of it on foreground; ``end_widths``: the largest near either end, px: a connector shows there."""
+    """The strand between two branch-points or free ends. ``xy``: ``(n, 2)``; ``width`` px;
+    ``ends``: kinds at the first and the last point; ``branches``: indices of the branch-points
+    there or -1; ``closed``: a ring; ``score``: share of it on foreground; ``end_widths``: the
+    largest near either end, px: a connector shows there."""
 
     xy: FloatArray
     width: float
@@ -46,8 +48,8 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """Two strands pass over one another. ``score``: probability that it is a crossing; ``order_score``: of
-    ``over`` being above, 0.5 when unknown."""
+    """Two strands pass over one another. ``score``: probability that it is a crossing;
+    ``order_score``: of ``over`` being above, 0.5 when unknown."""
 
     xy: tuple[float, float]
     over: Place
@@ -58,8 +60,9 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """Everything found. ``nodes_xy``: ``(N, 2)``; ``node_angles``: ``(N,)`` radians; ``node_classes``: ``(N, 2)``
-    probabilities (branch-point, crossing); ``links``: ``(L, 2)`` the final graph's edges with ``link_scores``."""
+    """Everything found. ``nodes_xy``: ``(N, 2)``; ``node_angles``: ``(N,)`` radians;
+    ``node_classes``: ``(N, 2)`` probabilities (branch-point, crossing); ``links``: ``(L, 2)`` the
+    final graph's edges with ``link_scores``."""
 
     size: tuple[int, int]
     status: Status
@@ -76,7 +79,8 @@ class Topology:
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """What the networks give: ``links`` ``(E,)`` probabilities, ``angles`` ``(N,)`` radians, ``classes`` ``(N, 2)``."""
+    """What the networks give: ``links`` ``(E,)`` probabilities, ``angles`` ``(N,)`` radians,
+    ``classes`` ``(N, 2)``."""
 
     links: FloatArray
     angles: FloatArray

@@ -28,8 +28,8 @@ _SEPARATE_VISITS = 12
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Strands in order, end to end; ``passed``: every crossing on the way as ``(passage, which of its crossings, arc
-    length)``."""
+    """Strands in order, end to end; ``passed``: every crossing on the way as ``(passage, which of
+    its crossings, arc length)``."""
 
     xy: FloatArray
     radii: FloatArray
@@ -50,11 +50,19 @@ def walk_all(solution: Solution) -> list[Walk]:
     starts = [(k, e) for k in sorted(left) for e in (0, 1) if (k, e) not in onward]
     rings = [(k, 0) for k in sorted(left)]
     # A walk takes what it passes out of ``left``, so that no strand is walked twice.
-    return [_walk(start, solution, onward, tips, left) for start in [*starts, *rings] if start[0] in left]
+    return [
+        _walk(start, solution, onward, tips, left)
+        for start in [*starts, *rings]
+        if start[0] in left
+    ]
 
 
 def _walk(
-    start: End, solution: Solution, onward: dict[End, tuple[End, int]], tips: dict[End, int], left: set[int]
+    start: End,
+    solution: Solution,
+    onward: dict[End, tuple[End, int]],
+    tips: dict[End, int],
+    left: set[int],
 ) -> Walk:
     web = solution.web
     pieces: list[FloatArray] = []
@@ -81,7 +89,9 @@ def _walk(
             middle = web.strands[passage.site.middle]
             bridge = middle.seen_from(seen.b)
             for n, (share, _) in enumerate(passage.crossed):
-                passed.append((k, n, length + (share if bridge is middle else 1 - share) * bridge.length))
+                passed.append(
+                    (k, n, length + (share if bridge is middle else 1 - share) * bridge.length)
+                )
             pieces.append(bridge.xy)
             radii.append(bridge.radii)
             length += bridge.length
@@ -91,9 +101,12 @@ def _walk(
 
 
 def _finished(
-    pieces: list[FloatArray], radii: list[FloatArray], knots: tuple[int, int], closed: bool,
+    pieces: list[FloatArray],
+    radii: list[FloatArray],
+    knots: tuple[int, int],
+    closed: bool,
     passed: list[tuple[int, int, float]],
-) -> Walk:  # fmt: skip
+) -> Walk:
     xy = np.concatenate(pieces)
     keep = np.concatenate(([True], np.any(np.diff(xy, axis=0) != 0, axis=1)))
     return Walk(xy[keep], np.concatenate(radii)[keep], knots, closed, tuple(passed))
@@ -115,7 +128,11 @@ def sections_of(walks: list[Walk], solution: Solution, graph: Graph) -> list[Sec
         ends = (_kind(xy[0], branches[0], width, graph), _kind(xy[-1], branches[1], width, graph))
         covered = float((read_nearest(graph.distances, xy) > 0).mean())
         length = float(arc_lengths(xy)[-1])
-        sections.append(Section(xy, width, length, ends, branches, walk.closed, covered, _end_widths(walk, width)))
+        sections.append(
+            Section(
+                xy, width, length, ends, branches, walk.closed, covered, _end_widths(walk, width)
+            )
+        )
     return sections
 
 
@@ -129,7 +146,9 @@ def _with_tips(line: FloatArray, branches: tuple[int, int], walk: Walk, graph: G
         return line
     tips = [
         beyond(way, graph.distances, float(radius), _TIP_POINTS) if branch < 0 else line[:0]
-        for way, radius, branch in zip((line, line[::-1]), walk.radii[[0, -1]], branches, strict=True)
+        for way, radius, branch in zip(
+            (line, line[::-1]), walk.radii[[0, -1]], branches, strict=True
+        )
     ]
     return np.concatenate((tips[0], line, tips[1]))
 
@@ -141,7 +160,8 @@ def _kind(xy: FloatArray, branch: int, width: float, graph: Graph) -> EndKind:
 
 
 def branch_points_of(solution: Solution, sections: list[Section]) -> list[BranchPoint]:
-    """Each with the sections that meet there; a section that leaves it and comes back counts twice."""
+    """Each with the sections that meet there; a section that leaves it and comes back counts
+    twice."""
     found = []
     for k, (knot, score) in enumerate(solution.branches):
         meeting = tuple(i for i, s in enumerate(sections) for b in s.branches if b == k)
@@ -151,8 +171,8 @@ def branch_points_of(solution: Solution, sections: list[Section]) -> list[Branch
 
 
 def crossings_of(walks: list[Walk], solution: Solution) -> list[Crossing]:
-    """One for every two walks through a passage, or two passes of one walk, at each place where they cross; which lies
-    above is not yet known."""
+    """One for every two walks through a passage, or two passes of one walk, at each place where
+    they cross; which lies above is not yet known."""
     passes: dict[tuple[int, int], list[Place]] = {}
     for k, walk in enumerate(walks):
         whole = max(float(arc_lengths(walk.xy)[-1]), 1e-9)
@@ -162,14 +182,22 @@ def crossings_of(walks: list[Walk], solution: Solution) -> list[Crossing]:
     for (k, which), places in sorted(passes.items()):
         passage = solution.passages[k]
         x, y = passage.crossed[which][1].tolist()
-        found += [Crossing((x, y), one, other, passage.score) for n, one in enumerate(places)
-                  for other in places[n + 1 :]]  # fmt: skip
+        found += [
+            Crossing((x, y), one, other, passage.score)
+            for n, one in enumerate(places)
+            for other in places[n + 1 :]
+        ]
     return found
 
 
-def final_links(walks: list[Walk], graph: Graph, predictions: Predictions) -> tuple[IntArray, FloatArray]:
-    """The edges of the final graph: nodes that follow one another on a walk, with the probability of the link."""
-    known = {(int(i), int(j)): float(p) for i, j, p in zip(*graph.edges, predictions.links, strict=True)}
+def final_links(
+    walks: list[Walk], graph: Graph, predictions: Predictions
+) -> tuple[IntArray, FloatArray]:
+    """The edges of the final graph: nodes that follow one another on a walk, with the probability
+    of the link."""
+    known = {
+        (int(i), int(j)): float(p) for i, j, p in zip(*graph.edges, predictions.links, strict=True)
+    }
     found: dict[tuple[int, int], float] = {}
     for walk in walks:
         order = _visits(walk, graph)
@@ -186,8 +214,12 @@ def _visits(walk: Walk, graph: Graph) -> list[int]:
     """The nodes that a walk passes, in order; a node at a self-crossing comes twice."""
     reach = np.maximum(1.5, 0.35 * graph.radii)
     visits = []
-    for node, places in enumerate(cKDTree(walk.xy).query_ball_point(graph.xy, reach, return_sorted=True)):
+    for node, places in enumerate(
+        cKDTree(walk.xy).query_ball_point(graph.xy, reach, return_sorted=True)
+    ):
         if places:
-            runs = np.split(np.array(places), np.flatnonzero(np.diff(places) > _SEPARATE_VISITS) + 1)
+            runs = np.split(
+                np.array(places), np.flatnonzero(np.diff(places) > _SEPARATE_VISITS) + 1
+            )
             visits += [(float(run.mean()), node) for run in runs]
     return [node for _, node in sorted(visits)]

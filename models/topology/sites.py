@@ -1,9 +1,11 @@
-"""Places where strands meet, and the evidence there: is it a branch-point or a crossing (thesis 6.6.2, extended)?
+"""Places where strands meet, and the evidence there: is it a branch-point or a crossing (thesis
+6.6.2, extended)?
 
-The thesis decides by the number of arms. Here every joint of four arms, and every two joints of three arms that a short
-strand joins, is a *site*; widths, angles, how far apart the joints are and what the network gives for the nodes there
-are its evidence. A small network turns it into probabilities of the readings: branch-points; a crossing; or a *lens*,
-two strands that cross at either joint and lie upon one another in between.
+The thesis decides by the number of arms. Here every joint of four arms, and every two joints of
+three arms that a short strand joins, is a *site*; widths, angles, how far apart the joints are and
+what the network gives for the nodes there are its evidence. A small network turns it into
+probabilities of the readings: branch-points; a crossing; or a *lens*, two strands that cross at
+either joint and lie upon one another in between.
 """
 
 from __future__ import annotations
@@ -38,8 +40,8 @@ class Reading(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """One strand as it leaves a site: ``end`` 0 or 1 of strand ``strand``; ``xy`` where it leaves the joint's disc,
-    ``heading`` (2,) outward, ``width`` px, ``knot``."""
+    """One strand as it leaves a site: ``end`` 0 or 1 of strand ``strand``; ``xy`` where it leaves
+    the joint's disc, ``heading`` (2,) outward, ``width`` px, ``knot``."""
 
     strand: int
     end: int
@@ -51,9 +53,9 @@ class Arm:
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """``arms`` by angle, counter-clockwise in the picture's axes; ``middle``: index of the strand between two joints,
-    or None. ``pairs``: the arms (indices) that a crossing would join; ``rivals``: the other way to pair them, which two
-    crossings would, one at each joint."""
+    """``arms`` by angle, counter-clockwise in the picture's axes; ``middle``: index of the strand
+    between two joints, or None. ``pairs``: the arms (indices) that a crossing would join;
+    ``rivals``: the other way to pair them, which two crossings would, one at each joint."""
 
     knots: tuple[int, ...]
     arms: tuple[Arm, ...]
@@ -109,7 +111,10 @@ def crossing_sites(web: Web) -> list[Site]:
 
 def _single(web: Web, knot: int, ends: list[tuple[int, int]]) -> Site:
     arms = tuple(
-        sorted((measure_arm(web, s, e) for s, e in ends), key=lambda a: np.arctan2(a.heading[1], a.heading[0]))
+        sorted(
+            (measure_arm(web, s, e) for s, e in ends),
+            key=lambda a: np.arctan2(a.heading[1], a.heading[0]),
+        )
     )
     rivals = (((0, 1), (2, 3)), ((1, 2), (3, 0)))
     smoother = min(rivals, key=lambda pairs: sum(bend(arms[i], arms[j]) for i, j in pairs))
@@ -121,12 +126,15 @@ def _double(web: Web, middle: int, at: dict[int, list[tuple[int, int]]]) -> Site
     axis = web.knots_xy[strand.b] - web.knots_xy[strand.a]
     first = [measure_arm(web, s, e) for s, e in at[strand.a] if s != middle]
     last = [measure_arm(web, s, e) for s, e in at[strand.b] if s != middle]
-    # By side of the axis: a crossing joins the arms on opposite sides, two branch-points those on the same side.
+    # By side of the axis: a crossing joins the arms on opposite sides, two branch-points those on
+    # the same side.
     first.sort(key=lambda a: _side(a, web.knots_xy[strand.a], axis))
     last.sort(key=lambda a: _side(a, web.knots_xy[strand.b], axis))
     lengths = arc_lengths(strand.xy)
     center = point_at(strand.xy, lengths, np.array([lengths[-1] / 2]))[0]
-    return Site((strand.a, strand.b), (*first, *last), middle, center, ((0, 3), (1, 2)), ((0, 2), (1, 3)))
+    return Site(
+        (strand.a, strand.b), (*first, *last), middle, center, ((0, 3), (1, 2)), ((0, 2), (1, 3))
+    )
 
 
 def _side(arm: Arm, knot_xy: FloatArray, axis: FloatArray) -> float:
@@ -145,10 +153,10 @@ def bend(one: Arm, other: Arm) -> float:
 
 
 class SiteEvidence(NamedTuple):
-    """What speaks for a reading of a site: length and widths of the middle (:func:`_middle`); bends, radians, and width
-    changes, log ratios, of the pairs that a crossing would join and of the rivals; angles between arms; what the
-    networks give for the nodes nearby; narrowest arm over widest; how the middle's width runs; what the networks give
-    for the less certain joint."""
+    """What speaks for a reading of a site: length and widths of the middle (:func:`_middle`);
+    bends, radians, and width changes, log ratios, of the pairs that a crossing would join and of
+    the rivals; angles between arms; what the networks give for the nodes nearby; narrowest arm over
+    widest; how the middle's width runs; what the networks give for the less certain joint."""
 
     middle_length: float
     middle_least: float
@@ -216,23 +224,32 @@ def evidence(site: Site, web: Web, nodes_xy: FloatArray, predictions: Prediction
 
 
 def _middle(site: Site, web: Web, widths: FloatArray) -> tuple[float, ...]:
-    """Length of the middle strand; its least, typical and largest width; its width half way, and the smaller and the
-    larger of those a fifth from its ends: where strands that lie upon one another cross, they are as wide as one. All
-    in typical widths of the arms."""
+    """Length of the middle strand; its least, typical and largest width; its width half way, and
+    the smaller and the larger of those a fifth from its ends: where strands that lie upon one
+    another cross, they are as wide as one. All in typical widths of the arms."""
     scale = float(widths.mean())
     if site.middle is None:
-        knot = 2 * max(float(web.strands[a.strand].radii[0 if a.end == 0 else -1]) for a in site.arms)
+        knot = 2 * max(
+            float(web.strands[a.strand].radii[0 if a.end == 0 else -1]) for a in site.arms
+        )
         return 0.0, *[knot / scale] * 6
     strand = web.strands[site.middle]
     radii = strand.radii
-    first, half_way, last = (float(radii[round(share * (len(radii) - 1))]) for share in (0.2, 0.5, 0.8))
-    shown = (*(float(f(radii)) for f in (np.min, np.median, np.max)), half_way, min(first, last), max(first, last))
+    first, half_way, last = (
+        float(radii[round(share * (len(radii) - 1))]) for share in (0.2, 0.5, 0.8)
+    )
+    shown = (
+        *(float(f(radii)) for f in (np.min, np.median, np.max)),
+        half_way,
+        min(first, last),
+        max(first, last),
+    )
     return strand.length / scale, *(2 * radius / scale for radius in shown)
 
 
 def _classes_near(
     xy: FloatArray, nodes_xy: FloatArray, predictions: Predictions, width: float
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Strongest class scores among the nodes within a width of a place, or of its nearest node."""
     away = np.hypot(*(nodes_xy - xy).T)
     near = away <= max(1.2 * width, float(away.min()) + 1e-6)

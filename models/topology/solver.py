@@ -1,8 +1,10 @@
-"""From the graph and the probabilities that networks give to the topology (thesis Algorithm 6, section 6.6).
+"""From the graph and the probabilities that networks give to the topology (thesis Algorithm 6,
+section 6.6).
 
-Strategy: repair the strands; weigh every site that may be a crossing or a lens and accept the probable ones, the most
-probable first, no joint twice; every other joint is a branch-point. Then walk the strands: a walk goes straight on
-through a crossing and ends at a branch-point or a free end. One walk may pass a crossing twice: a self-loop.
+Strategy: repair the strands; weigh every site that may be a crossing or a lens and accept the
+probable ones, the most probable first, no joint twice; every other joint is a branch-point. Then
+walk the strands: a walk goes straight on through a crossing and ends at a branch-point or a free
+end. One walk may pass a crossing twice: a self-loop.
 """
 
 from __future__ import annotations
@@ -20,21 +22,30 @@ from models.topology.heights import raised_odds, touching
 from models.topology.order import Surface
 from models.topology.repair import repaired
 from models.topology.scene import Predictions
-from models.topology.sites import Reading, Site, bend, crossing_sites, ends_at, evidence, measure_arm
+from models.topology.sites import (
+    Reading,
+    Site,
+    bend,
+    crossing_sites,
+    ends_at,
+    evidence,
+    measure_arm,
+)
 
 End = tuple[int, int]
 """A strand and which of its ends: 0 or 1."""
 _MOST_BEND = 1.6
-"""Sections are merged only where they go on smoothly: at a joint of many arms no pair may turn more, radians."""
+"""Sections are merged only where they go on smoothly: at a joint of many arms no pair may turn
+more, radians."""
 _MOST_ARMS = 8
 """A joint of more is a blob that strands end at."""
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """Strands that go on through a site: the pairs of strand ends that it joins, the probability of this reading, and
-    every place where they cross: how far along the site's middle strand (0 to 1), and ``(2,)``. ``tips``: strand ends
-    that lie upon or under what goes on there, and end."""
+    """Strands that go on through a site: the pairs of strand ends that it joins, the probability of
+    this reading, and every place where they cross: how far along the site's middle strand (0 to 1),
+    and ``(2,)``. ``tips``: strand ends that lie upon or under what goes on there, and end."""
 
     site: Site
     pairs: tuple[tuple[End, End], ...]
@@ -45,7 +56,8 @@ class Passage:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """``passages``: accepted crossings and lenses; ``branches``: ``(knot, probability)`` of every branch-point."""
+    """``passages``: accepted crossings and lenses; ``branches``: ``(knot, probability)`` of every
+    branch-point."""
 
     web: Web
     passages: tuple[Passage, ...]
@@ -61,8 +73,8 @@ def solve(
 ) -> Solution:
     """Which joints of the graph are crossings and which are branch-points.
 
-    ``tint``: log odds in favor of a crossing by the colors along a site's arms. ``depths``: show where strands lie upon
-    one another.
+    ``tint``: log odds in favor of a crossing by the colors along a site's arms. ``depths``: show
+    where strands lie upon one another.
     """
     web = repaired(graph, predictions, classifiers)
     sites = crossing_sites(web)
@@ -78,7 +90,9 @@ def solve(
     for knot, ends in ends_at(web).items():
         if knot in taken or len(ends) < 3:
             continue
-        passage, left = _many_arms(web, knot, ends) if 4 < len(ends) <= _MOST_ARMS else (None, len(ends))
+        passage, left = (
+            _many_arms(web, knot, ends) if 4 < len(ends) <= _MOST_ARMS else (None, len(ends))
+        )
         if len(ends) == 3:
             passage, left = _touched(web, knot, ends, depths)
         if passage is not None:
@@ -89,13 +103,18 @@ def solve(
 
 
 def _scores(
-    sites: list[Site], web: Web, graph: Graph, predictions: Predictions, classifiers: Classifiers,
-    tint: Callable[[Site], float] | None, depths: Sequence[Surface],
-) -> FloatArray:  # fmt: skip
+    sites: list[Site],
+    web: Web,
+    graph: Graph,
+    predictions: Predictions,
+    classifiers: Classifiers,
+    tint: Callable[[Site], float] | None,
+    depths: Sequence[Surface],
+) -> FloatArray:
     """``(n, 3)`` probabilities of the readings of every site."""
-    scores = probabilities_of(classifiers.crossing, [evidence(s, web, graph.xy, predictions) for s in sites]).reshape(
-        -1, len(Reading)
-    )
+    scores = probabilities_of(
+        classifiers.crossing, [evidence(s, web, graph.xy, predictions) for s in sites]
+    ).reshape(-1, len(Reading))
     scores[[s.middle is None for s in sites], Reading.LENS] = 0.0
     if tint is not None:
         scores[:, Reading.CROSSING] *= np.exp([tint(s) for s in sites])
@@ -115,12 +134,15 @@ def _passage(web: Web, site: Site, reading: Reading, score: float) -> Passage:
 
 
 def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, int]:
-    """At a joint of five arms or more the smoothest pairs pass through, while three arms or none are left."""
+    """At a joint of five arms or more the smoothest pairs pass through, while three arms or none
+    are left."""
     arms = [measure_arm(web, s, e) for s, e in ends]
     left = list(range(len(arms)))
     pairs: list[tuple[End, End]] = []
     while len(left) > 3:
-        turn, i, j = min((bend(arms[i], arms[j]), i, j) for n, i in enumerate(left) for j in left[n + 1 :])
+        turn, i, j = min(
+            (bend(arms[i], arms[j]), i, j) for n, i in enumerate(left) for j in left[n + 1 :]
+        )
         if turn > _MOST_BEND:
             break
         pairs.append((ends[i], ends[j]))
@@ -135,8 +157,11 @@ def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, in
     return Passage(site, tuple(pairs), 0.5, ((0.5, xy),)), len(left)
 
 
-def _touched(web: Web, knot: int, ends: list[End], depths: Sequence[Surface]) -> tuple[Passage | None, int]:
-    """A joint of three arms of which one only lies upon, or under, the strand of the others; or all three left."""
+def _touched(
+    web: Web, knot: int, ends: list[End], depths: Sequence[Surface]
+) -> tuple[Passage | None, int]:
+    """A joint of three arms of which one only lies upon, or under, the strand of the others; or all
+    three left."""
     if not depths:
         return None, len(ends)
     arms = [measure_arm(web, s, e) for s, e in ends]
@@ -150,12 +175,23 @@ def _touched(web: Web, knot: int, ends: list[End], depths: Sequence[Surface]) ->
 
 
 def _branch_score(
-    knot: int, sites: list[Site], scores: FloatArray, web: Web, graph: Graph, predictions: Predictions
+    knot: int,
+    sites: list[Site],
+    scores: FloatArray,
+    web: Web,
+    graph: Graph,
+    predictions: Predictions,
 ) -> float:
-    """Probability of a branch-point: what is left after the sites that the joint could be part of, together with
-    the probability that the network gives for the nodes nearby."""
-    rival = max((1 - float(p[Reading.BRANCH_POINTS]) for s, p in zip(sites, scores, strict=True) if knot in s.knots),
-                default=0.0)  # fmt: skip
+    """Probability of a branch-point: what is left after the sites that the joint could be part of,
+    together with the probability that the network gives for the nodes nearby."""
+    rival = max(
+        (
+            1 - float(p[Reading.BRANCH_POINTS])
+            for s, p in zip(sites, scores, strict=True)
+            if knot in s.knots
+        ),
+        default=0.0,
+    )
     away = np.hypot(*(graph.xy - web.knots_xy[knot]).T)
     near = away <= max(graph.spacing, float(away.min()) + 1e-6)
     return (1 - rival) * (0.5 + 0.5 * float(predictions.classes[near, 0].max()))

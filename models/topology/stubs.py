@@ -1,5 +1,5 @@
-"""Short strands that may be no part of a DLO: a clip, a burr, a corner of a connector; or a rung, where two strands
-touch or a clip spans them (thesis 6.6.1, extended)."""
+"""Short strands that may be no part of a DLO: a clip, a burr, a corner of a connector; or a rung,
+where two strands touch or a clip spans them (thesis 6.6.1, extended)."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """What the strand looks like at one of its joints: the angle to the nearest other arm, its least bend into one,
-    the least bend between two others, how many arms there are, widths of the others, length of the shortest other
-    strand that ends freely."""
+    """What the strand looks like at one of its joints: the angle to the nearest other arm, its
+    least bend into one, the least bend between two others, how many arms there are, widths of the
+    others, length of the shortest other strand that ends freely."""
 
     nearest: float
     least_bend: float
@@ -66,7 +66,9 @@ def candidates(graph: Graph, predictions: Predictions) -> list[Candidate]:
 
 def _is_short(strand: Strand, joints: list[int], count: dict[int, int]) -> bool:
     if len(joints) == 1:
-        return protrusion(strand, joints[0]) < _LONGEST * float(strand.seen_from(joints[0]).radii[0])
+        return protrusion(strand, joints[0]) < _LONGEST * float(
+            strand.seen_from(joints[0]).radii[0]
+        )
     return _exposed(strand) < _LONGEST_RUNG * 2 * float(strand.radii.min())
 
 
@@ -96,16 +98,19 @@ class _Arms:
             min(float(angle_between(own.heading, a.heading)) for a in others),
             min(bend(own, a) for a in others),
             min((bend(a, b) for i, a in enumerate(others) for b in others[i + 1 :]), default=np.pi),
-            len(arms), np.array([a.width for a in others]), min(free, default=np.inf),
-        )  # fmt: skip
+            len(arms),
+            np.array([a.width for a in others]),
+            min(free, default=np.inf),
+        )
 
 
 class StubEvidence(NamedTuple):
-    """What speaks for a short strand to be a branch: how far it reaches beyond the joint's disc and how wide it is, in
-    radii of the disc, own widths, and against the other arms; what the networks give for its links; how it leaves the
-    joint and how straight the others run on without it, radians, at the worse of two joints; the nearest strand like
-    it and the picture's border, in radii; what the networks give for the nodes at its joints and along it; whether
-    it is a rung between two joints."""
+    """What speaks for a short strand to be a branch: how far it reaches beyond the joint's disc and
+    how wide it is, in radii of the disc, own widths, and against the other arms; what the networks
+    give for its links; how it leaves the joint and how straight the others run on without it,
+    radians, at the worse of two joints; the nearest strand like it and the picture's border, in
+    radii; what the networks give for the nodes at its joints and along it; whether it is a rung
+    between two joints."""
 
     reach_radii: float
     reach_widths: float

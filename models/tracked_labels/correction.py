@@ -1,13 +1,16 @@
-"""Moving projected strokes onto the DLOs in the pictures (thesis 2.5.3), so that all corrections agree.
+"""Moving projected strokes onto the DLOs in the pictures (thesis 2.5.3), so that all corrections
+agree.
 
-Strategy: the thesis corrects every point of every view by itself. But a correction has causes that many points share:
-the calibration shifts a whole view, the tracker all strokes, the hand one point of a stroke in all views. So
-corrections are read from the crops three times. First every point votes by itself, within the whole crop and two more
-beside it: it may be off by more than the corrector has learnt to bridge. The votes are explained by a shift of all
-strokes, a smooth 3D displacement of each, common to all views, and a small motion of each view; a robust least squares
-leaves out the votes that fit none of them. The explained line is where the next crops are taken, and what it predicts
-is, with a spread that shrinks, what their lines of probability are weighted with. Each time the best path along the
-lines' probabilities is taken (one column a crop, neighbors near one another).
+Strategy: the thesis corrects every point of every view by itself. But a correction has causes that
+many points share: the calibration shifts a whole view, the tracker all strokes, the hand one point
+of a stroke in all views. So corrections are read from the crops three times. First every point
+votes by itself, within the whole crop and two more beside it: it may be off by more than the
+corrector has learnt to bridge. The votes are explained by a shift of all strokes, a smooth 3D
+displacement of each, common to all views, and a small motion of each view; a robust least squares
+leaves out the votes that fit none of them. The explained line is where the next crops are taken,
+and what it predicts is, with a spread that shrinks, what their lines of probability are weighted
+with. Each time the best path along the lines' probabilities is taken (one column a crop, neighbors
+near one another).
 """
 
 from __future__ import annotations
@@ -26,21 +29,24 @@ from models.tracked_labels.lines import LineReading, read_lines_at, side_by_side
 from models.tracked_labels.strokes import ProjectedStroke, project_stroke, stretches
 
 CropReader = Callable[[ByteArray], tuple[Float32Array, Float32Array]]
-"""(n, SIZE, SIZE, 3) crops to (n, SIZE) column probabilities and (n, SIZE) widths: the corrector network."""
+"""(n, SIZE, SIZE, 3) crops to (n, SIZE) column probabilities and (n, SIZE) widths: the corrector
+network."""
 
 FIRST_SPREAD_PX = 18.0
-"""How far (standard deviation, pixels of the crop) a stroke may be off before anything is corrected."""
+"""How far (standard deviation, pixels of the crop) a stroke may be off before anything is
+corrected."""
 _LEAST_TRUST = 0.3
-"""A crop that shows nothing has some trust in its middle, and would hold its view where it was believed to be."""
+"""A crop that shows nothing has some trust in its middle, and would hold its view where it was
+believed to be."""
 
 
 @dataclass(frozen=True)
 class CorrectionParams:
-    """``spread_px``: how far (crop pixels, standard deviation) a line may be off in each round; ``aside_px``: where two
-    more crops are taken in the first round, to either side (0: none); ``per_control``:
-    samples of the stroke for one control point of its 3D displacement; ``stiffness`` of that displacement's bending;
-    ``bend``: cost of one pixel of change between neighboring crops; ``agree`` off: every view and point by itself, as
-    the thesis has it."""
+    """``spread_px``: how far (crop pixels, standard deviation) a line may be off in each round;
+    ``aside_px``: where two more crops are taken in the first round, to either side (0: none);
+    ``per_control``: samples of the stroke for one control point of its 3D displacement;
+    ``stiffness`` of that displacement's bending; ``bend``: cost of one pixel of change between
+    neighboring crops; ``agree`` off: every view and point by itself, as the thesis has it."""
 
     spread_px: tuple[float, ...] = (FIRST_SPREAD_PX, 6.0, 3.5)
     aside_px: int = 24
@@ -53,9 +59,9 @@ class CorrectionParams:
 
 @dataclass(frozen=True, eq=False)
 class CorrectedStroke:
-    """One stroke in one view: ``xy`` (n, 2) corrected pixels (NaN where the sample is out of the picture),
-    ``offset_px`` (n,) how far each was moved across the DLO, ``trust`` (n,) 0 to 1, ``width_px`` (n,) as read from the
-    crops, ``depth_m`` (n,)."""
+    """One stroke in one view: ``xy`` (n, 2) corrected pixels (NaN where the sample is out of the
+    picture), ``offset_px`` (n,) how far each was moved across the DLO, ``trust`` (n,) 0 to 1,
+    ``width_px`` (n,) as read from the crops, ``depth_m`` (n,)."""
 
     xy: FloatArray
     offset_px: FloatArray
@@ -65,9 +71,13 @@ class CorrectedStroke:
 
 
 def correct_strokes(
-    images: Sequence[ByteArray], cameras: Sequence[Camera], strokes: Sequence[FloatArray],
-    thickness_m: Sequence[float], reader: CropReader, params: CorrectionParams,
-) -> list[list[CorrectedStroke]]:  # fmt: skip
+    images: Sequence[ByteArray],
+    cameras: Sequence[Camera],
+    strokes: Sequence[FloatArray],
+    thickness_m: Sequence[float],
+    reader: CropReader,
+    params: CorrectionParams,
+) -> list[list[CorrectedStroke]]:
     """Per view, per stroke. ``strokes``: (n, 3) samples as :func:`smooth_stroke` gives them."""
     moved = [np.zeros_like(points) for points in strokes]
     shifts = [np.zeros(4) for _ in cameras]
@@ -76,7 +86,17 @@ def correct_strokes(
         last = k == len(params.spread_px) - 1
         votes = [
             [
-                _vote(image, camera, points + move, shift, thick, reader, spread, 0 if k else params.aside_px, params)
+                _vote(
+                    image,
+                    camera,
+                    points + move,
+                    shift,
+                    thick,
+                    reader,
+                    spread,
+                    0 if k else params.aside_px,
+                    params,
+                )
                 for points, move, thick in zip(strokes, moved, thickness_m, strict=True)
             ]
             for image, camera, shift in zip(images, cameras, shifts, strict=True)
@@ -92,7 +112,8 @@ def correct_strokes(
 
 @dataclass(frozen=True, eq=False)
 class _Votes:
-    """Of ``n`` samples in one view: where the line was taken to be, its normals, and what the crops gave."""
+    """Of ``n`` samples in one view: where the line was taken to be, its normals, and what the crops
+    gave."""
 
     xy: FloatArray
     normal: FloatArray
@@ -103,13 +124,22 @@ class _Votes:
 
 
 def _vote(
-    image: ByteArray, camera: Camera, points_m: FloatArray, shift: FloatArray, thickness_m: float,
-    reader: CropReader, spread: float, aside: int, params: CorrectionParams,
-) -> _Votes:  # fmt: skip
+    image: ByteArray,
+    camera: Camera,
+    points_m: FloatArray,
+    shift: FloatArray,
+    thickness_m: float,
+    reader: CropReader,
+    spread: float,
+    aside: int,
+    params: CorrectionParams,
+) -> _Votes:
     seen = project_stroke(points_m, camera)
     xy = _shifted(seen.xy, shift, camera)
     n = len(points_m)
-    votes = _Votes(xy, np.full((n, 2), np.nan), np.zeros(n), np.zeros(n), np.full(n, np.nan), seen.depth_m)
+    votes = _Votes(
+        xy, np.full((n, 2), np.nan), np.zeros(n), np.zeros(n), np.full(n, np.nan), seen.depth_m
+    )
     for run in stretches(seen.inside):
         tangent = np.gradient(xy[run], axis=0)
         believed = thickness_m * camera.focal_px / seen.depth_m[run]
@@ -124,7 +154,12 @@ def _vote(
 
 
 def _look(
-    image: ByteArray, xy: FloatArray, tangent: FloatArray, scale: FloatArray, reader: CropReader, aside: int
+    image: ByteArray,
+    xy: FloatArray,
+    tangent: FloatArray,
+    scale: FloatArray,
+    reader: CropReader,
+    aside: int,
 ) -> tuple[Float32Array, Float32Array]:
     """(n, columns) probabilities and widths at points of one line, with crops ``aside`` too."""
     places = (-aside, 0, aside) if aside else (0,)
@@ -135,9 +170,14 @@ def _look(
 
 
 def _read(
-    probability: Float32Array, widths: Float32Array, believed: FloatArray, spread: float, params: CorrectionParams
+    probability: Float32Array,
+    widths: Float32Array,
+    believed: FloatArray,
+    spread: float,
+    params: CorrectionParams,
 ) -> LineReading:
-    """Columns weighted by how far they are and how well their width fits; with neighbors in agreement."""
+    """Columns weighted by how far they are and how well their width fits; with neighbors in
+    agreement."""
     evidence = weighed(probability, widths, believed, spread)
     path = best_path(evidence, params.bend) if params.agree else evidence.argmax(1)
     reading = read_lines_at(probability, widths, path)
@@ -148,8 +188,8 @@ def _read(
 
 
 def best_path(evidence: FloatArray, bend: float) -> IntArray:
-    """(n,) column of each of ``n`` crops, so that the sum of ``evidence`` (n, c) less ``bend`` times the squared steps
-    between neighbors is greatest."""
+    """(n,) column of each of ``n`` crops, so that the sum of ``evidence`` (n, c) less ``bend``
+    times the squared steps between neighbors is greatest."""
     columns = np.arange(evidence.shape[1])
     step = bend * np.minimum((columns[:, None] - columns) ** 2, 64)
     score = evidence[0].copy()
@@ -166,14 +206,20 @@ def best_path(evidence: FloatArray, bend: float) -> IntArray:
 
 
 def _explain(
-    cameras: Sequence[Camera], strokes: Sequence[FloatArray], moved: Sequence[FloatArray],
-    shifts: Sequence[FloatArray], votes: Sequence[Sequence[_Votes]], params: CorrectionParams,
-) -> tuple[list[FloatArray], list[FloatArray]]:  # fmt: skip
-    """The displacement (n, 3) of every stroke and the motion (4,) of every view that explain the votes.
+    cameras: Sequence[Camera],
+    strokes: Sequence[FloatArray],
+    moved: Sequence[FloatArray],
+    shifts: Sequence[FloatArray],
+    votes: Sequence[Sequence[_Votes]],
+    params: CorrectionParams,
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """The displacement (n, 3) of every stroke and the motion (4,) of every view that explain the
+    votes.
 
-    Unknowns: control points of the displacements, a shift (3) of all strokes, and for each view a shift in x and y, a
-    turn and a growth about the picture's middle. What a stroke shows across itself so moves the others along
-    themselves. One linear equation a vote: its offset along its normal. Reweighted five times (Cauchy).
+    Unknowns: control points of the displacements, a shift (3) of all strokes, and for each view a
+    shift in x and y, a turn and a growth about the picture's middle. What a stroke shows across
+    itself so moves the others along themselves. One linear equation a vote: its offset along its
+    normal. Reweighted five times (Cauchy).
     """
     bases = [_basis(len(points), params.per_control) for points in strokes]
     starts = np.concatenate(([0], np.cumsum([3 * b.shape[1] for b in bases])))
@@ -188,10 +234,14 @@ def _explain(
             block = np.zeros((len(use), size))
             jacobian = _jacobian(camera, (strokes[s] + moved[s])[use])
             along = np.einsum("ni,nij->nj", vote.normal[use], jacobian)
-            block[:, starts[s] : starts[s + 1]] = (bases[s][use][:, :, None] * along[:, None]).reshape(len(use), -1)
+            block[:, starts[s] : starts[s + 1]] = (
+                bases[s][use][:, :, None] * along[:, None]
+            ).reshape(len(use), -1)
             block[:, shared] = along
             first = shared.stop + 4 * v
-            block[:, first : first + 4] = np.einsum("ni,nij->nj", vote.normal[use], _motions(vote.xy[use], camera))
+            block[:, first : first + 4] = np.einsum(
+                "ni,nij->nj", vote.normal[use], _motions(vote.xy[use], camera)
+            )
             rows.append(block)
             values.append(vote.offset[use])
             weights.append(vote.trust[use])
@@ -203,18 +253,24 @@ def _explain(
     weight: FloatArray = trust
     for _ in range(5):
         weighted = matrix * weight[:, None]
-        solution = np.asarray(np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted), np.float64)
+        solution = np.asarray(
+            np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted), np.float64
+        )
         weight = trust / (1 + ((wanted - matrix @ solution) / 2.0) ** 2)
     displaced = [
         m + basis @ solution[a:b].reshape(-1, 3) + solution[shared]
         for m, basis, a, b in zip(moved, bases, starts[:-1], starts[1:], strict=True)
     ]
-    return displaced, [shift + solution[shared.stop + 4 * v :][:4] for v, shift in enumerate(shifts)]
+    return displaced, [
+        shift + solution[shared.stop + 4 * v :][:4] for v, shift in enumerate(shifts)
+    ]
 
 
-def _prior(bases: Sequence[FloatArray], starts: IntArray, size: int, params: CorrectionParams) -> FloatArray:
-    """Inverse variances: all strokes are shifted by about 10 mm, one by 5 mm more and bends little, views move by 4 px.
-    What all views have in common is then rather the strokes'."""
+def _prior(
+    bases: Sequence[FloatArray], starts: IntArray, size: int, params: CorrectionParams
+) -> FloatArray:
+    """Inverse variances: all strokes are shifted by about 10 mm, one by 5 mm more and bends little,
+    views move by 4 px. What all views have in common is then rather the strokes'."""
     prior = np.zeros((size, size))
     for basis, a in zip(bases, starts[:-1], strict=True):
         n = basis.shape[1]
@@ -240,13 +296,15 @@ def _basis(samples: int, per_control: int) -> FloatArray:
 def _jacobian(camera: Camera, points_m: FloatArray, step_m: float = 1e-4) -> FloatArray:
     """(n, 2, 3) change of the pixels with the points, without the lens's bending."""
     columns = [
-        camera.project(points_m + step_m * axis) - camera.project(points_m - step_m * axis) for axis in np.eye(3)
+        camera.project(points_m + step_m * axis) - camera.project(points_m - step_m * axis)
+        for axis in np.eye(3)
     ]
     return np.stack(columns, axis=2) / (2 * step_m)
 
 
 def _motions(xy: FloatArray, camera: Camera) -> FloatArray:
-    """(n, 2, 4) change of pixels with a view's shift, turn and growth; the last two in pixels at the border."""
+    """(n, 2, 4) change of pixels with a view's shift, turn and growth; the last two in pixels at
+    the border."""
     reach = max(camera.intrinsics.width, camera.intrinsics.height) / 2
     x, y = ((xy - _middle(camera)) / reach).T
     one, zero = np.ones_like(x), np.zeros_like(x)
@@ -262,15 +320,17 @@ def _middle(camera: Camera) -> FloatArray:
 
 
 def _settled(vote: _Votes, drawn: ProjectedStroke, params: CorrectionParams) -> CorrectedStroke:
-    """Points moved by their offset; where the trust is low, by what the neighbors along the DLO say. The offset that
-    is reported is from where the stroke was ``drawn``."""
+    """Points moved by their offset; where the trust is low, by what the neighbors along the DLO
+    say. The offset that is reported is from where the stroke was ``drawn``."""
     offset = vote.offset.copy()
     known = np.isfinite(vote.normal[:, 0])
     if params.agree:
         for run in stretches(known, least=1):
             weight = vote.trust[run] ** 2 + 1e-3
             total = gaussian_filter1d(weight, params.smooth, mode="nearest")
-            offset[run] = gaussian_filter1d(weight * offset[run], params.smooth, mode="nearest") / total
+            offset[run] = (
+                gaussian_filter1d(weight * offset[run], params.smooth, mode="nearest") / total
+            )
     xy = vote.xy + offset[:, None] * vote.normal
     whole = np.einsum("ni,ni->n", xy - drawn.xy, vote.normal)
     whole = np.where(known & ~np.isfinite(whole), offset, whole)

@@ -1,4 +1,5 @@
-"""Corrected strokes to labels: polygons of the DLO's thickness, the nearer one on top (thesis 2.5.3)."""
+"""Corrected strokes to labels: polygons of the DLO's thickness, the nearer one on top (thesis
+2.5.3)."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ _SURE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Strand:
-    """A DLO in one view: ``xy`` (n, 2) centerline in the picture, ``width_px`` (n,), ``depth_m`` (n,)."""
+    """A DLO in one view: ``xy`` (n, 2) centerline in the picture, ``width_px`` (n,), ``depth_m``
+    (n,)."""
 
     xy: FloatArray
     width_px: FloatArray
@@ -30,8 +32,8 @@ class Strand:
 
 @dataclass(frozen=True)
 class StrandCrossing:
-    """``over`` and ``under``: number of the strand (from 0) and place on it, 0 to 1 by arc length; ``gap_m`` how much
-    nearer the upper one is."""
+    """``over`` and ``under``: number of the strand (from 0) and place on it, 0 to 1 by arc length;
+    ``gap_m`` how much nearer the upper one is."""
 
     xy: tuple[float, float]
     over: tuple[int, float]
@@ -40,12 +42,16 @@ class StrandCrossing:
 
 
 def strand_of(
-    stroke: CorrectedStroke, thickness_m: float, focal_px: float, size: tuple[int, int], measured: float = 0.7
+    stroke: CorrectedStroke,
+    thickness_m: float,
+    focal_px: float,
+    size: tuple[int, int],
+    measured: float = 0.7,
 ) -> Strand | None:
-    """The longest stretch in the picture of ``size`` (width, height), or None. Where the stroke goes on outside, the
-    stretch reaches the border. Its width is the thickness at its depth, corrected by how much
-    wider or narrower the crops say that it is: ``measured`` is the share that the crops have in the logarithm. Where
-    none of them is sure the thickness stands."""
+    """The longest stretch in the picture of ``size`` (width, height), or None. Where the stroke
+    goes on outside, the stretch reaches the border. Its width is the thickness at its depth,
+    corrected by how much wider or narrower the crops say that it is: ``measured`` is the share that
+    the crops have in the logarithm. Where none of them is sure the thickness stands."""
     runs = stretches(np.isfinite(stroke.offset_px))
     if not runs:
         return None
@@ -53,14 +59,19 @@ def strand_of(
     nominal = thickness_m * focal_px / stroke.depth_m[run]
     trust = stroke.trust[run]
     good = (trust >= np.quantile(trust, 0.5)) & (trust >= _SURE)
-    ratio = float(np.median(np.log(stroke.width_px[run][good] / nominal[good]))) if good.any() else 0.0
+    ratio = (
+        float(np.median(np.log(stroke.width_px[run][good] / nominal[good]))) if good.any() else 0.0
+    )
     return Strand(
-        _to_border(stroke.xy[run], run, len(stroke.xy), size), nominal * np.exp(measured * ratio), stroke.depth_m[run]
+        _to_border(stroke.xy[run], run, len(stroke.xy), size),
+        nominal * np.exp(measured * ratio),
+        stroke.depth_m[run],
     )
 
 
 def _to_border(xy: FloatArray, run: slice, samples: int, size: tuple[int, int]) -> FloatArray:
-    """(n, 2) with its ends moved on to the border, by less than a step, where the stroke goes on."""
+    """(n, 2) with its ends moved on to the border, by less than a step, where the stroke goes
+    on."""
     xy = xy.copy()
     last = np.array(size, np.float64) - 1
     for goes_on, end, before in ((run.start > 0, 0, 1), (run.stop < samples, -1, -2)):
@@ -100,7 +111,8 @@ def draw_ids(strands: Sequence[Strand | None], height: int, width: int) -> ByteA
 
 
 def find_crossings(strands: Sequence[Strand | None]) -> list[StrandCrossing]:
-    """Where centerlines cross in the picture; the one nearer to the camera is over. Neighbors on one strand do not."""
+    """Where centerlines cross in the picture; the one nearer to the camera is over. Neighbors on
+    one strand do not."""
     starts, ends, owner, place, depth = [], [], [], [], []
     for k, strand in enumerate(strands):
         if strand is None:
@@ -120,12 +132,15 @@ def find_crossings(strands: Sequence[Strand | None]) -> list[StrandCrossing]:
         first = (int(who[i]), float(at[i] @ (1 - t, t)), float(far[i] @ (1 - t, t)))
         second = (int(who[j]), float(at[j] @ (1 - u, u)), float(far[j] @ (1 - u, u)))
         over, under = (first, second) if first[2] <= second[2] else (second, first)
-        crossings.append(StrandCrossing((float(xy[0]), float(xy[1])), over[:2], under[:2], under[2] - over[2]))
+        crossings.append(
+            StrandCrossing((float(xy[0]), float(xy[1])), over[:2], under[:2], under[2] - over[2])
+        )
     return crossings
 
 
 def _shrunk(quad: np.ndarray) -> np.ndarray:
-    """By a quarter of a fine pixel towards its middle line, across the strand alone: pieces must still touch."""
+    """By a quarter of a fine pixel towards its middle line, across the strand alone: pieces must
+    still touch."""
     quad = quad.copy()
     for a, b in ((0, 3), (1, 2)):
         across = (quad[b] - quad[a]).astype(np.float64)

@@ -1,4 +1,5 @@
-"""The pen's strokes as lines in a picture (thesis 2.5.2, 2.5.3): transformed, smoothed, projected, cut to the view."""
+"""The pen's strokes as lines in a picture (thesis 2.5.2, 2.5.3): transformed, smoothed, projected,
+cut to the view."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from models.geometry.cameras import Camera
 _COMB_M = 1e-4
 """Points of a stroke nearer to one another than this are one: a pen held still."""
 _NEAR_PX = 100.0
-"""So far outside of the picture a stroke still has a place: the smoothing needs what comes before and after."""
+"""So far outside of the picture a stroke still has a place: the smoothing needs what comes before
+and after."""
 
 
 class StrokeError(ValueError):
@@ -22,19 +24,23 @@ class StrokeError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class ProjectedStroke:
-    """``n`` samples of a stroke in one view: ``xy`` (n, 2) pixels of the picture, ``depth_m`` (n,), ``inside`` (n,)
-    whether the sample is in front of the camera and in the picture. Sample i is the same point in every view."""
+    """``n`` samples of a stroke in one view: ``xy`` (n, 2) pixels of the picture, ``depth_m`` (n,),
+    ``inside`` (n,) whether the sample is in front of the camera and in the picture. Sample i is the
+    same point in every view."""
 
     xy: FloatArray
     depth_m: FloatArray
     inside: BoolArray
 
 
-def smooth_stroke(points_m: FloatArray, step_m: float, tolerance_m: float, most: int = 400) -> FloatArray:
-    """(n, 3) samples, about ``step_m`` apart, of an approximating spline through a hand's (k, 3) points.
+def smooth_stroke(
+    points_m: FloatArray, step_m: float, tolerance_m: float, most: int = 400
+) -> FloatArray:
+    """(n, 3) samples, about ``step_m`` apart, of an approximating spline through a hand's (k, 3)
+    points.
 
-    The points are few and each has an error of the hand: the spline may miss them by ``tolerance_m`` (root mean
-    square). Raises StrokeError for less than two different points.
+    The points are few and each has an error of the hand: the spline may miss them by
+    ``tolerance_m`` (root mean square). Raises StrokeError for less than two different points.
     """
     points = np.asarray(points_m, np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
@@ -71,7 +77,11 @@ def project_stroke(points_m: FloatArray, camera: Camera) -> ProjectedStroke:
 def stretches(inside: BoolArray, least: int = 4) -> list[slice]:
     """The runs of samples in the picture, as slices; runs of fewer than ``least`` are left out."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+    return [
+        slice(int(a), int(b))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if b - a >= least
+    ]
 
 
 def _along(points: FloatArray, count: int) -> FloatArray:

@@ -1,4 +1,5 @@
-"""DLO-WSL (thesis 2.5): pictures at known poses and one stroke of a tracked pen a DLO, to labels of all pictures."""
+"""DLO-WSL (thesis 2.5): pictures at known poses and one stroke of a tracked pen a DLO, to labels of
+all pictures."""
 
 from __future__ import annotations
 
@@ -9,17 +10,28 @@ import numpy as np
 
 from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.cameras import Camera
-from models.tracked_labels.correction import CorrectedStroke, CorrectionParams, CropReader, correct_strokes
+from models.tracked_labels.correction import (
+    CorrectedStroke,
+    CorrectionParams,
+    CropReader,
+    correct_strokes,
+)
 from models.tracked_labels.ends import EndParams, settle_ends
-from models.tracked_labels.outlines import Strand, StrandCrossing, draw_ids, find_crossings, strand_of
+from models.tracked_labels.outlines import (
+    Strand,
+    StrandCrossing,
+    draw_ids,
+    find_crossings,
+    strand_of,
+)
 from models.tracked_labels.strokes import ProjectedStroke, project_stroke, smooth_stroke, stretches
 
 
 @dataclass(frozen=True)
 class TrackedParams:
-    """``spacing_px``: distance of corrected points in the nearest view; ``hand_m``: how far the spline may miss the
-    pen's points; ``measured``: share of the crops in the width (0: the thickness as given); ``ends``: how the ends are
-    found (None: as the pen marked them)."""
+    """``spacing_px``: distance of corrected points in the nearest view; ``hand_m``: how far the
+    spline may miss the pen's points; ``measured``: share of the crops in the width (0: the
+    thickness as given); ``ends``: how the ends are found (None: as the pen marked them)."""
 
     spacing_px: float = 8.0
     hand_m: float = 0.002
@@ -31,7 +43,8 @@ class TrackedParams:
 
 @dataclass(frozen=True, eq=False)
 class TrackedView:
-    """One picture: per stroke its :class:`Strand` (None: out of the picture) and its correction; ``ids`` (H, W)."""
+    """One picture: per stroke its :class:`Strand` (None: out of the picture) and its correction;
+    ``ids`` (H, W)."""
 
     strands: tuple[Strand | None, ...]
     corrections: tuple[CorrectedStroke, ...]
@@ -40,38 +53,57 @@ class TrackedView:
 
 
 def label_tracked(
-    images: Sequence[ByteArray], cameras: Sequence[Camera], strokes_m: Sequence[FloatArray],
-    thickness_m: Sequence[float], reader: CropReader, params: TrackedParams,
-) -> list[TrackedView]:  # fmt: skip
-    """``images`` (H, W, 3) with their ``cameras``; a stroke (k, 3) and a thickness (diameter) for each DLO.
+    images: Sequence[ByteArray],
+    cameras: Sequence[Camera],
+    strokes_m: Sequence[FloatArray],
+    thickness_m: Sequence[float],
+    reader: CropReader,
+    params: TrackedParams,
+) -> list[TrackedView]:
+    """``images`` (H, W, 3) with their ``cameras``; a stroke (k, 3) and a thickness (diameter) for
+    each DLO.
 
     Raises StrokeError for a stroke that is no line.
     """
-    samples = [smooth_stroke(s, _step(s, cameras, params.spacing_px), params.hand_m) for s in strokes_m]
+    samples = [
+        smooth_stroke(s, _step(s, cameras, params.spacing_px), params.hand_m) for s in strokes_m
+    ]
     if params.correct:
-        corrected = correct_strokes(images, cameras, samples, thickness_m, reader, params.correction)
+        corrected = correct_strokes(
+            images, cameras, samples, thickness_m, reader, params.correction
+        )
         if params.ends is not None:
             corrected = _ended(images, cameras, corrected, thickness_m, params.ends)
     else:
-        corrected = [[_as_projected(project_stroke(s, camera)) for s in samples] for camera in cameras]
+        corrected = [
+            [_as_projected(project_stroke(s, camera)) for s in samples] for camera in cameras
+        ]
     views = []
     for image, camera, row in zip(images, cameras, corrected, strict=True):
         measured = params.measured if params.correct else 0.0
         size = (camera.intrinsics.width, camera.intrinsics.height)
-        strands = [strand_of(c, t, camera.focal_px, size, measured) for c, t in zip(row, thickness_m, strict=True)]
+        strands = [
+            strand_of(c, t, camera.focal_px, size, measured)
+            for c, t in zip(row, thickness_m, strict=True)
+        ]
         ids = draw_ids(strands, *image.shape[:2])
         views.append(TrackedView(tuple(strands), tuple(row), tuple(find_crossings(strands)), ids))
     return views
 
 
 def _ended(
-    images: Sequence[ByteArray], cameras: Sequence[Camera], corrected: Sequence[Sequence[CorrectedStroke]],
-    thickness_m: Sequence[float], params: EndParams,
-) -> list[list[CorrectedStroke]]:  # fmt: skip
+    images: Sequence[ByteArray],
+    cameras: Sequence[Camera],
+    corrected: Sequence[Sequence[CorrectedStroke]],
+    thickness_m: Sequence[float],
+    params: EndParams,
+) -> list[list[CorrectedStroke]]:
     """Per view, per stroke: both ends where the pictures show them."""
     strokes = []
     for in_views, thick in zip(zip(*corrected, strict=True), thickness_m, strict=True):
-        widths = [thick * camera.focal_px / s.depth_m for camera, s in zip(cameras, in_views, strict=True)]
+        widths = [
+            thick * camera.focal_px / s.depth_m for camera, s in zip(cameras, in_views, strict=True)
+        ]
         strokes.append(settle_ends(images, in_views, widths, params))
     return [list(row) for row in zip(*strokes, strict=True)]
 

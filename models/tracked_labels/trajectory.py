@@ -1,4 +1,5 @@
-"""Where a robot takes pictures of a scene from (thesis 2.5.1): a part of an ellipsoid, always looking at its center."""
+"""Where a robot takes pictures of a scene from (thesis 2.5.1): a part of an ellipsoid, always
+looking at its center."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ from models.geometry.cameras import look_at
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """Eq. 2.3: semi-axes ``a, b, c`` in meters around ``center_m``; zenith angles ``theta_rad`` from the vertical and
-    azimuths ``phi_rad``, each from its first to its second value."""
+    """Eq. 2.3: semi-axes ``a, b, c`` in meters around ``center_m``; zenith angles ``theta_rad``
+    from the vertical and azimuths ``phi_rad``, each from its first to its second value."""
 
     a: float
     b: float
@@ -36,10 +37,12 @@ class Ellipsoid:
 
 
 def ellipsoid_poses(ellipsoid: Ellipsoid, rings: int, per_ring: int) -> FloatArray:
-    """(rings · per_ring, 4, 4) poses T_world_camera along rings of growing zenith angle, every other one backwards, so
-    that the arm makes no long way between two pictures. The image's x axis stays as level as it can.
+    """(rings · per_ring, 4, 4) poses T_world_camera along rings of growing zenith angle, every
+    other one backwards, so that the arm makes no long way between two pictures. The image's x axis
+    stays as level as it can.
 
-    Raises ValueError without a view, or for a camera straight above its target looking along its own vertical.
+    Raises ValueError without a view, or for a camera straight above its target looking along its
+    own vertical.
     """
     if min(rings, per_ring) < 1 or min(ellipsoid.a, ellipsoid.b, ellipsoid.c) <= 0:
         raise ValueError("an ellipsoid has positive axes, and a trajectory at least one view")

@@ -1,8 +1,9 @@
 """Which pieces of the observations are which tracked cable, and how sure that is.
 
-Strategy: the owners of all places are found where the cables are expected (:mod:`models.tracking.ownership`). What is
-left over may be a cable that was not met there: it was out of view, or moved far. Such stretches and the cables without
-any piece are assigned to one another, at least cost of length, width, color and distance.
+Strategy: the owners of all places are found where the cables are expected
+(:mod:`models.tracking.ownership`). What is left over may be a cable that was not met there: it was
+out of view, or moved far. Such stretches and the cables without any piece are assigned to one
+another, at least cost of length, width, color and distance.
 """
 
 from __future__ import annotations
@@ -27,22 +28,25 @@ from models.tracking.tails import claimed
 _ROUNDS, _FORBIDDEN = 3, 1e3
 """So often owners are found anew, without those that contradict one another."""
 _FEWEST_ALONE, _CERTAIN = 2, 1.5
-"""So many samples at least are alone in a run that is certainly a cable's, and so much cheaper than another cable's."""
+"""So many samples at least are alone in a run that is certainly a cable's, and so much cheaper than
+another cable's."""
 _INDEPENDENT = 4.0
 """Neighboring samples err alike: so many count as one."""
 _REACH_WIDTHS, _REACH_MISSED, _MOST_REACH_WIDTHS = 8.0, 2.0, 60.0
-"""How far from where it is expected a cable may be met: in widths, and more for every frame in which it was missed."""
+"""How far from where it is expected a cable may be met: in widths, and more for every frame in
+which it was missed."""
 _COLOR, _MOTTLED, _WIDTH, _LENGTH = 25.0, 2.0, 0.7, 0.5
-"""Differences that cost half as much as the whole reach: Lab distance, log of the widths' and of the lengths' ratio."""
+"""Differences that cost half as much as the whole reach: Lab distance, log of the widths' and of
+the lengths' ratio."""
 _ACCEPTED = 1.0
 _SHARPNESS = 0.1
 """Of two candidates, the one that costs this much more is e times less likely."""
 
 
 class Match(NamedTuple):
-    """The pieces of one cable in this frame, the longest first; ``probability`` that they are this cable; ``goes_on``
-    whether a strand that no cable owns follows on it at its first and at its last end; ``joined`` whether the
-    picture joins it to a cable that is known to be another one."""
+    """The pieces of one cable in this frame, the longest first; ``probability`` that they are this
+    cable; ``goes_on`` whether a strand that no cable owns follows on it at its first and at its
+    last end; ``joined`` whether the picture joins it to a cable that is known to be another one."""
 
     pieces: tuple[Piece, ...]
     probability: float
@@ -56,18 +60,23 @@ def assign(
     observations: Sequence[Observation],
     samples: Samples | None,
 ) -> tuple[dict[int, Match], list[Run], dict[int, Kept]]:
-    """Matches by index of the cable, the runs that belong to none, and cables that should be cut first."""
+    """Matches by index of the cable, the runs that belong to none, and cables that should be cut
+    first."""
     if samples is None:
         return {}, [], {}
     found, own, refused = _owned(cables, expected, observations, samples)
     changed, joined = cuts(found, own, cables)
     taken, on = extended(found, own, cables)
-    nobodys = [k for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken]
+    nobodys = [
+        k for k, run in enumerate(found) if (run.cable < 0 or k in refused) and k not in taken
+    ]
     taken |= claimed(found, nobodys, own, cables, expected)
     matches = {}
     for i, pieces in own.items():
         goes_on = (i, 0) in on, (i, 1) in on
-        matches[i] = _match(i, pieces, found, cables, expected)._replace(goes_on=goes_on, joined=i in joined)
+        matches[i] = _match(i, pieces, found, cables, expected)._replace(
+            goes_on=goes_on, joined=i in joined
+        )
     left = [found[k] for k in nobodys if k not in taken]
     return matches, _found_again(cables, expected, matches, left), changed
 
@@ -78,21 +87,30 @@ def assign_certain(
     observations: Sequence[Observation],
     samples: Samples | None,
 ) -> tuple[dict[int, Match], list[Run]]:
-    """Matches by index of the cable, of those pieces alone that no other cable may own, and runs that are so far from
-    all cables that they are none of them: for pictures in which something covers a part of the cables."""
+    """Matches by index of the cable, of those pieces alone that no other cable may own, and runs
+    that are so far from all cables that they are none of them: for pictures in which something
+    covers a part of the cables."""
     if samples is None:
         return {}, []
     found, own, _ = _owned(cables, expected, observations, samples)
-    certain = {i: {k: piece for k, piece in pieces.items() if _certain(found[k], i)} for i, pieces in own.items()}
-    matches = {i: _match(i, pieces, found, cables, expected) for i, pieces in certain.items() if pieces}
+    certain = {
+        i: {k: piece for k, piece in pieces.items() if _certain(found[k], i)}
+        for i, pieces in own.items()
+    }
+    matches = {
+        i: _match(i, pieces, found, cables, expected) for i, pieces in certain.items() if pieces
+    }
     nodes = np.concatenate([np.zeros((0, 2)), *expected])
     return matches, [run for run in found if run.cable < 0 and _far(run, nodes)]
 
 
 def _far(run: Run, nodes: FloatArray) -> bool:
-    """Whether a run is farther from all ``nodes`` (n, 2) than any of them may be from where it is expected."""
+    """Whether a run is farther from all ``nodes`` (n, 2) than any of them may be from where it is
+    expected."""
     away = run.xy[:, None] - nodes
-    return bool((np.hypot(away[..., 0], away[..., 1]) > MOST_SPREAD_WIDTHS * run.observed.width_px).all())
+    return bool(
+        (np.hypot(away[..., 0], away[..., 1]) > MOST_SPREAD_WIDTHS * run.observed.width_px).all()
+    )
 
 
 def _owned(
@@ -101,7 +119,8 @@ def _owned(
     observations: Sequence[Observation],
     samples: Samples,
 ) -> tuple[list[Run], dict[int, dict[int, Piece]], list[int]]:
-    """All runs, the pieces by index of the cable and number of the run, and numbers of runs that contradict them."""
+    """All runs, the pieces by index of the cable and number of the run, and numbers of runs that
+    contradict them."""
     costs, places = costs_of(samples, observations, cables, expected)
     for _ in range(_ROUNDS):
         found = runs(samples, observations, cables, costs, places)
@@ -112,14 +131,20 @@ def _owned(
             break
         for k in refused:
             costs[found[k].first : found[k].stop, found[k].cable] = _FORBIDDEN
-    own = {i: {k: piece for k, piece in pieces.items() if k not in refused} for i, pieces in own.items()}
+    own = {
+        i: {k: piece for k, piece in pieces.items() if k not in refused}
+        for i, pieces in own.items()
+    }
     return found, own, refused
 
 
 def _match(
-    i: int, pieces: Mapping[int, Piece], found: Sequence[Run], cables: Sequence[TrackedCable],
+    i: int,
+    pieces: Mapping[int, Piece],
+    found: Sequence[Run],
+    cables: Sequence[TrackedCable],
     expected: Sequence[FloatArray],
-) -> Match:  # fmt: skip
+) -> Match:
     """Of the cable of index ``i`` with its ``pieces`` by the number of the run."""
     of_it = recognised(slid(list(pieces.values()), cables[i], expected[i]), cables[i], expected[i])
     longest = sorted(of_it, key=lambda piece: -piece.length_px)
@@ -127,7 +152,8 @@ def _match(
 
 
 def _certain(run: Run, i: int) -> bool:
-    """Whether a run is of the cable of index ``i`` and clearly of no other one, where its strand is alone."""
+    """Whether a run is of the cable of index ``i`` and clearly of no other one, where its strand is
+    alone."""
     alone = run.cost[run.trust >= 1]
     if len(alone) < _FEWEST_ALONE:
         return False
@@ -157,7 +183,10 @@ def _probability(i: int, mine: Sequence[Run]) -> float:
 
 
 def _found_again(
-    cables: Sequence[TrackedCable], expected: Sequence[FloatArray], matches: dict[int, Match], left: list[Run]
+    cables: Sequence[TrackedCable],
+    expected: Sequence[FloatArray],
+    matches: dict[int, Match],
+    left: list[Run],
 ) -> list[Run]:
     """Give cables without a match those of the runs that are they; returns the others."""
     away = [i for i in range(len(cables)) if i not in matches]
@@ -170,7 +199,10 @@ def _found_again(
     taken = set()
     for row, column in zip(*linear_sum_assignment(np.minimum(costs, _ACCEPTED)), strict=True):
         if costs[row, column] < _ACCEPTED:
-            likely = np.exp(-(costs[:, column] - costs[row, column]) / _SHARPNESS) * (reach[row] / reach) ** 2
+            likely = (
+                np.exp(-(costs[:, column] - costs[row, column]) / _SHARPNESS)
+                * (reach[row] / reach) ** 2
+            )
             matches[away[row]] = Match((options[row][column][1],), float(1 / likely.sum()))
             taken.add(id(long[column]))
     return [run for run in left if id(run) not in taken]
@@ -192,7 +224,8 @@ def _option(run: Run, cable: TrackedCable, expected: FloatArray) -> tuple[float,
     if run.observed.color is not None and cable.color is not None:
         cost += (
             min(
-                float(np.linalg.norm(run.observed.color - cable.color)) / (_COLOR + _MOTTLED * run.observed.mottled),
+                float(np.linalg.norm(run.observed.color - cable.color))
+                / (_COLOR + _MOTTLED * run.observed.mottled),
                 3.0,
             )
             * 0.5
@@ -204,9 +237,12 @@ def _option(run: Run, cable: TrackedCable, expected: FloatArray) -> tuple[float,
 
 
 def _best_start(points: FloatArray, nodes: FloatArray, share: float) -> tuple[float, float]:
-    """Where on a cable of ``nodes`` a piece of ``share`` of its length is nearest, and how far off it is then."""
+    """Where on a cable of ``nodes`` a piece of ``share`` of its length is nearest, and how far off
+    it is then."""
     starts = np.linspace(0.0, 1.0 - share, 5) if share < 0.9 else np.zeros(1)
-    index = np.clip((starts[:, None] + share * np.linspace(0, 1, NODES)) * (NODES - 1), 0, NODES - 1)
+    index = np.clip(
+        (starts[:, None] + share * np.linspace(0, 1, NODES)) * (NODES - 1), 0, NODES - 1
+    )
     distance = np.hypot(*(points - nodes[np.rint(index).astype(int)]).transpose(2, 0, 1)).mean(1)
     best = int(distance.argmin())
     return float(starts[best]), float(distance[best])

@@ -1,4 +1,5 @@
-"""Runs that cannot all be of one cable: two of them at one place of it, or further apart than it is long between."""
+"""Runs that cannot all be of one cable: two of them at one place of it, or further apart than it is
+long between."""
 
 from __future__ import annotations
 
@@ -16,13 +17,17 @@ _ROOM_WIDTHS = 4.0
 """By which the end of one piece and the beginning of the next one may be further apart."""
 
 
-def contradicting(pieces: dict[int, Piece], cable: TrackedCable, gains: Mapping[int, float]) -> list[int]:
+def contradicting(
+    pieces: dict[int, Piece], cable: TrackedCable, gains: Mapping[int, float]
+) -> list[int]:
     """Keys of the pieces that cannot be of ``cable`` beside the others, of higher ``gains``."""
     order = sorted(pieces, key=lambda k: -gains[k])
     kept: dict[int, Piece] = {}
     out = []
     for k in order:
-        if all(_shared(pieces[k], other) < _OVERLAP * pieces[k].length_px for other in kept.values()):
+        if all(
+            _shared(pieces[k], other) < _OVERLAP * pieces[k].length_px for other in kept.values()
+        ):
             kept[k] = pieces[k]
         else:
             out.append(k)

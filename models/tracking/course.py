@@ -1,8 +1,10 @@
-"""The course of a cable, its direction along it: what a place is recognised by, and how a tail out of view goes on.
+"""The course of a cable, its direction along it: what a place is recognised by, and how a tail out
+of view goes on.
 
-Strategy: a cable that is moved turns and bends smoothly: what is added to its direction is a sum of a few cosines along
-it, the smaller the shorter their waves. The rest of its course stays. So the course seen over many frames tells how far
-a piece that shows no end has slid along the cable, without a sum of errors from frame to frame.
+Strategy: a cable that is moved turns and bends smoothly: what is added to its direction is a sum of
+a few cosines along it, the smaller the shorter their waves. The rest of its course stays. So the
+course seen over many frames tells how far a piece that shows no end has slid along the cable,
+without a sum of errors from frame to frame.
 """
 
 from __future__ import annotations
@@ -25,8 +27,8 @@ _BASIS = waves(_MIDDLES_U)
 _NOISE_RAD, _INDEPENDENT = 0.06, 3.0
 """Of a direction between two samples; so many neighboring ones err alike."""
 _SLIDE_WIDTHS, _OF_ADRIFT = 0.1, 0.15
-"""By which the place that the motion tells is off, usually: in widths, and as a share of how far the cable may have
-slid since an end of it was seen."""
+"""By which the place that the motion tells is off, usually: in widths, and as a share of how far
+the cable may have slid since an end of it was seen."""
 _MOST_SLIDE_WIDTHS, _ROUNDS = 3.0, 3
 _LEARNED = 0.03
 """Share of a new course that replaces the one remembered, in a frame."""
@@ -34,9 +36,11 @@ _LEAST_SAMPLES = 6
 _OF_HIDDEN = 0.03
 """Weight of the direction that a place out of view is supposed to have, against one in view."""
 _FORGOTTEN_WIDTHS = 4.0
-"""Once a place may be so far from where it is supposed to be, half the weight of its direction is gone."""
+"""Once a place may be so far from where it is supposed to be, half the weight of its direction is
+gone."""
 _PULL = 0.15
-"""Share of the way from where its velocity brings a tail out of view to where its course has it, in a frame."""
+"""Share of the way from where its velocity brings a tail out of view to where its course has it, in
+a frame."""
 
 
 def course_of(xy: FloatArray) -> FloatArray:
@@ -49,8 +53,8 @@ def course_of(xy: FloatArray) -> FloatArray:
 
 
 class _Steps(NamedTuple):
-    """Between each two neighboring points of all pieces: the ``position`` (N,) px along the cable, the ``direction``
-    (N,) rad, whether it is ``pinned`` (N,), and its ``weight`` (N,)."""
+    """Between each two neighboring points of all pieces: the ``position`` (N,) px along the cable,
+    the ``direction`` (N,) rad, whether it is ``pinned`` (N,), and its ``weight`` (N,)."""
 
     position: FloatArray
     direction: FloatArray
@@ -59,7 +63,8 @@ class _Steps(NamedTuple):
 
 
 def recognised(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArray) -> list[Piece]:
-    """The pieces, those that no end pins down moved along the cable to where their course is known from."""
+    """The pieces, those that no end pins down moved along the cable to where their course is known
+    from."""
     if cable.closed or all(piece.pinned for piece in pieces):
         return list(pieces)
     steps, known = _steps(pieces), _known(cable, expected)
@@ -69,8 +74,13 @@ def recognised(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArra
         slide += step
         if abs(step) < 0.05 * cable.width_px:
             break
-    slide = float(np.clip(slide, -_MOST_SLIDE_WIDTHS * cable.width_px, _MOST_SLIDE_WIDTHS * cable.width_px))
-    return [piece if piece.pinned else piece._replace(position=piece.position + slide) for piece in pieces]
+    slide = float(
+        np.clip(slide, -_MOST_SLIDE_WIDTHS * cable.width_px, _MOST_SLIDE_WIDTHS * cable.width_px)
+    )
+    return [
+        piece if piece.pinned else piece._replace(position=piece.position + slide)
+        for piece in pieces
+    ]
 
 
 def _steps(pieces: Sequence[Piece]) -> _Steps:
@@ -84,17 +94,19 @@ def _steps(pieces: Sequence[Piece]) -> _Steps:
 
 
 def _known(cable: TrackedCable, expected: FloatArray) -> FloatArray:
-    """(NODES - 1, 3) between the nodes: the direction where the cable is expected, and of its course; what this one
-    turns a px."""
+    """(NODES - 1, 3) between the nodes: the direction where the cable is expected, and of its
+    course; what this one turns a px."""
     turns = np.empty(NODES - 1)
     turns[1:-1] = 0.5 * (cable.course[2:] - cable.course[:-2])
     turns[[0, -1]] = cable.course[1] - cable.course[0], cable.course[-1] - cable.course[-2]
-    return np.column_stack([course_of(expected), cable.course, turns * ((NODES - 1) / cable.length_px)])
+    return np.column_stack(
+        [course_of(expected), cable.course, turns * ((NODES - 1) / cable.length_px)]
+    )
 
 
 def _slide(steps: _Steps, slide: float, cable: TrackedCable, along: FloatArray) -> float:
-    """Px by which the pieces that are not pinned are to be moved on from ``slide``, of what is known ``along`` the
-    cable."""
+    """Px by which the pieces that are not pinned are to be moved on from ``slide``, of what is
+    known ``along`` the cable."""
     position = steps.position + slide * ~steps.pinned
     place = position * ((NODES - 1) / cable.length_px) - 0.5
     inside = (place > 0) & (place < NODES - 2)
@@ -103,17 +115,21 @@ def _slide(steps: _Steps, slide: float, cable: TrackedCable, along: FloatArray) 
     here, known, slope = between(along, place).T
     turns = steps.direction - here
     wanted = turns - 2 * np.pi * np.rint(turns / (2 * np.pi)) + here - known
-    matrix = np.column_stack([waves(np.clip(position / cable.length_px, 0.0, 1.0)), slope * ~steps.pinned])
+    matrix = np.column_stack(
+        [waves(np.clip(position / cable.length_px, 0.0, 1.0)), slope * ~steps.pinned]
+    )
     off = _SLIDE_WIDTHS * cable.width_px + _OF_ADRIFT * cable.adrift_px
     precision = np.append(1 / _BENDS_RAD**2, 1 / off**2)
     pull = np.append(np.zeros(MODES), -slide * precision[-1])
     weighted = (matrix * (steps.weight * inside)[:, None]).T / (_NOISE_RAD**2 * _INDEPENDENT)
-    return float(np.linalg.solve(weighted @ matrix + np.diag(precision), weighted @ wanted + pull)[-1])
+    return float(
+        np.linalg.solve(weighted @ matrix + np.diag(precision), weighted @ wanted + pull)[-1]
+    )
 
 
 def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Nodes ``xy`` (NODES, 2) with tails by the course, where they are not ``seen``; and the course (NODES - 1,)
-    learned anew from those that are. Unknown stretches of it are NaN before."""
+    """Nodes ``xy`` (NODES, 2) with tails by the course, where they are not ``seen``; and the course
+    (NODES - 1,) learned anew from those that are. Unknown stretches of it are NaN before."""
     known = seen[1:] & seen[:-1]
     if known.sum() < _LEAST_SAMPLES:
         return xy, np.where(np.isnan(cable.course), course_of(xy), cable.course)
@@ -135,8 +151,8 @@ def laid_on(cable: TrackedCable, xy: FloatArray, seen: BoolArray) -> tuple[Float
 
 
 def _of_hidden(cable: TrackedCable) -> FloatArray:
-    """(NODES - 1,) weight of the directions that places out of view are supposed to have: what went out of view a
-    moment ago is still as it was."""
+    """(NODES - 1,) weight of the directions that places out of view are supposed to have: what went
+    out of view a moment ago is still as it was."""
     spread = np.maximum(cable.spread[1:], cable.spread[:-1]) / cable.width_px
     return np.asarray(_OF_HIDDEN + (1 - _OF_HIDDEN) / (1.0 + (spread / _FORGOTTEN_WIDTHS) ** 4))
 

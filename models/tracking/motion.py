@@ -1,7 +1,8 @@
 """Where a cable is expected, and where it is once pieces of it were seen.
 
-Strategy: a cable moves smoothly along its length, so what its nodes in view are off from where they were expected is
-fitted by a few cosines; these also move the nodes out of view, and correct the velocity of all.
+Strategy: a cable moves smoothly along its length, so what its nodes in view are off from where they
+were expected is fitted by a few cosines; these also move the nodes out of view, and correct the
+velocity of all.
 """
 
 from __future__ import annotations
@@ -28,23 +29,28 @@ _JUMP_WIDTHS = 3.0
 DAMPING = 0.9
 """Share of its velocity that a node out of view keeps from frame to frame."""
 _LENGTH_GAIN, _LENGTH_CHANGE = 0.1, 0.002
-"""Share of a measured length that replaces the known one; by which share this grows or shrinks in a frame, at most."""
+"""Share of a measured length that replaces the known one; by which share this grows or shrinks in a
+frame, at most."""
 _WHOLE = 0.93
 """A cable of which this share is in view counts as seen."""
 _SPREAD_WIDTHS, _SPREAD_SPEED = 0.1, 0.3
-"""By what a node out of view may be further off every frame: in widths, and as a share of its speed."""
+"""By what a node out of view may be further off every frame: in widths, and as a share of its
+speed."""
 _ADRIFT_WIDTHS, _MOST_ADRIFT_WIDTHS = 0.25, 12.0
-"""By which a cable of which no end is in view may have slid along itself, more every frame; at most."""
+"""By which a cable of which no end is in view may have slid along itself, more every frame; at
+most."""
 _AT_AN_END = 0.2
-"""Share of that where some end is in view that is not the known one: the place of that end would change, too."""
+"""Share of that where some end is in view that is not the known one: the place of that end would
+change, too."""
 _KNOWN_PLACE_WIDTHS = 2.0
-"""An end that comes into view is known from then on if the cable has slid by less, or has no other known end."""
+"""An end that comes into view is known from then on if the cable has slid by less, or has no other
+known end."""
 _END_WIDTHS = 2.0
 _ALONE = 0.5
 """A node counts as alone from such trust on."""
 _OF_TANGLED, _OF_SHARED, _OF_UNKNOWN = 0.03, 0.01, 0.003
-"""Weight of a node in a tangle, of one whose strand is another cable's by now, and of one that is supposed to move on
-as it did, against that of one alone."""
+"""Weight of a node in a tangle, of one whose strand is another cable's by now, and of one that is
+supposed to move on as it did, against that of one alone."""
 _SLACK_WIDTHS = 0.7
 _KNOWN_WIDTHS = 1.5
 """A node that may be further off than this tells nothing."""
@@ -66,19 +72,26 @@ def moved(
     frames: float = 1.0,
     covered: bool = False,
 ) -> TrackedCable:
-    """The cable after ``pieces`` of it were seen, so many usual frames later: it was ``predicted`` (NODES, 2) by its
-    velocity, and is ``on`` the strands of the picture; ``goes_on`` as of :func:`models.tracking.extent.revised`. In a
-    picture where something covers the cables (``covered``) nothing is learned of its ends."""
+    """The cable after ``pieces`` of it were seen, so many usual frames later: it was ``predicted``
+    (NODES, 2) by its velocity, and is ``on`` the strands of the picture; ``goes_on`` as of
+    :func:`models.tracking.extent.revised`. In a picture where something covers the cables
+    (``covered``) nothing is learned of its ends."""
     if not covered:
         cable, predicted, on, pieces = _lengthened(cable, predicted, on, pieces)
     xy, seen, firm, alone = _laid(cable, on, pieces)
     known = cable.spread <= _KNOWN_WIDTHS * cable.width_px
-    weight = np.where(alone, 1.0, np.where(seen, _OF_TANGLED, np.where(known, _OF_SHARED, _OF_UNKNOWN)))
+    weight = np.where(
+        alone, 1.0, np.where(seen, _OF_TANGLED, np.where(known, _OF_SHARED, _OF_UNKNOWN))
+    )
     off = _smooth(np.where((seen | known)[:, None], xy - predicted, 0.0), weight, cable)
     hidden = ~seen[:, None]
     nodes, there = np.arange(NODES), np.flatnonzero(alone if alone.any() else seen)
     rest = (xy - predicted - off)[there]
-    seam = np.stack([np.interp(nodes, there, axis) for axis in rest.T], axis=1) if len(there) else np.zeros_like(off)
+    seam = (
+        np.stack([np.interp(nodes, there, axis) for axis in rest.T], axis=1)
+        if len(there)
+        else np.zeros_like(off)
+    )
     model = predicted + off + seam
     model += _toward(xy - model, cable.width_px) * (seen & ~alone)[:, None]
     xy, course = laid_on(cable, np.where(alone[:, None], xy, model), seen)
@@ -104,7 +117,8 @@ def moved(
 
 
 def adrift(cable: TrackedCable, pieces: Sequence[Piece] = ()) -> float:
-    """Px by which the places of the cable may have slid along it, after one more frame that showed ``pieces`` of it."""
+    """Px by which the places of the cable may have slid along it, after one more frame that showed
+    ``pieces`` of it."""
     if any(piece.pinned for piece in pieces):
         return 0.0
     free = any("free" in (end_kind(piece, piece.u0), end_kind(piece, piece.u1)) for piece in pieces)
@@ -113,7 +127,8 @@ def adrift(cable: TrackedCable, pieces: Sequence[Piece] = ()) -> float:
 
 
 def wider(cable: TrackedCable, seen: BoolArray) -> FloatArray:
-    """(NODES,) px by which nodes may be elsewhere: nothing where they were ``seen``, else more than before."""
+    """(NODES,) px by which nodes may be elsewhere: nothing where they were ``seen``, else more than
+    before."""
     more = _SPREAD_WIDTHS * cable.width_px + _SPREAD_SPEED * np.hypot(*cable.velocity.T)
     return np.where(seen, 0.0, np.minimum(cable.spread + more, MOST_SPREAD_WIDTHS * cable.width_px))
 
@@ -121,15 +136,22 @@ def wider(cable: TrackedCable, seen: BoolArray) -> FloatArray:
 def _laid(
     cable: TrackedCable, expected: FloatArray, pieces: Sequence[Piece]
 ) -> tuple[FloatArray, BoolArray, FloatArray, BoolArray]:
-    """Nodes on the pieces, the first piece before the others; which these are, how firm each is by now, and which are
-    where a strand is alone."""
+    """Nodes on the pieces, the first piece before the others; which these are, how firm each is by
+    now, and which are where a strand is alone."""
     spacing = cable.length_px / (NODES - 1)
     at = np.linspace(0.0, cable.length_px, NODES)
-    xy, seen, firm, alone = expected.copy(), np.zeros(NODES, bool), cable.firm.copy(), np.zeros(NODES, bool)
+    xy, seen, firm, alone = (
+        expected.copy(),
+        np.zeros(NODES, bool),
+        cable.firm.copy(),
+        np.zeros(NODES, bool),
+    )
     for piece in pieces:
         for turn in (-cable.length_px, 0.0, cable.length_px) if cable.closed else (0.0,):
             position = piece.position + turn
-            inside = (at > position[0] - 0.5 * spacing) & (at < position[-1] + 0.5 * spacing) & ~seen
+            inside = (
+                (at > position[0] - 0.5 * spacing) & (at < position[-1] + 0.5 * spacing) & ~seen
+            )
             if inside.any():
                 xy[inside] = point_at(piece.xy, position, at[inside])
                 trust = np.interp(at[inside], position, piece.trust)
@@ -140,23 +162,25 @@ def _laid(
 
 
 def _smooth(off: FloatArray, weight: FloatArray, cable: TrackedCable) -> FloatArray:
-    """(NODES, 2) the motion that nodes which are ``off`` with these weights (NODES,) tell; held to none where they
-    tell little."""
+    """(NODES, 2) the motion that nodes which are ``off`` with these weights (NODES,) tell; held to
+    none where they tell little."""
     weighted = (_MODES * weight[:, None]).T
     prior = np.diag(precision(cable)[: len(_STIFFNESS)]) + _STIFFNESS
     return np.asarray(_MODES @ np.linalg.solve(weighted @ _MODES + prior, weighted @ off))
 
 
 def _toward(off: FloatArray, width_px: float) -> FloatArray:
-    """(NODES, 2) part of ``off`` by which a node in a tangle is drawn to it: within the tangle it may be anywhere."""
+    """(NODES, 2) part of ``off`` by which a node in a tangle is drawn to it: within the tangle it
+    may be anywhere."""
     far = np.hypot(*off.T)[:, None]
     slack = _SLACK_WIDTHS * width_px
     return np.asarray(off * np.maximum(far - slack, 0.0) / np.maximum(far, 1e-9))
 
 
 def _ends(cable: TrackedCable, pieces: Sequence[Piece]) -> tuple[EndpointKind, EndpointKind]:
-    """An end that was out of view and is seen to be free now is free from here on; not so while another end is known
-    better than the places of what is in view: that one tells where this one is, once it is back."""
+    """An end that was out of view and is seen to be free now is free from here on; not so while
+    another end is known better than the places of what is in view: that one tells where this one
+    is, once it is back."""
     first, last = cable.ends
     near = _END_WIDTHS * cable.width_px
     if "free" in cable.ends and cable.adrift_px > _KNOWN_PLACE_WIDTHS * cable.width_px:
@@ -170,8 +194,8 @@ def _ends(cable: TrackedCable, pieces: Sequence[Piece]) -> tuple[EndpointKind, E
 
 
 def _length(cable: TrackedCable, pieces: Sequence[Piece]) -> float:
-    """The picture of a cable that is moved grows and shrinks a little: seen from end to end it is measured anew,
-    slowly: in a tangle a strand cuts corners, or ends where another one does."""
+    """The picture of a cable that is moved grows and shrinks a little: seen from end to end it is
+    measured anew, slowly: in a tangle a strand cuts corners, or ends where another one does."""
     whole = next((piece for piece in pieces if shows_all(piece, cable)), None)
     if whole is None or cable.ends != ("free", "free"):
         return cable.length_px
@@ -183,7 +207,8 @@ def _length(cable: TrackedCable, pieces: Sequence[Piece]) -> float:
 def _lengthened(
     cable: TrackedCable, predicted: FloatArray, on: FloatArray, pieces: Sequence[Piece]
 ) -> tuple[TrackedCable, FloatArray, FloatArray, list[Piece]]:
-    """A cable whose ends were out of view is longer than it was known to be: its nodes are laid anew."""
+    """A cable whose ends were out of view is longer than it was known to be: its nodes are laid
+    anew."""
     before = after = 0.0
     if not cable.closed and cable.ends[0] != "free":
         before = max(-min(float(p.position[0]) for p in pieces), 0.0)
@@ -195,14 +220,22 @@ def _lengthened(
     old = np.linspace(0.0, cable.length_px, NODES) + before
     new = np.linspace(0.0, length, NODES)
     place = (new - before) * ((NODES - 1) / cable.length_px)
-    xy, velocity, predicted, on = (between(values, place) for values in (cable.xy, cable.velocity, predicted, on))
+    xy, velocity, predicted, on = (
+        between(values, place) for values in (cable.xy, cable.velocity, predicted, on)
+    )
     spread = np.interp(new, old, cable.spread)
     middle = 0.5 * (old[1:] + old[:-1]), 0.5 * (new[1:] + new[:-1])
     course = np.interp(middle[1], middle[0], cable.course, left=np.nan, right=np.nan)
     firm = np.interp(new, old, cable.firm, left=0.0, right=0.0)
     shifted = [piece._replace(position=piece.position + before) for piece in pieces]
     longer = replace(
-        cable, xy=xy, velocity=velocity, spread=spread, firm=firm, course=course, length_px=length,
+        cable,
+        xy=xy,
+        velocity=velocity,
+        spread=spread,
+        firm=firm,
+        course=course,
+        length_px=length,
         start_px=cable.start_px - before,
-    )  # fmt: skip
+    )
     return longer, predicted, on, shifted

@@ -8,8 +8,8 @@ from models.geometry.arrays import FloatArray
 
 
 def between(values: FloatArray, place: FloatArray) -> FloatArray:
-    """(n, ...) linearly between the rows of ``values`` (m, ...) at ``place`` (n,) from 0 to m - 1; the nearest end's
-    outside."""
+    """(n, ...) linearly between the rows of ``values`` (m, ...) at ``place`` (n,) from 0 to m - 1;
+    the nearest end's outside."""
     inside = np.clip(place, 0.0, len(values) - 1.0)
     low = np.minimum(inside.astype(int), len(values) - 2)
     share = (inside - low).reshape(-1, *[1] * (values.ndim - 1))

@@ -1,10 +1,11 @@
 """Which tracked cable every place of the observations belongs to.
 
-Strategy: all observations are sampled along their length. Each sample is the less likely to be a cable's, the further
-it is from where the cable is expected, in units of how well that is known, and the more its direction differs. Along
-an observation the owner changes only where a single picture may go on with the wrong strand: at a crossing, beside
-another strand, over a bridged gap. Elsewhere one strand is one cable, whatever was thought of it before. The most
-likely sequence of owners is found by dynamic programming (Viterbi), for all observations at once.
+Strategy: all observations are sampled along their length. Each sample is the less likely to be a
+cable's, the further it is from where the cable is expected, in units of how well that is known, and
+the more its direction differs. Along an observation the owner changes only where a single picture
+may go on with the wrong strand: at a crossing, beside another strand, over a bridged gap. Elsewhere
+one strand is one cable, whatever was thought of it before. The most likely sequence of owners is
+found by dynamic programming (Viterbi), for all observations at once.
 """
 
 from __future__ import annotations
@@ -29,16 +30,19 @@ _FARTHEST = 3.0
 _ANGLE = 2.0
 """Cost of a direction at right angles to the cable's."""
 _COLOR, _MOTTLED, _COLOR_COST = 25.0, 2.0, 3.0
-"""Lab distance that costs so much, and so many times what the color varies more on a cable that is not of one."""
+"""Lab distance that costs so much, and so many times what the color varies more on a cable that is
+not of one."""
 _CHANGE, _NEVER, _CHANGE_IN_GAP, _UNSEEN = 4.0, 1e4, 1.0, 20.0
-"""Cost of a change of owner, where it is possible, elsewhere, and in a long gap; more for a place of the new owner that
-was not in view, where the picture shows clearly that a strand goes on."""
+"""Cost of a change of owner, where it is possible, elsewhere, and in a long gap; more for a place
+of the new owner that was not in view, where the picture shows clearly that a strand goes on."""
 _NEAR_WIDTHS, _BESIDE_WIDTHS = 1.5, 2.0
 """So far from a crossing along the strand, and from another strand, the owner may change."""
 TANGLED_WIDTHS, _TRUST_IN_TANGLE = 6.0, 0.15
-"""A crossing is no longer. Strands that run beside one another are not told apart by a single picture."""
+"""A crossing is no longer. Strands that run beside one another are not told apart by a single
+picture."""
 _OF_BRIDGED = 0.1
-"""Share of its cost that a sample counts where there is no foreground; a change of owner is cheap there, too."""
+"""Share of its cost that a sample counts where there is no foreground; a change of owner is cheap
+there, too."""
 _LONG_GAP = 5
 """So many samples, about a width each, are more than a crossing or a blur."""
 _OUTWARD = 0.25
@@ -49,11 +53,12 @@ _INNER_WIDTHS = 3.0
 
 
 class Samples(NamedTuple):
-    """P places on O observations in order. ``xy``, ``direction`` (P, 2); ``along`` (P,) px from the observation's first
-    point; ``of`` (P,) index of the observation; ``loose`` (P,) where a picture may go on with the wrong strand;
-    ``weight`` (P,) of its cost; ``trust`` (P,) how surely the strand before it is the one after it; ``left`` (P,) where
-    one strand left the picture and another one came in: the picture joined them at its border; ``gap`` (P,) in a long
-    gap that was bridged, as under an arm: what is before it need not be what is after it; ``tree`` of ``xy``."""
+    """P places on O observations in order. ``xy``, ``direction`` (P, 2); ``along`` (P,) px from the
+    observation's first point; ``of`` (P,) index of the observation; ``loose`` (P,) where a picture
+    may go on with the wrong strand; ``weight`` (P,) of its cost; ``trust`` (P,) how surely the
+    strand before it is the one after it; ``left`` (P,) where one strand left the picture and
+    another one came in: the picture joined them at its border; ``gap`` (P,) in a long gap that was
+    bridged, as under an arm: what is before it need not be what is after it; ``tree`` of ``xy``."""
 
     xy: FloatArray
     direction: FloatArray
@@ -79,10 +84,10 @@ class _Sampled(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Samples ``first`` to ``stop`` (exclusive), of one observation, belong to the cable of index ``cable``, -1 for
-    none; ``along`` (n,) px from its first point, ``xy`` (n, 2), ``place`` (n,) px along the cable; ``cost`` of each by
-    cable and, last, by none; ``trust`` (n,) as of the samples; ``came_in`` whether what is before it left the
-    picture."""
+    """Samples ``first`` to ``stop`` (exclusive), of one observation, belong to the cable of index
+    ``cable``, -1 for none; ``along`` (n,) px from its first point, ``xy`` (n, 2), ``place`` (n,) px
+    along the cable; ``cost`` of each by cable and, last, by none; ``trust`` (n,) as of the samples;
+    ``came_in`` whether what is before it left the picture."""
 
     cable: int
     observed: Observation
@@ -104,12 +109,25 @@ def sample(observations: Sequence[Observation]) -> Samples:
     """Equally spaced places on every observation, both ends included."""
     parts = [_sampled(observed) for observed in observations]
     of = np.repeat(np.arange(len(parts)), [len(part.xy) for part in parts])
-    xy, direction, along, loose, weight, left = (np.concatenate(c) for c in zip(*parts, strict=True))
+    xy, direction, along, loose, weight, left = (
+        np.concatenate(c) for c in zip(*parts, strict=True)
+    )
     widths = np.array([observed.width_px for observed in observations])[of]
     tree = cKDTree(xy)
     loose = loose | _beside(tree, of, _BESIDE_WIDTHS * widths)
     gap = _long_gaps(weight, of)
-    return Samples(xy, direction, along, of, loose | left, weight, _trust(loose, of, along, widths), left, gap, tree)
+    return Samples(
+        xy,
+        direction,
+        along,
+        of,
+        loose | left,
+        weight,
+        _trust(loose, of, along, widths),
+        left,
+        gap,
+        tree,
+    )
 
 
 def _trust(loose: BoolArray, of: IntArray, along: FloatArray, widths: FloatArray) -> FloatArray:
@@ -139,7 +157,9 @@ def _sampled(observed: Observation) -> _Sampled:
     along = np.linspace(0.0, lengths[-1], count)
     xy = point_at(observed.xy, lengths, along)
     crossings = lengths[-1] * np.array(observed.crossings)
-    near = np.abs(along[:, None] - crossings).min(1, initial=np.inf) < _NEAR_WIDTHS * observed.width_px
+    near = (
+        np.abs(along[:, None] - crossings).min(1, initial=np.inf) < _NEAR_WIDTHS * observed.width_px
+    )
     weight = np.ones(count)
     if observed.bridged is not None:
         gap = np.interp(along, lengths, observed.bridged) > 0.5
@@ -158,7 +178,10 @@ def directions(xy: FloatArray) -> FloatArray:
     """(..., n, 2) unit tangents of polylines."""
     steps = np.empty_like(xy)
     steps[..., 1:-1, :] = xy[..., 2:, :] - xy[..., :-2, :]
-    steps[..., 0, :], steps[..., -1, :] = xy[..., 1, :] - xy[..., 0, :], xy[..., -1, :] - xy[..., -2, :]
+    steps[..., 0, :], steps[..., -1, :] = (
+        xy[..., 1, :] - xy[..., 0, :],
+        xy[..., -1, :] - xy[..., -2, :],
+    )
     return np.asarray(steps / np.maximum(np.hypot(steps[..., 0], steps[..., 1]), 1e-9)[..., None])
 
 
@@ -169,7 +192,8 @@ def runs(
     costs: FloatArray,
     places: FloatArray,
 ) -> list[Run]:
-    """The stretches of every observation with one owner, in order; none begins or ends in a gap that was bridged."""
+    """The stretches of every observation with one owner, in order; none begins or ends in a gap
+    that was bridged."""
     owner = _owners(samples, costs, entering(samples, cables, places), len(observations))
     none = costs.shape[1] - 1
     apart = (samples.left[1:] & ~samples.left[:-1]) | (samples.gap[1:] != samples.gap[:-1])
@@ -207,8 +231,9 @@ def _long_gaps(weight: FloatArray, of: IntArray) -> BoolArray:
 
 
 def _in_view(starts: IntArray, stops: IntArray, samples: Samples) -> tuple[list[int], list[int]]:
-    """The stretches without a long gap at their beginning or end, where something covers the cables: what was bridged
-    there tells nothing of where they are. Those that are a gap altogether are left out."""
+    """The stretches without a long gap at their beginning or end, where something covers the
+    cables: what was bridged there tells nothing of where they are. Those that are a gap altogether
+    are left out."""
     shown = np.flatnonzero(~samples.gap)
     first, last = np.searchsorted(shown, starts), np.searchsorted(shown, stops) - 1
     some = first <= last
@@ -221,7 +246,8 @@ def costs_of(
     cables: Sequence[TrackedCable],
     expected: Sequence[FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
-    """(P, C + 1) cost of every sample by cable and by none, and (P, C) where along the cable it would be, px."""
+    """(P, C + 1) cost of every sample by cable and by none, and (P, C) where along the cable it
+    would be, px."""
     costs = np.full((len(samples.xy), len(cables) + 1), _FARTHEST)
     costs[:, -1] = _NOBODY
     places = np.zeros((len(samples.xy), len(cables)))
@@ -239,10 +265,14 @@ def costs_of(
 
 
 def _against(
-    points: FloatArray, direction: FloatArray, cable: TrackedCable, xy: FloatArray, sigma: FloatArray
+    points: FloatArray,
+    direction: FloatArray,
+    cable: TrackedCable,
+    xy: FloatArray,
+    sigma: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Cost (n,) and place along the cable (n,) of ``points`` (n, 2) at the best of its nodes ``xy`` (NODES, 2), each
-    known to ``sigma`` (NODES,) px."""
+    """Cost (n,) and place along the cable (n,) of ``points`` (n, 2) at the best of its nodes ``xy``
+    (NODES, 2), each known to ``sigma`` (NODES,) px."""
     tangent = directions(xy)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
     # Products of matrices: (a - b) along t is a·t - b·t.
@@ -267,7 +297,11 @@ def unlike(observed: Observation, cable: TrackedCable) -> float:
     if observed.color is not None and cable.color is not None:
         cost += (
             _COLOR_COST
-            * (float(np.linalg.norm(observed.color - cable.color)) / (_COLOR + _MOTTLED * observed.mottled)) ** 2
+            * (
+                float(np.linalg.norm(observed.color - cable.color))
+                / (_COLOR + _MOTTLED * observed.mottled)
+            )
+            ** 2
         )
     return min(cost, _FARTHEST)
 
@@ -276,7 +310,9 @@ def entering(samples: Samples, cables: Sequence[TrackedCable], places: FloatArra
     """(P, C + 1) cost of a change of owner to each cable, and to none, at every sample."""
     cost = np.full((len(samples.of), len(cables) + 1), _CHANGE)
     for i, cable in enumerate(cables):
-        node = np.clip(np.rint(places[:, i] / cable.length_px * (NODES - 1)), 0, NODES - 1).astype(int)
+        node = np.clip(np.rint(places[:, i] / cable.length_px * (NODES - 1)), 0, NODES - 1).astype(
+            int
+        )
         cost[:, i] += np.where((samples.trust > 0) & ~cable.seen[node], _UNSEEN, 0.0)
     cost[samples.gap] = _CHANGE_IN_GAP
     cost[~samples.loose] = _NEVER
@@ -284,8 +320,8 @@ def entering(samples: Samples, cables: Sequence[TrackedCable], places: FloatArra
 
 
 def _owners(samples: Samples, costs: FloatArray, enter: FloatArray, observations: int) -> IntArray:
-    """(P,) index of the owner of each sample: the cheapest sequence, changes of owner paid. The owner of samples on
-    which it cannot change is found for all of them at once."""
+    """(P,) index of the owner of each sample: the cheapest sequence, changes of owner paid. The
+    owner of samples on which it cannot change is found for all of them at once."""
     starts = np.flatnonzero(np.r_[True, (np.diff(samples.of) != 0) | samples.loose[1:]])
     summed = np.add.reduceat(costs * samples.weight[:, None], starts)
     of = samples.of[starts]

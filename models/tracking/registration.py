@@ -1,10 +1,11 @@
 """Where the strands of a picture have moved the cables that were expected near them.
 
-Strategy: two cables upon one another are one strand in a picture. So a cable is laid on whatever strand runs its way
-near each of its nodes, whoever that strand is thought to be: its nodes move by a sum of a few cosines along it, with
-stiffness and without stretch, as in :mod:`models.tracking.sliding`; nodes whose strand disagrees with the rest count
-less in every round. All cables are laid at once: each node has looked for its nearest samples once, C cables of NODES
-nodes with K samples near each.
+Strategy: two cables upon one another are one strand in a picture. So a cable is laid on whatever
+strand runs its way near each of its nodes, whoever that strand is thought to be: its nodes move by
+a sum of a few cosines along it, with stiffness and without stretch, as in
+:mod:`models.tracking.sliding`; nodes whose strand disagrees with the rest count less in every
+round. All cables are laid at once: each node has looked for its nearest samples once, C cables of
+NODES nodes with K samples near each.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ _WAVES = waves(np.linspace(0.0, 1.0, NODES))
 
 
 class _Cables(NamedTuple):
-    """C cables that can be laid: ``xy`` (C, NODES, 2) where they are predicted, ``known`` (C, NODES) of which nodes
-    that is known; ``width_px`` (C,), ``reach_px`` (C,) how far along itself a node looks; ``prior`` (C, 2 MODES,
-    2 MODES) what holds the factors of the cosines."""
+    """C cables that can be laid: ``xy`` (C, NODES, 2) where they are predicted, ``known`` (C,
+    NODES) of which nodes that is known; ``width_px`` (C,), ``reach_px`` (C,) how far along itself a
+    node looks; ``prior`` (C, 2 MODES, 2 MODES) what holds the factors of the cosines."""
 
     xy: FloatArray
     known: BoolArray
@@ -50,8 +51,8 @@ class _Cables(NamedTuple):
 
 
 class _Near(NamedTuple):
-    """The samples near each node, (C, NODES, K) each: where they are, in which direction the strand runs there, and
-    its ``trust``."""
+    """The samples near each node, (C, NODES, K) each: where they are, in which direction the strand
+    runs there, and its ``trust``."""
 
     x: FloatArray
     y: FloatArray
@@ -61,8 +62,8 @@ class _Near(NamedTuple):
 
 
 class _Strands(NamedTuple):
-    """Of each node the nearest strand that runs its way: ``off`` (C, NODES) px to it along its ``normal``
-    (C, NODES, 2); whether it was ``found``; ``trust`` (C, NODES) as of the samples."""
+    """Of each node the nearest strand that runs its way: ``off`` (C, NODES) px to it along its
+    ``normal`` (C, NODES, 2); whether it was ``found``; ``trust`` (C, NODES) as of the samples."""
 
     off: FloatArray
     normal: FloatArray
@@ -77,12 +78,16 @@ def registered(
     out = list(predicted)
     if samples is None:
         return out
-    laid = [i for i, cable in enumerate(cables) if not cable.missed and _known(cable).sum() >= _FRESH]
+    laid = [
+        i for i, cable in enumerate(cables) if not cable.missed and _known(cable).sum() >= _FRESH
+    ]
     for fresh in (True, False):
         group = [i for i in laid if (cables[i].met < _FRESH) == fresh]
         gates = (_AT_FIRST_WIDTHS, *_GATES_WIDTHS) if fresh else _GATES_WIDTHS
         if group:
-            placed = _registered(_gathered([cables[i] for i in group], [predicted[i] for i in group]), samples, gates)
+            placed = _registered(
+                _gathered([cables[i] for i in group], [predicted[i] for i in group]), samples, gates
+            )
             for i, xy in zip(group, placed, strict=True):
                 out[i] = xy
     return out
@@ -113,13 +118,17 @@ def _registered(cables: _Cables, samples: Samples, gates: Sequence[float]) -> Fl
         strands = _to_strands(xy, near, gate, cables)
         use = strands.found & cables.known
         enough &= use.sum(1) >= _FRESH
-        matrix = np.concatenate([_WAVES * strands.normal[..., :1], _WAVES * strands.normal[..., 1:]], axis=2)
+        matrix = np.concatenate(
+            [_WAVES * strands.normal[..., :1], _WAVES * strands.normal[..., 1:]], axis=2
+        )
         far = strands.off / (_OFF_WIDTHS * cables.width_px)[:, None]
         weight = use * np.where(strands.trust >= 1, 1.0, _OF_TANGLED) / (1.0 + far**2)
         wanted = strands.off[..., None] + matrix @ factors
         weighted = (matrix * weight[..., None]).transpose(0, 2, 1)
         factors = np.linalg.solve(weighted @ matrix + cables.prior, weighted @ wanted)
-        xy = cables.xy + np.concatenate([_WAVES @ factors[:, :MODES], _WAVES @ factors[:, MODES:]], axis=2)
+        xy = cables.xy + np.concatenate(
+            [_WAVES @ factors[:, :MODES], _WAVES @ factors[:, MODES:]], axis=2
+        )
     strands = _to_strands(xy, near, gates[-1], cables)
     alone = strands.found & cables.known & (strands.trust >= 1)
     xy = xy + np.where(alone, strands.off, 0.0)[..., None] * strands.normal
@@ -130,7 +139,9 @@ def _near(xy: FloatArray, samples: Samples) -> _Near:
     count = min(_NEAREST, len(samples.xy))
     _, index = samples.tree.query(xy.reshape(-1, 2), k=np.arange(1, count + 1))
     index = index.reshape(*xy.shape[:2], count)
-    return _Near(*(values[index] for values in (*samples.xy.T, *samples.direction.T, samples.trust)))
+    return _Near(
+        *(values[index] for values in (*samples.xy.T, *samples.direction.T, samples.trust))
+    )
 
 
 def _to_strands(xy: FloatArray, near: _Near, gate_widths: float, cables: _Cables) -> _Strands:

@@ -1,9 +1,10 @@
 """By how much a piece that shows no end has slid along its cable.
 
-Strategy: on a curve, only what is moved across it shows. But a cable moves smoothly and does not stretch: the plainest
-such motion that explains what is seen across it also tells what happened along it. The motion of the nodes is a sum of
-a few cosines along the cable; their factors follow from least squares, with stiffness and without stretch. What is seen
-in a tangle may be another cable's, and counts little.
+Strategy: on a curve, only what is moved across it shows. But a cable moves smoothly and does not
+stretch: the plainest such motion that explains what is seen across it also tells what happened
+along it. The motion of the nodes is a sum of a few cosines along the cable; their factors follow
+from least squares, with stiffness and without stretch. What is seen in a tangle may be another
+cable's, and counts little.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ _RISING = -_STRETCH * _ORDER * np.sin(np.pi * _ORDER * _NODES_U[:, None])
 
 
 class _Points(NamedTuple):
-    """N points of all pieces: ``of`` (N,) index of the piece, ``pinned`` (N,), ``weight`` (N,); ``basis`` (N, MODES)
-    cosines, ``tangent`` (N, 2), and what they are off the expected cable, ``away`` (N, 2) px."""
+    """N points of all pieces: ``of`` (N,) index of the piece, ``pinned`` (N,), ``weight`` (N,);
+    ``basis`` (N, MODES) cosines, ``tangent`` (N, 2), and what they are off the expected cable,
+    ``away`` (N, 2) px."""
 
     of: IntArray
     pinned: BoolArray
@@ -56,7 +58,9 @@ def slid(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArray) -> 
     points = _points(pieces, cable, expected)
     along = ((points.basis @ _factors(points, cable, expected)) * points.tangent).sum(1)
     return [
-        piece if piece.pinned else piece._replace(position=piece.position - middle(along[points.of == k]))
+        piece
+        if piece.pinned
+        else piece._replace(position=piece.position - middle(along[points.of == k]))
         for k, piece in enumerate(pieces)
     ]
 
@@ -90,7 +94,10 @@ def _factors(points: _Points, cable: TrackedCable, expected: FloatArray) -> Floa
     normal = np.column_stack([-points.tangent[:, 1], points.tangent[:, 0]])
     rows = stretch(directions(expected))
     system, known = rows.T @ rows + np.diag(precision(cable)), np.zeros(2 * MODES)
-    for direction, weight in ((normal, points.weight), (points.tangent, points.weight * points.pinned)):
+    for direction, weight in (
+        (normal, points.weight),
+        (points.tangent, points.weight * points.pinned),
+    ):
         matrix = np.hstack([points.basis * direction[:, :1], points.basis * direction[:, 1:]])
         weighted = (matrix * weight[:, None]).T
         system += weighted @ matrix
@@ -99,8 +106,11 @@ def _factors(points: _Points, cable: TrackedCable, expected: FloatArray) -> Floa
 
 
 def stretch(tangent: FloatArray) -> FloatArray:
-    """(..., NODES, 2 MODES) by what each factor stretches cables of these tangents (..., NODES, 2)."""
-    return np.asarray(np.concatenate([_RISING * tangent[..., :1], _RISING * tangent[..., 1:]], axis=-1))
+    """(..., NODES, 2 MODES) by what each factor stretches cables of these tangents (..., NODES,
+    2)."""
+    return np.asarray(
+        np.concatenate([_RISING * tangent[..., :1], _RISING * tangent[..., 1:]], axis=-1)
+    )
 
 
 def precision(cable: TrackedCable) -> FloatArray:

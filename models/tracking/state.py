@@ -21,11 +21,12 @@ CableState = Literal["seen", "partly_covered", "lost", "new"]
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """One cable as a single picture shows it. ``xy`` (n, 2) px; ``color`` (3,) CIE Lab along its middle, or None,
-    ``mottled`` by how much it varies there;
-    ``number`` is its id in the picture's scene; ``crossings`` where it crosses another strand, 0 to 1 of its
-    length; ``bridged`` (n,) whether a point is on a gap that was bridged: there is no foreground; ``thick`` (n,)
-    whether the foreground is too wide there for one strand; ``leaves`` (n,) whether it is at the picture's border."""
+    """One cable as a single picture shows it. ``xy`` (n, 2) px; ``color`` (3,) CIE Lab along its
+    middle, or None, ``mottled`` by how much it varies there; ``number`` is its id in the picture's
+    scene; ``crossings`` where it crosses another strand, 0 to 1 of its length; ``bridged`` (n,)
+    whether a point is on a gap that was bridged: there is no foreground; ``thick`` (n,) whether the
+    foreground is too wide there for one strand; ``leaves`` (n,) whether it is at the picture's
+    border."""
 
     number: int
     xy: FloatArray
@@ -44,20 +45,19 @@ class Observation:
 
 @dataclass(frozen=True, eq=False)
 class TrackedCable:
-    """``xy`` (NODES, 2) px where it is now, or is supposed to be; ``velocity`` (NODES, 2) px a frame; ``seen``
-    (NODES,) whether a node is in view; ``firm`` (NODES,) 0 to 1, how surely the cable goes on there: it was
-    seen alone, or in short tangles often;
-    ``spread`` (NODES,) px by which a node may be elsewhere; ``course`` (NODES - 1,) rad, its direction between the
-    nodes as it was seen over many frames; ``certainty``
-    probability that this is the cable which first had the id; ``likely`` the same of the
-    last frame alone: a doubt that goes on counts once; ``missed`` frames since it was last seen; ``met``
-    frames in which it was seen; ``adrift_px`` by how much its places may have slid along it since an end of it was
-    seen; ``joined`` how many frames more than not joined it to a cable that is known to be another one; ``doubted``
-    how many frames in a row showed its first and its last end elsewhere, less those that confirmed it
-    before;
-    ``number`` of the observation that most of it is on, 0 when it is not seen;
-    ``start_px`` arc length of the first node from where the cable began when it was first met: below 0 once more of it
-    came into view there, so that a place on the cable keeps its arc length."""
+    """``xy`` (NODES, 2) px where it is now, or is supposed to be; ``velocity`` (NODES, 2) px a
+    frame; ``seen`` (NODES,) whether a node is in view; ``firm`` (NODES,) 0 to 1, how surely the
+    cable goes on there: it was seen alone, or in short tangles often; ``spread`` (NODES,) px by
+    which a node may be elsewhere; ``course`` (NODES - 1,) rad, its direction between the nodes as
+    it was seen over many frames; ``certainty`` probability that this is the cable which first had
+    the id; ``likely`` the same of the last frame alone: a doubt that goes on counts once;
+    ``missed`` frames since it was last seen; ``met`` frames in which it was seen; ``adrift_px`` by
+    how much its places may have slid along it since an end of it was seen; ``joined`` how many
+    frames more than not joined it to a cable that is known to be another one; ``doubted`` how many
+    frames in a row showed its first and its last end elsewhere, less those that confirmed it
+    before; ``number`` of the observation that most of it is on, 0 when it is not seen; ``start_px``
+    arc length of the first node from where the cable began when it was first met: below 0 once more
+    of it came into view there, so that a place on the cable keeps its arc length."""
 
     id: int
     xy: FloatArray
@@ -92,8 +92,8 @@ class TrackedCable:
 
 
 class CrossingOrder(NamedTuple):
-    """``over`` lies on ``under``, both cable ids, at ``over_u`` and ``under_u`` of their lengths; ``evidence`` log odds
-    that the order is right, gathered over the frames."""
+    """``over`` lies on ``under``, both cable ids, at ``over_u`` and ``under_u`` of their lengths;
+    ``evidence`` log odds that the order is right, gathered over the frames."""
 
     over: int
     under: int
@@ -110,8 +110,8 @@ class CrossingOrder(NamedTuple):
 
 @dataclass(frozen=True)
 class Cover:
-    """``shown_px``: length of all strands in view, the most of late; ``covered``: something lies over a part of them
-    now."""
+    """``shown_px``: length of all strands in view, the most of late; ``covered``: something lies
+    over a part of them now."""
 
     shown_px: float = 0.0
     covered: bool = False
@@ -119,8 +119,9 @@ class Cover:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """All cables met so far that may come back; ``next_id`` goes to the next new one. ``time_s`` of the last frame and
-    ``step_s``, the usual time between two, where times are known; ``cover``: whether something lies over them."""
+    """All cables met so far that may come back; ``next_id`` goes to the next new one. ``time_s`` of
+    the last frame and ``step_s``, the usual time between two, where times are known; ``cover``:
+    whether something lies over them."""
 
     frame: int = 0
     cables: tuple[TrackedCable, ...] = ()

@@ -28,7 +28,8 @@ T = TypeVar("T", BoolArray, ByteArray, FloatArray)
 
 _COLOR_INERTIA = 0.9
 _LEFT_OVER = 0.7
-"""A stretch that nobody owns is a new cable if it is so much of its observation: shorter ones are parts of others."""
+"""A stretch that nobody owns is a new cable if it is so much of its observation: shorter ones are
+parts of others."""
 _COLORED = 64
 """So many points of an observation, or up to twice as many, tell its color."""
 _WIDTH_INERTIA = 0.8
@@ -44,14 +45,16 @@ _REGROUPED = 3
 _REMEMBERED = 15
 """A cable is kept for so many frames for every one in which it was met …"""
 _MOSTLY_FIRM = 0.5
-"""… if at least so much of it was ever seen alone: else it may never have been one, and is forgotten at once."""
+"""… if at least so much of it was ever seen alone: else it may never have been one, and is
+forgotten at once."""
 
 
 @dataclass(frozen=True)
 class TrackParams:
-    """A cable that is not seen is kept for ``keep_frames``, its certainty times ``fading`` every frame; what is
-    first seen with a score below ``least_score`` or shorter than ``least_widths`` becomes no cable of its own.
-    Of more than ``most_cables``, those that have been away longest are forgotten."""
+    """A cable that is not seen is kept for ``keep_frames``, its certainty times ``fading`` every
+    frame; what is first seen with a score below ``least_score`` or shorter than ``least_widths``
+    becomes no cable of its own. Of more than ``most_cables``, those that have been away longest are
+    forgotten."""
 
     keep_frames: int = 300
     fading: float = 0.995
@@ -68,9 +71,9 @@ def follow(
     params: TrackParams | None = None,
     time_s: float | None = None,
 ) -> Track:
-    """The track after a frame whose ``scene`` was found in ``image`` (H, W, 3) RGB and its foreground ``mask`` (H, W).
-    Without a mask, what the instances bridged is taken for seen. ``time_s`` is when it was taken: without, frames are
-    equally far apart."""
+    """The track after a frame whose ``scene`` was found in ``image`` (H, W, 3) RGB and its
+    foreground ``mask`` (H, W). Without a mask, what the instances bridged is taken for seen.
+    ``time_s`` is when it was taken: without, frames are equally far apart."""
     params = params or TrackParams()
     observations = observe(scene, image, mask)
     frames, step_s = _elapsed(track, time_s)
@@ -80,22 +83,37 @@ def follow(
     given = _given_certain if cover.covered else _given
     shared = given(track.cables, frames, observations, samples)
     cables = [
-        _met(cable, shared.predicted[i], shared.expected[i], shared.matches[i], frames, params, cover.covered)
+        _met(
+            cable,
+            shared.predicted[i],
+            shared.expected[i],
+            shared.matches[i],
+            frames,
+            params,
+            cover.covered,
+        )
         if i in shared.matches
         else _missed(cable, shared.expected[i], params)
         for i, cable in enumerate(shared.cables)
     ]
-    cables = [cable for cable in cables if cable.missed <= min(params.keep_frames, _patience(cable))]
-    new = [_new(track.next_id + k, run) for k, run in enumerate(run for run in shared.left if _worth(run, params))]
+    cables = [
+        cable for cable in cables if cable.missed <= min(params.keep_frames, _patience(cable))
+    ]
+    new = [
+        _new(track.next_id + k, run)
+        for k, run in enumerate(run for run in shared.left if _worth(run, params))
+    ]
     known = tuple(sorted((*cables, *new), key=lambda cable: cable.missed)[: params.most_cables])
     known = tuple(sorted(known, key=lambda cable: cable.id))
-    crossings = carried_on(track.crossings, scene, known, _places(shared.matches, shared.cables, new))
+    crossings = carried_on(
+        track.crossings, scene, known, _places(shared.matches, shared.cables, new)
+    )
     return Track(track.frame + 1, known, crossings, track.next_id + len(new), time_s, step_s, cover)
 
 
 class _Shared(NamedTuple):
-    """Which of the ``cables``, ``predicted`` and ``expected`` (NODES, 2) each, are where in the picture: ``matches`` by
-    index; ``left`` what is none of them."""
+    """Which of the ``cables``, ``predicted`` and ``expected`` (NODES, 2) each, are where in the
+    picture: ``matches`` by index; ``left`` what is none of them."""
 
     cables: Sequence[TrackedCable]
     predicted: Sequence[FloatArray]
@@ -105,7 +123,10 @@ class _Shared(NamedTuple):
 
 
 def _given(
-    cables: Sequence[TrackedCable], frames: float, observations: Sequence[Observation], samples: Samples | None
+    cables: Sequence[TrackedCable],
+    frames: float,
+    observations: Sequence[Observation],
+    samples: Samples | None,
 ) -> _Shared:
     """All that the picture shows is given to the cables, so many usual frames later."""
     before = list(cables)
@@ -124,10 +145,13 @@ def _given(
 
 
 def _given_certain(
-    cables: Sequence[TrackedCable], frames: float, observations: Sequence[Observation], samples: Samples | None
+    cables: Sequence[TrackedCable],
+    frames: float,
+    observations: Sequence[Observation],
+    samples: Samples | None,
 ) -> _Shared:
-    """The same in a picture where something covers the cables: only what is certainly theirs, and new is only what is
-    far from all of them."""
+    """The same in a picture where something covers the cables: only what is certainly theirs, and
+    new is only what is far from all of them."""
     predicted = [expected_xy(cable, frames) for cable in cables]
     expected = registered(cables, predicted, samples)
     matches, left = assign_certain(cables, expected, observations, samples)
@@ -171,7 +195,9 @@ def observe(scene: Scene, image: ByteArray | None, mask: BoolArray | None) -> li
                 crossings=tuple(crossings[number]),
                 bridged=None if mask is None else ~_looked_up(mask, item.centerline_xy),
                 leaves=_at_border(item, scene.labels.shape),
-                thick=None if depth is None else _looked_up(depth, item.centerline_xy) > _THICK * item.width_px,
+                thick=None
+                if depth is None
+                else _looked_up(depth, item.centerline_xy) > _THICK * item.width_px,
             )
         )
     return out
@@ -211,17 +237,26 @@ def _color(image: ByteArray, xy: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _looked_up(picture: T, xy: FloatArray) -> T:
-    """``picture`` (H, W) or (H, W, 3) at the pixels nearest to ``xy`` (n, 2), on its border where they are outside."""
+    """``picture`` (H, W) or (H, W, 3) at the pixels nearest to ``xy`` (n, 2), on its border where
+    they are outside."""
     column, row = np.rint(xy).astype(int).T
-    return np.asarray(picture[row.clip(0, picture.shape[0] - 1), column.clip(0, picture.shape[1] - 1)])
+    return np.asarray(
+        picture[row.clip(0, picture.shape[0] - 1), column.clip(0, picture.shape[1] - 1)]
+    )
 
 
 def _met(
-    cable: TrackedCable, predicted: FloatArray, on: FloatArray, match: Match, frames: float, params: TrackParams,
+    cable: TrackedCable,
+    predicted: FloatArray,
+    on: FloatArray,
+    match: Match,
+    frames: float,
+    params: TrackParams,
     covered: bool,
-) -> TrackedCable:  # fmt: skip
-    """The cable after a frame that showed it, ``covered`` as of :func:`models.tracking.motion.moved`; one whose pieces
-    are all shorter than its nodes are apart was missed."""
+) -> TrackedCable:
+    """The cable after a frame that showed it, ``covered`` as of
+    :func:`models.tracking.motion.moved`; one whose pieces are all shorter than its nodes are apart
+    was missed."""
     main = match.pieces[0].observed
     after = moved(cable, predicted, on, match.pieces, match.goes_on, frames, covered)
     if not after.seen.any():
@@ -270,7 +305,10 @@ def _new(number: int, run: Run) -> TrackedCable:
         course=course_of(resample(run.xy, NODES)),
         length_px=run.length_px,
         width_px=observed.width_px,
-        ends=(observed.ends[0] if whole[0] else "hidden", observed.ends[1] if whole[1] else "hidden"),
+        ends=(
+            observed.ends[0] if whole[0] else "hidden",
+            observed.ends[1] if whole[1] else "hidden",
+        ),
         closed=observed.closed and all(whole),
         state="new",
         certainty=1.0,
@@ -290,10 +328,14 @@ def _worth(run: Run, params: TrackParams) -> bool:
     observed = run.observed
     if len(run.along) < 2 or observed.score < params.least_score:
         return False
-    return run.length_px >= max(params.least_widths * observed.width_px, _LEFT_OVER * observed.length_px)
+    return run.length_px >= max(
+        params.least_widths * observed.width_px, _LEFT_OVER * observed.length_px
+    )
 
 
-def _places(matches: dict[int, Match], cables: Sequence[TrackedCable], new: Sequence[TrackedCable]) -> Places:
+def _places(
+    matches: dict[int, Match], cables: Sequence[TrackedCable], new: Sequence[TrackedCable]
+) -> Places:
     """By the observation's number: which parts of it are where on which cable."""
     places: Places = defaultdict(list)
     for cable in new:
@@ -302,5 +344,7 @@ def _places(matches: dict[int, Match], cables: Sequence[TrackedCable], new: Sequ
         for piece in match.pieces:
             at = piece.position[[0, -1]] / cables[i].length_px
             ends = sorted([(piece.u0, float(at[0])), (piece.u1, float(at[1]))])
-            places[piece.observed.number].append(Place(ends[0][0], ends[1][0], cables[i].id, ends[0][1], ends[1][1]))
+            places[piece.observed.number].append(
+                Place(ends[0][0], ends[1][0], cables[i].id, ends[0][1], ends[1][1])
+            )
     return places

@@ -11,7 +11,10 @@ from models.training.families import FAMILIES
 def main(arguments: list[str]) -> int:
     """The exit status."""
     if not arguments or arguments[0] not in FAMILIES:
-        print(f"usage: python -m models.training NAME …, where NAME is one of: {', '.join(FAMILIES)}", file=sys.stderr)
+        print(
+            f"usage: python -m models.training NAME …, where NAME is one of: {', '.join(FAMILIES)}",
+            file=sys.stderr,
+        )
         return 2
     command(FAMILIES[arguments[0]], arguments[1:])
     return 0

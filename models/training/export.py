@@ -1,4 +1,5 @@
-"""torch to ONNX, with a parity check and a manifest entry; the only way a weight file gets into the repo."""
+"""torch to ONNX, with a parity check and a manifest entry; the only way a weight file gets into the
+repo."""
 
 from __future__ import annotations
 
@@ -24,8 +25,9 @@ from models.weights.inference import WEIGHTS, Card, NetworkSpec, manifest
 class Exported:
     """A file to write: ``module``, the task it serves and what a caller needs to feed it.
 
-    ``examples``: inputs of several sizes, the first is traced; ``dynamic``: free axes of every input; ``features``:
-    names of the columns where the input is a row of evidence; ``facts``: what else the manifest notes of the training.
+    ``examples``: inputs of several sizes, the first is traced; ``dynamic``: free axes of every
+    input; ``features``: names of the columns where the input is a row of evidence; ``facts``: what
+    else the manifest notes of the training.
     """
 
     name: str
@@ -45,24 +47,46 @@ class Exported:
 
 
 def refuse_useless(name: str, metrics: Mapping[str, float], least: Mapping[str, float]) -> None:
-    """Raises ValueError for a network that is no better than a guess: it must not replace the one that ships."""
+    """Raises ValueError for a network that is no better than a guess: it must not replace the one
+    that ships."""
     for figure, bound in least.items():
         if not metrics.get(figure, math.nan) > bound:
-            raise ValueError(f"{name} is not exported: {figure} is {metrics.get(figure)}, no more than {bound}")
+            raise ValueError(
+                f"{name} is not exported: {figure} is {metrics.get(figure)}, no more than {bound}"
+            )
 
 
 def publish(
-    exported: Exported, training: Mapping[str, Any], metrics: Mapping[str, float], without: Mapping[str, Any]
+    exported: Exported,
+    training: Mapping[str, Any],
+    metrics: Mapping[str, float],
+    without: Mapping[str, Any],
 ) -> float:
-    """Write a trained network's file and its manifest entry; returns the largest difference to torch."""
+    """Write a trained network's file and its manifest entry; returns the largest difference to
+    torch."""
     card = Card(
-        exported.version, exported.task, True, exported.input, "Apache-2.0", exported.origin, exported.preprocess,
-        {**training, **exported.facts}, metrics, exported.features, without,
-    )  # fmt: skip
+        exported.version,
+        exported.task,
+        True,
+        exported.input,
+        "Apache-2.0",
+        exported.origin,
+        exported.preprocess,
+        {**training, **exported.facts},
+        metrics,
+        exported.features,
+        without,
+    )
     return export(
-        exported.module, exported.name, card, exported.examples, exported.dynamic, exported.tolerance,
-        exported.inputs, exported.outputs,
-    )  # fmt: skip
+        exported.module,
+        exported.name,
+        card,
+        exported.examples,
+        exported.dynamic,
+        exported.tolerance,
+        exported.inputs,
+        exported.outputs,
+    )
 
 
 def export(
@@ -75,11 +99,13 @@ def export(
     inputs: Sequence[str] = ("input",),
     outputs: Sequence[str] = ("output",),
 ) -> float:
-    """Write ``weights/<name>.onnx`` and its entry. Returns the largest difference to torch over all examples.
+    """Write ``weights/<name>.onnx`` and its entry. Returns the largest difference to torch over all
+    examples.
 
-    ``examples``: inputs of several sizes, the first is traced; ``dynamic``: axis to ``torch.export.Dim``, a
-    mapping an input where there are several. ``inputs`` and ``outputs`` name them in the order of ``forward``.
-    A module traced by ``make_fx`` holds its weights as constants: they are counted with its parameters.
+    ``examples``: inputs of several sizes, the first is traced; ``dynamic``: axis to
+    ``torch.export.Dim``, a mapping an input where there are several. ``inputs`` and ``outputs``
+    name them in the order of ``forward``. A module traced by ``make_fx`` holds its weights as
+    constants: they are counted with its parameters.
 
     Raises ValueError when the difference is above ``tolerance``; then nothing is registered.
     """
@@ -88,15 +114,26 @@ def export(
     cases = [example if isinstance(example, tuple) else (example,) for example in examples]
     shapes = [dynamic] if isinstance(dynamic, Mapping) else dynamic
     torch.onnx.export(
-        module, cases[0], str(path), dynamo=True, dynamic_shapes=tuple(dict(axes) for axes in shapes),
-        external_data=False, input_names=list(inputs), output_names=list(outputs),
-    )  # fmt: skip
+        module,
+        cases[0],
+        str(path),
+        dynamo=True,
+        dynamic_shapes=tuple(dict(axes) for axes in shapes),
+        external_data=False,
+        input_names=list(inputs),
+        output_names=list(outputs),
+    )
     _strip(path)
     difference = parity(module, path, cases)
     if difference > tolerance:
         path.unlink()
-        raise ValueError(f"{name}: ONNX differs from torch by {difference:.2e}, more than {tolerance:.2e}")
-    weights = [*module.parameters(), *(b for b in module.buffers() if b.is_floating_point() and _traced(module))]
+        raise ValueError(
+            f"{name}: ONNX differs from torch by {difference:.2e}, more than {tolerance:.2e}"
+        )
+    weights = [
+        *module.parameters(),
+        *(b for b in module.buffers() if b.is_floating_point() and _traced(module)),
+    ]
     measured = {**card.metrics, "onnx_difference": difference}
     register(name, path, replace(card, metrics=measured), sum(p.numel() for p in weights))
     return difference
@@ -107,7 +144,8 @@ def _traced(module: nn.Module) -> bool:
 
 
 def _strip(path: Path) -> None:
-    """Take out what the exporter notes for debugging: stack traces with the paths of this machine."""
+    """Take out what the exporter notes for debugging: stack traces with the paths of this
+    machine."""
     model = onnx.load(path)
     graphs = [model.graph, *model.functions]
     for graph in graphs:
@@ -122,7 +160,8 @@ def _strip(path: Path) -> None:
 
 
 def parity(module: nn.Module, path: Path, cases: Sequence[tuple[Tensor, ...]]) -> float:
-    """Largest absolute difference between ``module`` and the exported file over ``cases`` and all outputs."""
+    """Largest absolute difference between ``module`` and the exported file over ``cases`` and all
+    outputs."""
     session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
     names = [i.name for i in session.get_inputs()]
     worst = 0.0
@@ -130,7 +169,9 @@ def parity(module: nn.Module, path: Path, cases: Sequence[tuple[Tensor, ...]]) -
         with torch.no_grad():
             expected = module(*case)
         got = session.run(None, dict(zip(names, (tensor.numpy() for tensor in case), strict=True)))
-        for ours, theirs in zip(expected if isinstance(expected, tuple) else (expected,), got, strict=True):
+        for ours, theirs in zip(
+            expected if isinstance(expected, tuple) else (expected,), got, strict=True
+        ):
             worst = max(worst, float(np.abs(np.asarray(theirs) - ours.numpy()).max(initial=0.0)))
     return worst
 
@@ -151,9 +192,15 @@ def register(name: str, path: Path, card: Card, parameters: int) -> None:
         for entry in entries.values():
             entry["default"] = entry["default"] and entry["task"] != card.task
     spec = NetworkSpec(
-        name=name, file=path.name, sha256=hashlib.sha256(data).hexdigest(), bytes=len(data), parameters=parameters,
+        name=name,
+        file=path.name,
+        sha256=hashlib.sha256(data).hexdigest(),
+        bytes=len(data),
+        parameters=parameters,
         **{field.name: getattr(card, field.name) for field in fields(Card)},
-    )  # fmt: skip
+    )
     empty = [name for name in ("features", "without") if not getattr(spec, name)]
-    entries[name] = {key: value for key, value in asdict(spec).items() if key not in ("name", *empty)}
+    entries[name] = {
+        key: value for key, value in asdict(spec).items() if key not in ("name", *empty)
+    }
     file.write_text(tomli_w.dumps(dict(sorted(entries.items()))))

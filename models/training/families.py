@@ -1,8 +1,8 @@
 """The table of networks that this repository trains: ``python -m models.training NAME``.
 
-The foreground networks have a command of their own (``models.training.foreground.campaign``): scenes are rendered while
-they learn. What is fitted without a network is made by ``models.training.instances.section_matching_links`` and
-``models.training.instances.confidence``.
+The foreground networks have a command of their own (``models.training.foreground.campaign``):
+scenes are rendered while they learn. What is fitted without a network is made by
+``models.training.instances.section_matching_links`` and ``models.training.instances.confidence``.
 """
 
 from __future__ import annotations

@@ -15,7 +15,9 @@ class Log:
 
     def __call__(self, **fields: Any) -> None:
         """Numbers with a fraction are rounded to four digits after the point."""
-        line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in fields.items()})
+        line = json.dumps(
+            {k: round(v, 4) if isinstance(v, float) else v for k, v in fields.items()}
+        )
         print(line, flush=True)
         if self.file is not None:
             self.file.parent.mkdir(parents=True, exist_ok=True)

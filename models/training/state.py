@@ -22,11 +22,11 @@ _MAY_CHANGE = ("epochs", "minutes")
 class Config:
     """How a network is trained. A family adds its own settings.
 
-    ``epochs`` or, where they are above 0, ``minutes`` of processor time, summed over all starts, end the training.
-    ``rate``: the learning rate at its highest, reached after the share ``warm_up`` of the training and held for the
-    share ``hold``; ``clip``: largest norm of the gradient, 0 for any; ``keep``: how much of the running mean of the
-    weights a step leaves, 0 for no mean.
-    Raises ValueError for settings under which a training would never end or never begin.
+    ``epochs`` or, where they are above 0, ``minutes`` of processor time, summed over all starts,
+    end the training. ``rate``: the learning rate at its highest, reached after the share
+    ``warm_up`` of the training and held for the share ``hold``; ``clip``: largest norm of the
+    gradient, 0 for any; ``keep``: how much of the running mean of the weights a step leaves, 0 for
+    no mean. Raises ValueError for settings under which a training would never end or never begin.
     """
 
     seed: int = 1
@@ -45,18 +45,22 @@ class Config:
             if isinstance(value, float) and not math.isfinite(value):
                 raise ValueError(f"{name} is {value}, not a finite number")
         if self.minutes < 0 or (self.minutes == 0 and self.epochs < 1):
-            raise ValueError("epochs is less than 1 and there are no minutes: there is nothing to train for")
+            raise ValueError(
+                "epochs is less than 1 and there are no minutes: there is nothing to train for"
+            )
         if self.batch < 1:
             raise ValueError(f"batch is {self.batch}; a step needs at least one sample")
         if self.rate <= 0:
             raise ValueError(f"rate is {self.rate}; with it no weight changes")
         if not (0 <= self.warm_up < 1 and 0 <= self.keep < 1 and 0 <= self.hold < 1 - self.warm_up):
-            raise ValueError("warm_up, hold and keep are shares, at least 0 and less than 1, the first two together")
+            raise ValueError(
+                "warm_up, hold and keep are shares, at least 0 and less than 1, the first two together"
+            )
 
 
 def rate_at(share: float, warm_up: float, hold: float = 0.0) -> float:
-    """Share of the highest learning rate when ``share`` of a training is done: a straight rise from 5 % over the
-    first ``warm_up``, all of it for ``hold``, then half a cosine down to 1 %."""
+    """Share of the highest learning rate when ``share`` of a training is done: a straight rise from
+    5 % over the first ``warm_up``, all of it for ``hold``, then half a cosine down to 1 %."""
     if share < warm_up:
         return 0.05 + 0.95 * share / warm_up
     flat = warm_up + hold
@@ -65,16 +69,21 @@ def rate_at(share: float, warm_up: float, hold: float = 0.0) -> float:
 
 
 class Course:
-    """All that a step changes: network, running mean of its weights, optimizer, and how far it has come.
+    """All that a step changes: network, running mean of its weights, optimizer, and how far it has
+    come.
 
     ``groups``: parameters with a ``scale`` of the learning rate each; None: all alike.
     """
 
-    def __init__(self, network: nn.Module, config: Config, groups: list[dict[str, Any]] | None = None) -> None:
+    def __init__(
+        self, network: nn.Module, config: Config, groups: list[dict[str, Any]] | None = None
+    ) -> None:
         self.config, self.network = config, network
         self.average = copy.deepcopy(network).requires_grad_(False) if config.keep else network
         parameters = groups or [{"params": list(network.parameters())}]
-        self.optimizer = torch.optim.AdamW(parameters, lr=config.rate, weight_decay=config.weight_decay)
+        self.optimizer = torch.optim.AdamW(
+            parameters, lr=config.rate, weight_decay=config.weight_decay
+        )
         self.epochs, self.steps, self.seconds = 0, 0, 0.0
 
     def share(self, of_epoch: float = 0.0) -> float:
@@ -85,7 +94,9 @@ class Course:
 
     def step(self, loss: Tensor, of_epoch: float = 0.0) -> float:
         """One step down the gradient of a loss; returns the loss as a number."""
-        rate = self.config.rate * rate_at(self.share(of_epoch), self.config.warm_up, self.config.hold)
+        rate = self.config.rate * rate_at(
+            self.share(of_epoch), self.config.warm_up, self.config.hold
+        )
         for group in self.optimizer.param_groups:
             group["lr"] = rate * group.get("scale", 1.0)
         self.optimizer.zero_grad()
@@ -95,7 +106,9 @@ class Course:
         self.optimizer.step()
         self.steps += 1
         if self.config.keep:
-            take_mean(self.average, self.network, min(self.config.keep, self.steps / (10 + self.steps)))
+            take_mean(
+                self.average, self.network, min(self.config.keep, self.steps / (10 + self.steps))
+            )
         return float(loss.detach())
 
     def result(self) -> nn.Module:
@@ -106,7 +119,9 @@ class Course:
         """Write the state, and what else belongs beside it; the file is never half written."""
         file.parent.mkdir(parents=True, exist_ok=True)
         progress = {"epochs": self.epochs, "steps": self.steps, "seconds": self.seconds}
-        states = {name: getattr(self, name).state_dict() for name in ("network", "average", "optimizer")}
+        states = {
+            name: getattr(self, name).state_dict() for name in ("network", "average", "optimizer")
+        }
         partial = file.with_suffix(".part")
         torch.save({"config": asdict(self.config), "progress": progress, **states, **more}, partial)
         partial.replace(file)
@@ -114,8 +129,9 @@ class Course:
     def restore(
         self, file: Path, check: Callable[[Mapping[str, Any]], None] = lambda _: None
     ) -> Mapping[str, Any] | None:
-        """Go on from ``file``; what it holds, or None where there is no such file. Raises ValueError when it was begun
-        with other settings, and what ``check`` raises of what it holds."""
+        """Go on from ``file``; what it holds, or None where there is no such file. Raises
+        ValueError when it was begun with other settings, and what ``check`` raises of what it
+        holds."""
         if not file.exists():
             return None
         state: Mapping[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
@@ -123,16 +139,21 @@ class Course:
         for name, value in asdict(self.config).items():
             if name not in _MAY_CHANGE and state["config"].get(name) != value:
                 begun = state["config"].get(name)
-                raise ValueError(f"{file} was begun with {name} {begun}, not {value}: take another folder")
+                raise ValueError(
+                    f"{file} was begun with {name} {begun}, not {value}: take another folder"
+                )
         for name in ("network", "average", "optimizer"):
             getattr(self, name).load_state_dict(state[name])
-        self.epochs, self.steps, self.seconds = (state["progress"][k] for k in ("epochs", "steps", "seconds"))
+        self.epochs, self.steps, self.seconds = (
+            state["progress"][k] for k in ("epochs", "steps", "seconds")
+        )
         return state
 
 
 @torch.no_grad()
 def take_mean(average: nn.Module, network: nn.Module, keep: float) -> None:
-    """Move the weights of ``average`` to those of ``network``, but for the share ``keep``; counters are copied."""
+    """Move the weights of ``average`` to those of ``network``, but for the share ``keep``; counters
+    are copied."""
     for mean, new in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
         if mean.dtype.is_floating_point:
             mean.lerp_(new, 1 - keep)

@@ -1,4 +1,5 @@
-"""A foreground network that somebody brings: is it one, and does it work? To be asked where it may crash."""
+"""A foreground network that somebody brings: is it one, and does it work? To be asked where it may
+crash."""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ def fit_foreground(spec: NetworkSpec, data: bytes, runtime: Runtime | None = Non
 
     Raises UnfitNetworkError.
     """
-    if b"location" in data:  # the key of weights in other files, which would be read from this machine's disk
+    if (
+        b"location" in data
+    ):  # the key of weights in other files, which would be read from this machine's disk
         raise UnfitNetworkError("it refers to weights in other files; they have to be inside")
     try:
         network = opened(spec, data, runtime)
@@ -41,7 +44,9 @@ def fit_foreground(spec: NetworkSpec, data: bytes, runtime: Runtime | None = Non
 def _check_doors(network: Network) -> None:
     inputs, outputs = network.doors()
     if len(inputs) != 1 or len(outputs) != 1:
-        raise UnfitNetworkError(f"it has {len(inputs)} inputs and {len(outputs)} outputs, one of each is needed")
+        raise UnfitNetworkError(
+            f"it has {len(inputs)} inputs and {len(outputs)} outputs, one of each is needed"
+        )
     (kind, shape), wanted = inputs[0], "(1, 3, H, W) float32"
     if kind != "tensor(float)" or not _allows(shape, (1, 3)):
         raise UnfitNetworkError(f"its input is {shape} of {kind}, {wanted} is needed")
@@ -60,10 +65,14 @@ def _try(network: Network, picture: np.ndarray) -> None:
     try:
         (logits,) = network.run(picture)
     except Exception as error:
-        raise UnfitNetworkError(f"it fails on a picture of {picture.shape[2:]}: {_first_line(error)}") from error
+        raise UnfitNetworkError(
+            f"it fails on a picture of {picture.shape[2:]}: {_first_line(error)}"
+        ) from error
     expected = (1, 1, *picture.shape[2:])
     if logits.shape != expected:
-        raise UnfitNetworkError(f"it answers {logits.shape} to a picture of {picture.shape}, {expected} is needed")
+        raise UnfitNetworkError(
+            f"it answers {logits.shape} to a picture of {picture.shape}, {expected} is needed"
+        )
     if not np.isfinite(logits).all() or np.abs(logits).max() > _MOST_LOGIT:
         raise UnfitNetworkError("its answers are not finite, or far from any log odds")
 

@@ -1,4 +1,5 @@
-"""A network's name to a callable over ONNX Runtime. A file that the manifest does not know is refused."""
+"""A network's name to a callable over ONNX Runtime. A file that the manifest does not know is
+refused."""
 
 from __future__ import annotations
 
@@ -33,10 +34,11 @@ class FeaturesDifferError(RuntimeError):
 
 @dataclass(frozen=True)
 class Card:
-    """What the manifest holds of a network besides what can be read off its file. ``preprocess``: what a caller needs
-    to feed it: sizes, normalization, threshold; ``training`` and ``metrics``: where it comes from and how good it is;
-    ``features``: names of the columns of a row of evidence; ``without``: what the ``metrics`` would be without the
-    network, by the ``rule`` that would stand in for it."""
+    """What the manifest holds of a network besides what can be read off its file. ``preprocess``:
+    what a caller needs to feed it: sizes, normalization, threshold; ``training`` and ``metrics``:
+    where it comes from and how good it is; ``features``: names of the columns of a row of evidence;
+    ``without``: what the ``metrics`` would be without the network, by the ``rule`` that would stand
+    in for it."""
 
     version: str
     task: str
@@ -64,8 +66,9 @@ class NetworkSpec(Card):
 
 @dataclass(frozen=True)
 class Runtime:
-    """Where networks run: ONNX Runtime execution providers in order of preference, and threads a network
-    (0: one a core). ``spinning`` off keeps idle threads from stealing time from other workers."""
+    """Where networks run: ONNX Runtime execution providers in order of preference, and threads a
+    network (0: one a core). ``spinning`` off keeps idle threads from stealing time from other
+    workers."""
 
     providers: Sequence[str] = (CPU,)
     threads: int = 0
@@ -88,7 +91,8 @@ class Network:
         return output
 
     def weighing(self, features: Sequence[str]) -> Network:
-        """This network, if these are the columns that it was trained on, in this order. Raises FeaturesDifferError."""
+        """This network, if these are the columns that it was trained on, in this order. Raises
+        FeaturesDifferError."""
         if tuple(self.spec.features) != tuple(features):
             lacking = [f for f in features if f not in self.spec.features]
             unknown = [f for f in self.spec.features if f not in features]
@@ -99,7 +103,8 @@ class Network:
         return self
 
     def doors(self) -> tuple[list[tuple[str, list[Any]]], list[tuple[str, list[Any]]]]:
-        """Type and shape of each input and of each output; a free side has a name, or nothing, for a number."""
+        """Type and shape of each input and of each output; a free side has a name, or nothing, for
+        a number."""
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         return [(i.type, i.shape) for i in inputs], [(o.type, o.shape) for o in outputs]
 
@@ -119,7 +124,9 @@ def manifest() -> Mapping[str, NetworkSpec]:
 def spec_of(name: str) -> NetworkSpec:
     """The manifest's entry of a network. Raises UnknownNetworkError."""
     if name not in manifest():
-        raise UnknownNetworkError(f"unknown network {name!r}; there are {', '.join(sorted(manifest()))}")
+        raise UnknownNetworkError(
+            f"unknown network {name!r}; there are {', '.join(sorted(manifest()))}"
+        )
     return manifest()[name]
 
 
@@ -150,9 +157,12 @@ def load(name: str, runtime: Runtime | None = None) -> Network:
 
 
 def opened(spec: NetworkSpec, data: bytes, runtime: Runtime | None = None) -> Network:
-    """The network of ``data``, the bytes of an ONNX file; raises models.weights.providers.ProviderMissingError."""
+    """The network of ``data``, the bytes of an ONNX file; raises
+    models.weights.providers.ProviderMissingError."""
     runtime = runtime or Runtime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = runtime.threads
-    options.add_session_config_entry("session.intra_op.allow_spinning", "1" if runtime.spinning else "0")
+    options.add_session_config_entry(
+        "session.intra_op.allow_spinning", "1" if runtime.spinning else "0"
+    )
     return Network(spec, session(data, options, runtime.providers))

@@ -1,4 +1,5 @@
-"""Where a network runs: the first wanted execution provider of ONNX Runtime that works on this machine."""
+"""Where a network runs: the first wanted execution provider of ONNX Runtime that works on this
+machine."""
 
 from __future__ import annotations
 
@@ -15,11 +16,13 @@ class ProviderMissingError(RuntimeError):
     """None of the wanted execution providers works here, and the processor is not among them."""
 
 
-def session(data: bytes, options: onnxruntime.SessionOptions, wanted: Sequence[str]) -> onnxruntime.InferenceSession:
+def session(
+    data: bytes, options: onnxruntime.SessionOptions, wanted: Sequence[str]
+) -> onnxruntime.InferenceSession:
     """The ONNX file ``data``, opened on the providers in ``wanted``, in their order of preference.
 
-    Those that are not installed, or that the machine cannot start, are passed over, which leaves the processor if it
-    is wanted too; raises ProviderMissingError if it is not.
+    Those that are not installed, or that the machine cannot start, are passed over, which leaves
+    the processor if it is wanted too; raises ProviderMissingError if it is not.
     """
     installed = onnxruntime.get_available_providers()
     usable = [name for name in wanted if name in installed]
@@ -36,5 +39,6 @@ def session(data: bytes, options: onnxruntime.SessionOptions, wanted: Sequence[s
 
 @cache
 def _load_cuda() -> None:
-    """Look for CUDA and cuDNN in the packages beside ONNX Runtime first: no system folder names them there."""
+    """Look for CUDA and cuDNN in the packages beside ONNX Runtime first: no system folder names
+    them there."""
     onnxruntime.preload_dlls()

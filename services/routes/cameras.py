@@ -26,7 +26,10 @@ _YAML = ("application/yaml", "application/x-yaml", "text/yaml", "text/x-yaml")
 
 @router.put(
     "/{name}",
-    responses={201: {"model": StoredCamera}, **documents.problems(403, 408, 413, 415, 422, 429, 507)},
+    responses={
+        201: {"model": StoredCamera},
+        **documents.problems(403, 408, 413, 415, 422, 429, 507),
+    },
     openapi_extra={"requestBody": documents.CALIBRATION},
 )
 async def store_camera(
@@ -35,11 +38,15 @@ async def store_camera(
     caller: Admin,
     backend: BackendDep,
     response: Response,
-    kalibr: Annotated[str, Query(max_length=64, description="camera of a Kalibr camchain")] = "cam0",
+    kalibr: Annotated[
+        str, Query(max_length=64, description="camera of a Kalibr camchain")
+    ] = "cam0",
 ) -> StoredCamera:
-    """Store a calibration; the next version if there is one. Needs the scope `admin` where there are keys.
+    """Store a calibration; the next version if there is one. Needs the scope `admin` where there
+    are keys.
 
-    A file of ROS, OpenCV or Kalibr (`application/yaml`) brings the intrinsics alone and keeps the poses."""
+    A file of ROS, OpenCV or Kalibr (`application/yaml`) brings the intrinsics alone and keeps the
+    poses."""
     kind = media_type(request)
     if kind not in ("application/json", *_YAML):
         detail = f"send application/json or application/yaml, not {kind or 'a body without a content type'}"
@@ -51,7 +58,9 @@ async def store_camera(
         before = await to_thread.run_sync(backend.queue.cameras.get, name)
         poses = dict(camera_of(before).camera) if before else {}
         body = CameraBody(**{**poses, "intrinsics": _read(text, kalibr)})
-    stored = StoredCamera(name=name, version=1, created_at=datetime.now(UTC), author=caller.owner, camera=body)
+    stored = StoredCamera(
+        name=name, version=1, created_at=datetime.now(UTC), author=caller.owner, camera=body
+    )
     kept = stored.model_dump_json(exclude={"name", "version"}, exclude_none=True)
     try:
         version = await to_thread.run_sync(backend.queue.cameras.put, name, kept)
@@ -72,7 +81,9 @@ def read_camera(
     name: Name,
     _: Reader,
     backend: BackendDep,
-    version: Annotated[int | None, Query(ge=1, description="of the camera; default the latest")] = None,
+    version: Annotated[
+        int | None, Query(ge=1, description="of the camera; default the latest")
+    ] = None,
 ) -> StoredCamera:
     """A camera, the latest version or another of the last hundred."""
     kept = backend.queue.cameras.get(name, version)

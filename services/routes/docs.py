@@ -1,4 +1,5 @@
-"""``/docs`` and ``/redoc``: the documentation for a browser, with nothing fetched from elsewhere."""
+"""``/docs`` and ``/redoc``: the documentation for a browser, with nothing fetched from
+elsewhere."""
 
 from __future__ import annotations
 
@@ -30,7 +31,11 @@ async def swagger(request: Request) -> HTMLResponse:
         swagger_js_url=f"{root}{_PREFIX}/swagger-ui-bundle.js",
         swagger_css_url=f"{root}{_PREFIX}/swagger-ui.css",
         swagger_favicon_url=f"{root}/viewer/icon.svg",
-        swagger_ui_parameters={"validatorUrl": None, "defaultModelsExpandDepth": 0, "displayRequestDuration": True},
+        swagger_ui_parameters={
+            "validatorUrl": None,
+            "defaultModelsExpandDepth": 0,
+            "displayRequestDuration": True,
+        },
     )
 
 

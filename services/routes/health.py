@@ -19,7 +19,9 @@ router = APIRouter(tags=["health"])
 class Health(BaseModel):
     """A probe's answer; one that is not `ok` is a problem."""
 
-    status: Literal["ok"] = Field(default="ok", description="always `ok`; a probe that fails answers with a problem")
+    status: Literal["ok"] = Field(
+        default="ok", description="always `ok`; a probe that fails answers with a problem"
+    )
 
 
 class Version(BaseModel):

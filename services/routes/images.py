@@ -34,22 +34,32 @@ async def upload_image(request: Request, caller: Submitter, backend: BackendDep)
     if kind and kind != "application/octet-stream" and not kind.startswith("image/"):
         detail = f"send the picture as image/*, application/octet-stream or multipart/form-data, not {kind}"
         raise ProblemError(415, "unsupported_media_type", detail)
-    return await _keep(await whole(request, field="image", max_bytes=limit), "image", caller, backend)
+    return await _keep(
+        await whole(request, field="image", max_bytes=limit), "image", caller, backend
+    )
 
 
 @router.get(
     "/{image_id}/preview",
     response_class=Response,
-    responses={200: {"content": {preview.MEDIA_TYPE: {}}, "description": "PNG"}, **documents.problems(404)},
+    responses={
+        200: {"content": {preview.MEDIA_TYPE: {}}, "description": "PNG"},
+        **documents.problems(404),
+    },
 )
 async def read_preview(
-    image_id: Annotated[str, Path(description="as `POST /v1/images` gave it")], _: Reader, backend: BackendDep
+    image_id: Annotated[str, Path(description="as `POST /v1/images` gave it")],
+    _: Reader,
+    backend: BackendDep,
 ) -> Response:
-    """An uploaded picture, upright, in 8 bits and at most 2048 pixels wide and high, for a browser to show."""
+    """An uploaded picture, upright, in 8 bits and at most 2048 pixels wide and high, for a browser
+    to show."""
     try:
         data = await to_thread.run_sync(backend.blobs.get, image_id)
     except BlobMissing:
-        raise ProblemError(404, "unknown_image", "no uploaded picture has this id (any longer)") from None
+        raise ProblemError(
+            404, "unknown_image", "no uploaded picture has this id (any longer)"
+        ) from None
     try:
         png = await backend.previews.of(data)
     except PictureError as error:
@@ -60,7 +70,9 @@ async def read_preview(
 
 async def _keep_part(request: Request, caller: Caller, backend: Backend) -> ImageInfo:
     kept = None
-    async with aclosing(parts(request, {"file": Allowed(1, backend.settings.max_image_bytes)})) as stream:
+    async with aclosing(
+        parts(request, {"file": Allowed(1, backend.settings.max_image_bytes)})
+    ) as stream:
         async for part in stream:
             kept = await _keep(part.data, part.name, caller, backend)
     if kept is None:
@@ -71,7 +83,9 @@ async def _keep_part(request: Request, caller: Caller, backend: Backend) -> Imag
 async def _keep(data: bytes, field: str, caller: Caller, backend: Backend) -> ImageInfo:
     info, staged = await backend.uploads.stage(data, field=field, cloud=True)
     try:
-        await to_thread.run_sync(backend.queue.charge, caller.owner, caller.most_bytes, {info.id: info.bytes})
+        await to_thread.run_sync(
+            backend.queue.charge, caller.owner, caller.most_bytes, {info.id: info.bytes}
+        )
         await to_thread.run_sync(staged.keep)
     finally:
         await to_thread.run_sync(staged.drop)

@@ -23,9 +23,14 @@ from workers.record import REQUEST, JobRecord
 
 router = APIRouter(prefix=JOBS, tags=["jobs"])
 
-Cursor = Annotated[str | None, Query(pattern=r"^\d{1,18}$", description="`next_cursor` of the page before")]
+Cursor = Annotated[
+    str | None, Query(pattern=r"^\d{1,18}$", description="`next_cursor` of the page before")
+]
 EventId = Annotated[
-    str, Header(alias="Last-Event-ID", pattern=r"^\d{1,20}-\d{1,20}$|^0$", description="resume after it")
+    str,
+    Header(
+        alias="Last-Event-ID", pattern=r"^\d{1,20}-\d{1,20}$|^0$", description="resume after it"
+    ),
 ]
 
 
@@ -70,7 +75,8 @@ async def submit_job(
     wait: Wait = 0.0,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
-    """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in time."""
+    """Put a request into the queue; with `wait`, answer 200 with the ended job if it ends in
+    time."""
     await check_room(request, caller, backend, idempotency_key)
     async with backend.submissions.read(request, caller.defaults) as submission:
         job_id = await submitted(submission, caller, backend, idempotency_key)
@@ -87,7 +93,9 @@ def list_jobs(
     kind: Annotated[JobKind | None, Query(description="only jobs of this kind")] = None,
 ) -> JobPage:
     """Jobs newest first, without their results. Only a page without `next_cursor` is the last."""
-    return backend.queue.recent(limit=limit, cursor=cursor, state=state, kind=kind, owner=caller.sees)
+    return backend.queue.recent(
+        limit=limit, cursor=cursor, state=state, kind=kind, owner=caller.sees
+    )
 
 
 @router.get("/{job_id}", response_model=AnyJob, responses=documents.problems(403, 404, 410, 429))
@@ -100,15 +108,23 @@ async def read_job(record: Existing, backend: BackendDep, wait: Wait = 0.0) -> R
 
 @router.get("/{job_id}/recipe", responses=documents.problems(403, 404, 409, 410, 429))
 def read_recipe_of_job(record: Existing, backend: BackendDep) -> RecipeBody:
-    """A recipe that repeats the job: its request without pictures, with these as samples. Of a job that a recipe made,
-    that recipe. Store it with `PUT /v1/recipes/{number}`."""
+    """A recipe that repeats the job: its request without pictures, with these as samples. Of a job
+    that a recipe made, that recipe. Store it with `PUT /v1/recipes/{number}`."""
     job = record.job
-    kept = backend.queue.recipes.get(str(job.recipe.number), job.recipe.version) if job.recipe else None
+    kept = (
+        backend.queue.recipes.get(str(job.recipe.number), job.recipe.version)
+        if job.recipe
+        else None
+    )
     if kept is not None and job.recipe is not None:
         return body_of(recipe_of(job.recipe.number, kept))
     request = backend.queue.request(job.id)
     if request is None:
-        raise ProblemError(409, "request_not_kept", "the request of this job was too long to be kept when it had ended")
+        raise ProblemError(
+            409,
+            "request_not_kept",
+            "the request of this job was too long to be kept when it had ended",
+        )
     cameras = [camera_of(camera) for camera in backend.queue.cameras.latest()]
     return recipe_of_job(job, REQUEST.validate_json(request), cameras)
 
@@ -121,7 +137,11 @@ async def cancel_job(record: Cancellable, backend: BackendDep) -> Response:
     return answer(await backend.waiting.get(job_id))
 
 
-@router.get("/{job_id}/events", response_class=EventSourceResponse, responses=documents.problems(403, 404, 410, 429))
+@router.get(
+    "/{job_id}/events",
+    response_class=EventSourceResponse,
+    responses=documents.problems(403, 404, 410, 429),
+)
 async def follow_job(
     record: Existing, backend: BackendDep, last_event_id: EventId = "0"
 ) -> AsyncIterator[ServerSentEvent]:
@@ -142,7 +162,9 @@ async def read_file(
     record: Existing,
     name: Annotated[str, Path(description="as in the job's `files`")],
     backend: BackendDep,
-    if_none_match: Annotated[str | None, Header(description="ETag of the copy that the caller has")] = None,
+    if_none_match: Annotated[
+        str | None, Header(description="ETag of the copy that the caller has")
+    ] = None,
 ) -> Response:
     """A file of the job's result, as named in its `files`."""
     file = next((file for file in record.job.files if file.name == name), None)

@@ -1,4 +1,5 @@
-"""``/v1/label-folders``: those of ``DLO_LABELS_DIR``, for the label bench; ``/v1/label-exports``."""
+"""``/v1/label-folders``: those of ``DLO_LABELS_DIR``, for the label bench;
+``/v1/label-exports``."""
 
 from __future__ import annotations
 
@@ -27,7 +28,10 @@ _LABEL: dict[str, Any] = {
 _LINES: dict[str, Any] = {"text/plain": {"schema": {"type": "string"}}}
 
 Folder = Annotated[str, Path(description="as in the list of folders")]
-Name = Annotated[str, Query(min_length=1, max_length=1000, description="of the picture, as in the list of pictures")]
+Name = Annotated[
+    str,
+    Query(min_length=1, max_length=1000, description="of the picture, as in the list of pictures"),
+]
 
 
 class LabelFolderNames(BaseModel):
@@ -64,7 +68,9 @@ def list_folders(_: Reader, backend: BackendDep) -> LabelFolderNames:
         200: {"content": {MEDIA_TYPE: {}}, "description": "ZIP"},
         **documents.problems(403, 408, 413, 429, 501),
     },
-    openapi_extra={"requestBody": {"required": True, "description": "A label in each line", "content": _LINES}},
+    openapi_extra={
+        "requestBody": {"required": True, "description": "A label in each line", "content": _LINES}
+    },
 )
 async def export_labels(
     request: Request,
@@ -82,7 +88,9 @@ async def export_labels(
 def list_pictures(folder: Folder, _: Reader, backend: BackendDep) -> LabelFolder:
     """The labelled pictures of a folder, and which of them somebody has changed or confirmed."""
     pictures = [
-        LabelledPicture(name=entry.name, sha256=entry.sha256, certainty=entry.certainty, state=state)
+        LabelledPicture(
+            name=entry.name, sha256=entry.sha256, certainty=entry.certainty, state=state
+        )
         for entry, state in backend.labels.entries(folder)
     ]
     return LabelFolder(pictures=pictures)
@@ -97,7 +105,8 @@ def list_pictures(folder: Folder, _: Reader, backend: BackendDep) -> LabelFolder
     },
 )
 def read_label(folder: Folder, name: Name, _: Reader, backend: BackendDep) -> Response:
-    """The newest label of a picture: a draft, a correction, or the service's own. Its ETag is asked for to save it."""
+    """The newest label of a picture: a draft, a correction, or the service's own. Its ETag is asked
+    for to save it."""
     return _answer(backend.labels.read(folder, name))
 
 
@@ -114,10 +123,12 @@ async def save_label(
     request: Request,
     _: Submitter,
     backend: BackendDep,
-    if_match: Annotated[str | None, Header(description="ETag of the label that this one takes the place of")] = None,
+    if_match: Annotated[
+        str | None, Header(description="ETag of the label that this one takes the place of")
+    ] = None,
 ) -> Response:
-    """Save a label: as a correction where its `origin` is `corrected`, else as a draft. Answers 412 when somebody else
-    saved one since the ETag was read."""
+    """Save a label: as a correction where its `origin` is `corrected`, else as a draft. Answers 412
+    when somebody else saved one since the ETag was read."""
     if not if_match:
         raise ProblemError(428, "etag_required", "send the label's ETag as `If-Match`")
     content = await whole(request, field="label", max_bytes=_MOST_BYTES)
@@ -128,16 +139,23 @@ async def save_label(
 @router.get(
     "/label-folders/{folder}/picture",
     response_class=Response,
-    responses={200: {"content": {"image/*": {}}, "description": "Its bytes"}, **documents.problems(403, 404, 409, 429)},
+    responses={
+        200: {"content": {"image/*": {}}, "description": "Its bytes"},
+        **documents.problems(403, 404, 409, 429),
+    },
 )
 def read_picture(folder: Folder, name: Name, _: Reader, backend: BackendDep) -> Response:
     """The picture itself, if it still is the one that was labelled."""
     content = backend.labels.picture(folder, name)
     media_type = mimetypes.guess_type(name)[0] or "application/octet-stream"
-    return Response(content, media_type=media_type, headers={"Cache-Control": "private, max-age=600"})
+    return Response(
+        content, media_type=media_type, headers={"Cache-Control": "private, max-age=600"}
+    )
 
 
 def _answer(kept: Kept) -> Response:
     return Response(
-        kept.content, media_type="application/json", headers={"ETag": kept.etag, "Cache-Control": "no-cache"}
+        kept.content,
+        media_type="application/json",
+        headers={"ETag": kept.etag, "Cache-Control": "no-cache"},
     )

@@ -5,7 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 from anyio import to_thread
-from dlo_client.contracts import ImportNetworkRequest, ImportNetworkResult, JobState, NetworkInfo, UploadRef
+from dlo_client.contracts import (
+    ImportNetworkRequest,
+    ImportNetworkResult,
+    JobState,
+    NetworkInfo,
+    UploadRef,
+)
 from dlo_client.contracts.networks import NetworkName, VersionChoice
 from fastapi import APIRouter, Path, Query, Request, Response
 
@@ -25,17 +31,22 @@ _OVERHEAD_BYTES = 128 * 1024
 """Of a network's file besides its weights."""
 
 Name = Annotated[str, Path(pattern=r"^[a-z0-9][a-z0-9_.-]{0,63}$", description="as in the list")]
-Version = Annotated[int | None, Query(ge=1, description="default: the one that the name stands for")]
+Version = Annotated[
+    int | None, Query(ge=1, description="default: the one that the name stands for")
+]
 
 
 @router.get("", responses=documents.problems(403, 429))
 def list_models(caller: Reader, backend: BackendDep) -> list[NetworkInfo]:
-    """The networks that live workers have, and those that users adapted or brought: any key may name these too.
+    """The networks that live workers have, and those that users adapted or brought: any key may
+    name these too.
 
     `default`: what a request of this key takes that names none.
     """
     stored = [backend.networks.info(name) for name in backend.networks.names()]
-    return _with_default([*backend.queue.networks(), *stored], caller.model or backend.settings.default_model)
+    return _with_default(
+        [*backend.queue.networks(), *stored], caller.model or backend.settings.default_model
+    )
 
 
 @router.get("/{name}", responses=documents.problems(403, 404, 429))
@@ -60,10 +71,11 @@ async def import_model(
     name: Annotated[NetworkName | None, Query(description="default: the name in the file")] = None,
     idempotency_key: IdempotencyKey = None,
 ) -> NetworkInfo:
-    """Take in a network from its file, as `GET /v1/models/{name}/file` gives it. A worker checks it first.
+    """Take in a network from its file, as `GET /v1/models/{name}/file` gives it. A worker checks it
+    first.
 
-    It becomes the next version of its name; the first is what the name stands for, a later one is not until
-    `PUT /v1/models/{name}` asks for it.
+    It becomes the next version of its name; the first is what the name stands for, a later one is
+    not until `PUT /v1/models/{name}` asks for it.
     """
     limit = backend.settings.max_network_bytes
     data = await whole(request, field="body", max_bytes=limit + _OVERHEAD_BYTES)
@@ -83,7 +95,9 @@ async def import_model(
     response_class=Response,
     responses={200: {"content": {MEDIA_TYPE: {}}}, **documents.problems(403, 404, 429)},
 )
-def read_model_file(name: Name, caller: Reader, backend: BackendDep, version: Version = None) -> Response:
+def read_model_file(
+    name: Name, caller: Reader, backend: BackendDep, version: Version = None
+) -> Response:
     """The file of a network: everything that another service needs to take it in."""
     _own(name, caller, backend)
     _, number = backend.networks.find(f"{name}@{version}" if version else name)
@@ -92,7 +106,9 @@ def read_model_file(name: Name, caller: Reader, backend: BackendDep, version: Ve
 
 
 @router.put("/{name}", responses=documents.problems(403, 404, 429))
-def choose_version(choice: VersionChoice, name: Name, caller: Submitter, backend: BackendDep) -> NetworkInfo:
+def choose_version(
+    choice: VersionChoice, name: Name, caller: Submitter, backend: BackendDep
+) -> NetworkInfo:
     """Let the name stand for another of its versions: a newer one, or back to an older one."""
     _own(name, caller, backend)
     backend.networks.use(name, choice.version)
@@ -129,7 +145,9 @@ def _look(data: bytes, limit: int) -> None:
         raise field_error("body", str(error), code="invalid_network") from error
 
 
-def _submit(backend: Backend, caller: Caller, data: bytes, name: str | None, key: str | None) -> str:
+def _submit(
+    backend: Backend, caller: Caller, data: bytes, name: str | None, key: str | None
+) -> str:
     staged = backend.blobs.stage(data)
 
     def keep() -> None:
@@ -157,6 +175,8 @@ def _with_default(networks: list[NetworkInfo], chosen: str | None) -> list[Netwo
     if not any(network.name == name for network in networks):
         return networks
     return [
-        network.model_copy(update={"default": network.name == name}) if network.task == "foreground" else network
+        network.model_copy(update={"default": network.name == name})
+        if network.task == "foreground"
+        else network
         for network in networks
     ]

@@ -29,7 +29,9 @@ from workers.kept import FullError
 
 router = APIRouter(prefix="/v1/recipes", tags=["recipes"])
 
-Number = Annotated[int, Path(ge=0, le=LARGEST_NUMBER, description="of the recipe, as controllers call it")]
+Number = Annotated[
+    int, Path(ge=0, le=LARGEST_NUMBER, description="of the recipe, as controllers call it")
+]
 Version = Annotated[int | None, Query(ge=1, description="of the recipe; default the latest")]
 
 
@@ -41,7 +43,8 @@ Version = Annotated[int | None, Query(ge=1, description="of the recipe; default 
 async def store_recipe(
     request: Request, number: Number, caller: Admin, backend: BackendDep, response: Response
 ) -> Recipe:
-    """Store a recipe; the next version if there is one. Needs the scope `admin` where there are keys."""
+    """Store a recipe; the next version if there is one. Needs the scope `admin` where there are
+    keys."""
     body = await bodies.read(request, RecipeBody, backend.settings.max_request_bytes)
     recipe = await to_thread.run_sync(_store, number, body, caller, backend)
     response.status_code = 201 if recipe.version == 1 else 200
@@ -51,7 +54,9 @@ async def store_recipe(
 def _store(number: int, body: RecipeBody, caller: Caller, backend: Backend) -> Recipe:
     camera = _camera(backend, body.camera) if body.camera else None
     named = dict.fromkeys(composer(body, camera).check(), "request")
-    named |= {sample.image.id: f"samples.{index}.image" for index, sample in enumerate(body.samples)}
+    named |= {
+        sample.image.id: f"samples.{index}.image" for index, sample in enumerate(body.samples)
+    }
     for picture, field in named.items():
         if not backend.uploads.keep(picture):
             message = "no uploaded picture has this id (any longer); upload it first"
@@ -70,7 +75,8 @@ def _store(number: int, body: RecipeBody, caller: Caller, backend: Backend) -> R
 def list_recipes(_: Reader, backend: BackendDep) -> list[Recipe]:
     """The latest version of every recipe, by number."""
     return sorted(
-        (recipe_of(int(kept.name), kept) for kept in backend.queue.recipes.latest()), key=lambda one: one.number
+        (recipe_of(int(kept.name), kept) for kept in backend.queue.recipes.latest()),
+        key=lambda one: one.number,
     )
 
 
@@ -115,25 +121,37 @@ async def run_recipe(
     wait: Wait = 0.0,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
-    """Put the recipe's request with these pictures into the queue; as `POST /v1/jobs` with `wait`."""
+    """Put the recipe's request with these pictures into the queue; as `POST /v1/jobs` with
+    `wait`."""
     await check_room(request, caller, backend, idempotency_key)
     used, composed = await to_thread.run_sync(_composer, backend, number, version)
-    async with backend.submissions.read_run(request, composed.compose, caller.defaults) as submission:
+    async with backend.submissions.read_run(
+        request, composed.compose, caller.defaults
+    ) as submission:
         job_id = await submitted(_naming(submission, used), caller, backend, idempotency_key)
     return await awaited(backend, job_id, wait)
 
 
-@router.post("/{number}/dry-run", status_code=202, responses=documents.problems(403, 404, 409, 410, 413, 429, 507))
-async def dry_run(number: Number, caller: Submitter, backend: BackendDep, version: Version = None) -> list[AnyJob]:
-    """Run the recipe with the pictures that are stored with it: one job for all of them where its request has `views`,
-    else one job each."""
+@router.post(
+    "/{number}/dry-run",
+    status_code=202,
+    responses=documents.problems(403, 404, 409, 410, 413, 429, 507),
+)
+async def dry_run(
+    number: Number, caller: Submitter, backend: BackendDep, version: Version = None
+) -> list[AnyJob]:
+    """Run the recipe with the pictures that are stored with it: one job for all of them where its
+    request has `views`, else one job each."""
     recipe = await to_thread.run_sync(_recipe, backend, number, version)
     used, composed = await to_thread.run_sync(_composer, backend, number, recipe.version)
     if not recipe.samples:
-        raise field_error("samples", "the recipe has no stored pictures", code="no_samples", status=409)
+        raise field_error(
+            "samples", "the recipe has no stored pictures", code="no_samples", status=409
+        )
     groups = [recipe.samples] if composed.has_views else [[sample] for sample in recipe.samples]
     submissions = [
-        await backend.submissions.named(_input(group), composed.compose, caller.defaults) for group in groups
+        await backend.submissions.named(_input(group), composed.compose, caller.defaults)
+        for group in groups
     ]
     ids = [await submitted(_naming(one, used), caller, backend, None) for one in submissions]
     return [(await backend.waiting.get(job_id)).job for job_id in ids]
@@ -165,5 +183,7 @@ def _recipe(backend: Backend, number: int, version: int | None) -> Recipe:
 def _camera(backend: Backend, name: str) -> StoredCamera:
     kept = backend.queue.cameras.get(name)
     if kept is None:
-        raise field_error("camera", f"there is no stored camera {name!r}; see /v1/cameras", code="unknown_camera")
+        raise field_error(
+            "camera", f"there is no stored camera {name!r}; see /v1/cameras", code="unknown_camera"
+        )
     return camera_of(kept)

@@ -10,7 +10,15 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response, WebSocke
 from redis.exceptions import RedisError
 
 from services import documents, frame_stream, frames
-from services.access import Backend, BackendDep, Caller, Reader, Submitter, has_form_of_id, streaming_caller
+from services.access import (
+    Backend,
+    BackendDep,
+    Caller,
+    Reader,
+    Submitter,
+    has_form_of_id,
+    streaming_caller,
+)
 from services.multipart import Allowed, media_type, parts, whole
 from services.problems import ProblemError, field_error
 from workers.errors import TrackUnknown
@@ -20,7 +28,12 @@ router = APIRouter(prefix="/v1/tracks", tags=["tracks"])
 
 TimeS = Annotated[
     float | None,
-    Query(ge=0, le=1e12, allow_inf_nan=False, description="when it was taken; default: frames are equally far apart"),
+    Query(
+        ge=0,
+        le=1e12,
+        allow_inf_nan=False,
+        description="when it was taken; default: frames are equally far apart",
+    ),
 ]
 
 
@@ -54,7 +67,11 @@ Own = Annotated[TrackRecord, Depends(_own_record)]
 
 @router.post("", status_code=201, responses=documents.problems(403, 413, 415, 429))
 async def begin_track(
-    caller: Submitter, backend: BackendDep, request: Request, response: Response, options: TrackOptions | None = None
+    caller: Submitter,
+    backend: BackendDep,
+    request: Request,
+    response: Response,
+    options: TrackOptions | None = None,
 ) -> TrackInfo:
     """Begin a track. It is forgotten when no frame has come for a while (`expires_at`)."""
     text = (options or TrackOptions()).model_dump_json()
@@ -90,7 +107,8 @@ async def add_frame(
 
 @router.websocket("/{track_id}/stream")
 async def stream(socket: WebSocket, track_id: str) -> None:
-    """Pictures in as binary messages, frame results out as text; see :mod:`services.frame_stream`."""
+    """Pictures in as binary messages, frame results out as text; see
+    :mod:`services.frame_stream`."""
     backend: Backend = socket.app.state.backend
     try:
         async with streaming_caller(socket, backend, "submit") as caller:
@@ -110,7 +128,9 @@ async def _pictures(request: Request, backend: Backend) -> dict[str, bytes]:
             raise ProblemError(415, "unsupported_media_type", detail)
         return {"image": await whole(request, field="image", max_bytes=limit)}
     found: dict[str, bytes] = {}
-    async with aclosing(parts(request, dict.fromkeys(("image", "mask", "depth"), Allowed(1, limit)))) as stream:
+    async with aclosing(
+        parts(request, dict.fromkeys(("image", "mask", "depth"), Allowed(1, limit)))
+    ) as stream:
         async for part in stream:
             found[part.name] = part.data
     if not found:

@@ -16,7 +16,8 @@ router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"])
 
 
 class DeadLetterInfo(BaseModel):
-    """A webhook that was given up: the job it is about, where it went, and what came of its last attempt."""
+    """A webhook that was given up: the job it is about, where it went, and what came of its last
+    attempt."""
 
     job_id: str = Field(description="the job that had ended")
     url: str = Field(description="its `webhook_url`")
@@ -39,7 +40,11 @@ def list_dead(_: Admin, backend: BackendDep) -> list[DeadLetterInfo]:
 
 
 @router.post("/dead/{job_id}/resend", status_code=202, responses=documents.problems(403, 404, 429))
-def resend(job_id: Annotated[str, Path(description="as in the list")], _: Admin, backend: BackendDep) -> None:
+def resend(
+    job_id: Annotated[str, Path(description="as in the list")], _: Admin, backend: BackendDep
+) -> None:
     """Deliver one of them anew."""
     if not backend.queue.dead_letters.resend(job_id):
-        raise ProblemError(404, "unknown_webhook", "no webhook of this job was given up, or it is no longer kept")
+        raise ProblemError(
+            404, "unknown_webhook", "no webhook of this job was given up, or it is no longer kept"
+        )

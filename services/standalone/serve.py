@@ -1,4 +1,5 @@
-"""The whole service on one machine: the queue server, workers and HTTP, from one command to one shutdown."""
+"""The whole service on one machine: the queue server, workers and HTTP, from one command to one
+shutdown."""
 
 from __future__ import annotations
 
@@ -42,12 +43,14 @@ class CannotServeError(Exception):
 
 
 def serve(settings: ServiceSettings, then: Sequence[str] = ()) -> int:
-    """Serve until a signal, or run the command ``then`` once ready and stop after it; return the exit code.
+    """Serve until a signal, or run the command ``then`` once ready and stop after it; return the
+    exit code.
 
-    Without a ``redis_url`` of its own the service starts a queue server whose data is in the data folder.
+    Without a ``redis_url`` of its own the service starts a queue server whose data is in the data
+    folder.
 
-    Raises:
-        CannotServeError: the port is taken, another service works on the data folder, or ``then`` is no command.
+    Raises: CannotServeError: the port is taken, another service works on the data folder, or
+        ``then`` is no command.
     """
     if then and not shutil.which(then[0]):
         raise CannotServeError(f"{then[0]} is no command")
@@ -62,7 +65,8 @@ def serve(settings: ServiceSettings, then: Sequence[str] = ()) -> int:
 
 
 def _run(service: Coroutine[Any, Any, int]) -> int:
-    """On the event loop that ``uvicorn`` takes when it is started by itself: the fastest one that is installed."""
+    """On the event loop that ``uvicorn`` takes when it is started by itself: the fastest one that
+    is installed."""
     with asyncio.Runner(loop_factory=auto_loop_factory()) as runner:
         return runner.run(service)
 
@@ -106,7 +110,11 @@ class _Service:
     """The processes of one service."""
 
     def __init__(
-        self, settings: ServiceSettings, listener: socket.socket, queue_port: int | None, password: str = ""
+        self,
+        settings: ServiceSettings,
+        listener: socket.socket,
+        queue_port: int | None,
+        password: str = "",
     ) -> None:
         self._settings = settings
         self._listener = listener
@@ -151,7 +159,9 @@ class _Service:
         tie = ("--with-parent", str(os.getpid()))
         workers = [Child("workers", tie, environment) for _ in range(settings.workers)]
         training = (*tie, "--queues", TRAINING)
-        workers += [Child("workers", training, environment) for _ in range(settings.training_workers)]
+        workers += [
+            Child("workers", training, environment) for _ in range(settings.training_workers)
+        ]
         if self._queue_port is None:
             return [], workers
         place = ("--dir", str(settings.queue_dir), "--port", str(self._queue_port))
@@ -188,7 +198,9 @@ class _Service:
 
     async def _run(self, then: Sequence[str], stop: asyncio.Event) -> int:
         """Run the command with the service's address in ``DLO_URL``; its exit code."""
-        process = await asyncio.create_subprocess_exec(*then, env=os.environ | {"DLO_URL": self._url})
+        process = await asyncio.create_subprocess_exec(
+            *then, env=os.environ | {"DLO_URL": self._url}
+        )
         ended = asyncio.create_task(process.wait())
         stopped = asyncio.create_task(stop.wait())
         await asyncio.wait({ended, stopped}, return_when=asyncio.FIRST_COMPLETED)

@@ -25,9 +25,12 @@ _SILENT_S = 15.0
 
 
 class Child:
-    """``python -m module arguments`` in a group of its own: a Ctrl-C at the terminal reaches only us."""
+    """``python -m module arguments`` in a group of its own: a Ctrl-C at the terminal reaches only
+    us."""
 
-    def __init__(self, module: str, arguments: Sequence[str], environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, module: str, arguments: Sequence[str], environment: Mapping[str, str]
+    ) -> None:
         self._command = (sys.executable, "-m", module, *arguments)
         self._name = module
         self._address = f"@dlo-{uuid4().hex}"
@@ -65,7 +68,9 @@ class Child:
             listener.setblocking(False)
             while True:
                 try:
-                    await asyncio.wait_for(asyncio.get_running_loop().sock_recv(listener, 64), _SILENT_S)
+                    await asyncio.wait_for(
+                        asyncio.get_running_loop().sock_recv(listener, 64), _SILENT_S
+                    )
                     self._beats = True
                 except TimeoutError:
                     if self._beats:

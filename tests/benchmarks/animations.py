@@ -1,4 +1,5 @@
-"""Animations of shape control for the docs: the planner on a simulated rope that no model has learned from.
+"""Animations of shape control for the docs: the planner on a simulated rope that no model has
+learned from.
 
     python -m tests.benchmarks.animations docs/images/shapes [S loop …]
 
@@ -34,7 +35,9 @@ def film(name: str, folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("targets", nargs="*", help=f"of {', '.join((*TARGETS, *HARD_TARGETS))}")
     args = parser.parse_args()

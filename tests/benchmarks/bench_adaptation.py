@@ -1,12 +1,14 @@
-"""A network adapted to ten labelled photographs: what it gains on the other forty, and what it loses elsewhere.
+"""A network adapted to ten labelled photographs: what it gains on the other forty, and what it
+loses elsewhere.
 
     python -m tests.benchmarks.bench_adaptation [SHARED] [--minutes M] [--measure] [--shares]
 
-Ten photographs of ``photos100`` (every fifth by name) go through ``models.training.foreground.adaptation`` as a user's
-would: eight train, two are kept aside. Then Dice at the network's one threshold, mean over the pictures: on the other
-forty, and on ``ewd``, ``sbhc`` and ``bwh``, of the parent and of the adapted network. With ``--measure`` a training
-that is there is only measured. ``--shares`` measures every mixture of the weights. The adapted network is never kept.
-Writes ``build/bench/adaptation.json``.
+Ten photographs of ``photos100`` (every fifth by name) go through
+``models.training.foreground.adaptation`` as a user's would: eight train, two are kept aside. Then
+Dice at the network's one threshold, mean over the pictures: on the other forty, and on ``ewd``,
+``sbhc`` and ``bwh``, of the parent and of the adapted network. With ``--measure`` a training that
+is there is only measured. ``--shares`` measures every mixture of the weights. The adapted network
+is never kept. Writes ``build/bench/adaptation.json``.
 """
 
 from __future__ import annotations
@@ -45,14 +47,22 @@ def prepare(shared: Path, folder: Path) -> list[str]:
     return [name for name, _, _ in chosen]
 
 
-def measured(shared: Path, data: bytes, spec: NetworkSpec, learnt: set[str], every: int = 1) -> dict[str, float]:
-    """Mean Dice in percent by set, over one picture of ``every``; without the pictures in ``learnt``."""
-    network, settings = opened(spec, data, Runtime(threads=1)), ForegroundInput.from_manifest(spec.preprocess)
+def measured(
+    shared: Path, data: bytes, spec: NetworkSpec, learnt: set[str], every: int = 1
+) -> dict[str, float]:
+    """Mean Dice in percent by set, over one picture of ``every``; without the pictures in
+    ``learnt``."""
+    network, settings = (
+        opened(spec, data, Runtime(threads=1)),
+        ForegroundInput.from_manifest(spec.preprocess),
+    )
     out = {}
     for name in ("photos100", "ewd", "sbhc", "bwh"):
         rows = [
             score(segment(image, network, settings) >= settings.threshold, mask)["dice"]
-            for stem, image, mask in islice(pictures(shared / "data" / name, SETS[name]), 0, None, every)
+            for stem, image, mask in islice(
+                pictures(shared / "data" / name, SETS[name]), 0, None, every
+            )
             if name != "photos100" or stem not in learnt
         ]
         out[name] = round(100 * float(np.mean(rows)), 2)
@@ -61,20 +71,29 @@ def measured(shared: Path, data: bytes, spec: NetworkSpec, learnt: set[str], eve
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--minutes", type=float, default=8.0)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--measure", action="store_true")
     parser.add_argument("--shares", action="store_true")
-    parser.add_argument("--every", type=int, default=1, help="measure on one picture of so many, for a quick look")
+    parser.add_argument(
+        "--every", type=int, default=1, help="measure on one picture of so many, for a quick look"
+    )
     args = parser.parse_args()
     spec = manifest()[default_name("foreground")]
     parent = WEIGHTS / spec.file
     if not args.measure:
         prepare(args.shared, FOLDER)
         command = [sys.executable, "-m", "models.training.foreground.adaptation", str(FOLDER)]
-        command += ["--parent", str(parent), "--network", str(spec.training.get("network", "compact"))]
+        command += [
+            "--parent",
+            str(parent),
+            "--network",
+            str(spec.training.get("network", "compact")),
+        ]
         subprocess.run(
             [*command, "--minutes", str(args.minutes), "--threads", str(args.threads)],
             check=True,
@@ -98,12 +117,18 @@ def main() -> None:
     print(json.dumps(result, indent=1))
 
 
-def _every_share(shared: Path, spec: NetworkSpec, learnt: set[str], every: int) -> dict[str, dict[str, float]]:
+def _every_share(
+    shared: Path, spec: NetworkSpec, learnt: set[str], every: int
+) -> dict[str, dict[str, float]]:
     from models.training.foreground.adaptation.choice import SHARES
     from models.training.foreground.adaptation.run import refolded
 
-    files = refolded(FOLDER, str(spec.training.get("network", "compact")), WEIGHTS / spec.file, SHARES)
-    return {f"{share:g}": measured(shared, data, spec, learnt, every) for share, data in files.items()}
+    files = refolded(
+        FOLDER, str(spec.training.get("network", "compact")), WEIGHTS / spec.file, SHARES
+    )
+    return {
+        f"{share:g}": measured(shared, data, spec, learnt, every) for share, data in files.items()
+    }
 
 
 if __name__ == "__main__":

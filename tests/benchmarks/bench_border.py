@@ -1,11 +1,13 @@
-"""Foreground outside of a picture, against the truth: how long along the edge it must be to stop there.
+"""Foreground outside of a picture, against the truth: how long along the edge it must be to stop
+there.
 
     python -m tests.benchmarks.bench_border [--scenes 60]
 
-Rendered masks are cropped, so that what is beyond the crop's edges is known: 12 windows of each scene, in every other
-one an edge is put beside a cable that runs along it. Error: mean difference of the distances to the background inside
-the crop, within 40 px of its edges, px. Prints a row for each length (in depths), the one in use marked, and for no
-rule (foreground always goes on) and background all around.
+Rendered masks are cropped, so that what is beyond the crop's edges is known: 12 windows of each
+scene, in every other one an edge is put beside a cable that runs along it. Error: mean difference
+of the distances to the background inside the crop, within 40 px of its edges, px. Prints a row for
+each length (in depths), the one in use marked, and for no rule (foreground always goes on) and
+background all around.
 """
 
 from __future__ import annotations
@@ -25,8 +27,11 @@ SIZE = (200, 300)
 NEAR_PX = 40
 
 
-def windows(scene: TrainScene, rng: np.random.Generator, count: int = 12) -> Iterator[tuple[BoolArray, Float32Array]]:
-    """Crops of a scene's mask, ``(h, w)``, and the distances in them as the whole scene shows them."""
+def windows(
+    scene: TrainScene, rng: np.random.Generator, count: int = 12
+) -> Iterator[tuple[BoolArray, Float32Array]]:
+    """Crops of a scene's mask, ``(h, w)``, and the distances in them as the whole scene shows
+    them."""
     distances = foreground.distance_map(scene.mask)
     for k in range(count):
         free = np.array(scene.mask.shape) - SIZE
@@ -73,7 +78,9 @@ def errors(lengths: tuple[float, ...], scenes: int, seed: int = 71) -> dict[floa
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=int, default=60)
     asked = parser.parse_args()
     for length, mean in errors((*LENGTHS, 1e9), asked.scenes).items():

@@ -1,8 +1,9 @@
-"""What ``dlo bridge`` adds to a recipe over REST: ``python -m tests.benchmarks.bench_bridge [--rounds N]``.
+"""What ``dlo bridge`` adds to a recipe over REST: ``python -m tests.benchmarks.bench_bridge
+[--rounds N]``.
 
-Both run the same recipe (`instances` of a small mask) on one service, in turn, so that what else the machine does
-concerns both. Over TCP a run is a trigger and its result: the picture is read, the job is run, the poses are there.
-Writes ``build/bench/bridge.json``.
+Both run the same recipe (`instances` of a small mask) on one service, in turn, so that what else
+the machine does concerns both. Over TCP a run is a trigger and its result: the picture is read, the
+job is run, the poses are there. Writes ``build/bench/bridge.json``.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ async def measure(url: str, picture: Path, rounds: int) -> np.ndarray:
     settings = BridgeSettings.model_validate({"ascii": {"port": 0}, "picture": {"file": picture}})
     took_ms = np.empty((WARM_UP + rounds, 2))
     async with AsyncClient(url) as client, bridge(settings, client) as ports:
-        await client.store_recipe(NUMBER, RecipeBody(name="bench", request={"kind": "instances", "files": []}))
+        await client.store_recipe(
+            NUMBER, RecipeBody(name="bench", request={"kind": "instances", "files": []})
+        )
         line = Line(*await asyncio.open_connection("127.0.0.1", ports["ascii"]))
         for number in range(len(took_ms)):
             for which in (0, 1) if number % 2 else (1, 0):
@@ -58,17 +61,23 @@ async def measure(url: str, picture: Path, rounds: int) -> np.ndarray:
 
 
 def summary(took_ms: np.ndarray) -> dict[str, Any]:
-    """Median of each way, of their difference within a round, and its standard error by 1000 redraws."""
+    """Median of each way, of their difference within a round, and its standard error by 1000
+    redraws."""
     added = took_ms[:, 1] - took_ms[:, 0]
     redraws = np.random.default_rng(0).choice(added, (1000, len(added)))
     rest, tcp = np.median(took_ms, axis=0)
     error = np.median(redraws, axis=1).std()
     values = {"rest_ms": rest, "tcp_ms": tcp, "added_ms": np.median(added), "error_ms": error}
-    return {"rounds": len(took_ms), **{name: round(float(value), 2) for name, value in values.items()}}
+    return {
+        "rounds": len(took_ms),
+        **{name: round(float(value), 2) for name, value in values.items()},
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=200)
     parser.add_argument("--out", type=Path, default=Path("build/bench/bridge.json"))
     asked = parser.parse_args()

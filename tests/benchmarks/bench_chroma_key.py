@@ -1,9 +1,11 @@
-"""``python -m tests.benchmarks.bench_chroma_key [SHARED]``: the chroma key on real pictures before a green mat.
+"""``python -m tests.benchmarks.bench_chroma_key [SHARED]``: the chroma key on real pictures before
+a green mat.
 
-``bwh`` (25 pictures of harnesses on a glossy mat under lamps): ranges found for each of its recordings, Dice of the
-keyed masks, and in how many pictures the warning about the screen's own hue fires: with a green wire it should.
-``chosen``: the ranges picked as well as one can on every other picture of a recording (the page shows six), Dice on
-the rest, beside that of the found ranges on the same pictures.
+``bwh`` (25 pictures of harnesses on a glossy mat under lamps): ranges found for each of its
+recordings, Dice of the keyed masks, and in how many pictures the warning about the screen's own hue
+fires: with a green wire it should. ``chosen``: the ranges picked as well as one can on every other
+picture of a recording (the page shows six), Dice on the rest, beside that of the found ranges on
+the same pictures.
 """
 
 from __future__ import annotations
@@ -20,8 +22,11 @@ from models.synthesis.chroma_key import key
 from models.synthesis.chroma_ranges import ScreenRanges, find_ranges, foreground, to_hsv
 from tests.benchmarks.bench_foreground import pictures, score
 
-_STEPS = {"hue_deg": (-16.0, -8.0, -4.0, 4.0, 8.0, 16.0), "saturation": (-0.1, -0.04, 0.04, 0.1),
-          "value": (-0.15, -0.06, 0.06, 0.15)}  # fmt: skip
+_STEPS = {
+    "hue_deg": (-16.0, -8.0, -4.0, 4.0, 8.0, 16.0),
+    "saturation": (-0.1, -0.04, 0.04, 0.1),
+    "value": (-0.15, -0.06, 0.06, 0.15),
+}
 
 
 def chosen(shots: Sequence, ranges: ScreenRanges) -> ScreenRanges:
@@ -55,7 +60,9 @@ def dice_of(shots: Sequence, ranges: ScreenRanges) -> list[float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()

@@ -2,18 +2,19 @@
 
     python -m tests.benchmarks.bench_clicks ../shared [--limit N] [--hand PX] [--rendered] [--weights JSON]
 
-A person who sees the true cable (``clicking.py``) clicks its two ends; while the IoU of the drawn cable is below 90 %,
-one more click or drag goes where the error is largest, 20 at most (counted as 20 where that is not enough). Pixels
-that belong to another cable (one that passes over) count neither way. Beside it the same person in practice, before
-the cables that the service has found (``corrected``): what is right is left, the rest is dragged to where it should be.
-What answers is the page's own code; the probability is the one that the page gets: of the shipped network, settled. All
-cables of the set count.
+A person who sees the true cable (``clicking.py``) clicks its two ends; while the IoU of the drawn
+cable is below 90 %, one more click or drag goes where the error is largest, 20 at most (counted as
+20 where that is not enough). Pixels that belong to another cable (one that passes over) count
+neither way. Beside it the same person in practice, before the cables that the service has found
+(``corrected``): what is right is left, the rest is dragged to where it should be. What answers is
+the page's own code; the probability is the one that the page gets: of the shipped network, settled.
+All cables of the set count.
 
-``ewd`` only measures. Weights are chosen with ``--rendered``: renders with labels that a hand could have drawn
-(``drawn_labels.py``), on the even ones of them; the odd ones are stated apart. ``--weights '{"smooth": 2}'`` tries
-others than the page's own. Of the page's weights ``rim``, ``shade``, ``color`` and ``kinds`` were set on every third
-picture of ``ewd`` long ago, which is stated apart too, and ``spread`` follows from errors along all its cables.
-Needs node.
+``ewd`` only measures. Weights are chosen with ``--rendered``: renders with labels that a hand could
+have drawn (``drawn_labels.py``), on the even ones of them; the odd ones are stated apart.
+``--weights '{"smooth": 2}'`` tries others than the page's own. Of the page's weights ``rim``,
+``shade``, ``color`` and ``kinds`` were set on every third picture of ``ewd`` long ago, which is
+stated apart too, and ``spread`` follows from errors along all its cables. Needs node.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ KEPT = 0.7
 RENDERS = 80
 """Pictures of ``--rendered``, 188 cables."""
 Labelled = Iterable[tuple[str, ByteArray, np.ndarray]]
-"""Name, picture (H, W, 3) and labels (H, W): of each cable its number, negative where it is not measured."""
+"""Name, picture (H, W, 3) and labels (H, W): of each cable its number, negative where it is not
+measured."""
 
 
 class Page:
@@ -52,7 +54,9 @@ class Page:
 
     def __init__(self) -> None:
         script = Path(__file__).with_name("clicks.mjs")
-        self._process = subprocess.Popen(["node", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(
+            ["node", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
 
     def draw(self, request: dict[str, Any]) -> dict[str, Any]:
         """The outline as ``outlined`` gives it, and its ``mask`` (H, W)."""
@@ -77,10 +81,13 @@ def overlap(drawn: BoolArray, mask: BoolArray, others: BoolArray) -> float:
 
 
 def needed(page: Page, request: dict[str, Any], person: Person) -> tuple[int, list[float]]:
-    """Clicks and pulls until the goal, or :data:`MOST` + 1, and the IoU after each from the second on."""
+    """Clicks and pulls until the goal, or :data:`MOST` + 1, and the IoU after each from the second
+    on."""
     ious: list[float] = []
     while person.clicks and person.actions <= MOST:
-        drawn = page.draw({**request, "clicks": person.clicks, "pulls": person.pulls, "whole": person.whole})
+        drawn = page.draw(
+            {**request, "clicks": person.clicks, "pulls": person.pulls, "whole": person.whole}
+        )
         person.goes_on(drawn)
         ious.append(round(overlap(drawn["mask"], person.mask, person.others), 3))
         if ious[-1] >= GOAL:
@@ -93,8 +100,9 @@ def needed(page: Page, request: dict[str, Any], person: Person) -> tuple[int, li
 def corrected(
     page: Page, request: dict[str, Any], person: Person, scene: Scene, anew: tuple[int, list[float]]
 ) -> tuple[int, list[float]]:
-    """As :func:`needed`, beginning with the service's cable that overlaps most; 0 where that is right. Others that lie
-    mostly on the true one are removed, an action each. ``anew`` is what it takes to draw it."""
+    """As :func:`needed`, beginning with the service's cable that overlaps most; 0 where that is
+    right. Others that lie mostly on the true one are removed, an action each. ``anew`` is what it
+    takes to draw it."""
     masks = [scene.labels == k + 1 for k in range(len(scene.instances))]
     ious = [overlap(mask, person.mask, person.others) for mask in masks]
     mostly = {k for k, mask in enumerate(masks) if (mask & person.mask).sum() > mask.sum() / 2}
@@ -110,7 +118,12 @@ def corrected(
     while steps[-1] < GOAL:
         if person.actions + removed >= MOST or not person.act(drawn):
             return MOST + 1, steps
-        wanted = {"clicks": person.clicks, "pulls": person.pulls, "moved": person.moved, "whole": person.whole}
+        wanted = {
+            "clicks": person.clicks,
+            "pulls": person.pulls,
+            "moved": person.moved,
+            "whole": person.whole,
+        }
         drawn = page.draw({**request, **wanted})
         person.corrects(drawn)
         steps.append(round(overlap(drawn["mask"], person.mask, person.others), 3))
@@ -130,7 +143,8 @@ def photographs(folder: Path) -> Iterator[tuple[str, ByteArray, np.ndarray]]:
 def measure(
     pictures: Labelled, *, every: int, hand_px: float = 0.0, weights: dict[str, float] | None = None
 ) -> dict[str, Any]:
-    """Of all cables, and of those of pictures ``aside``: on every ``every``-th some of the weights were set."""
+    """Of all cables, and of those of pictures ``aside``: on every ``every``-th some of the weights
+    were set."""
     rows: list[dict[str, Any]] = []
     page = Page()
     with tempfile.TemporaryDirectory() as scratch:
@@ -140,7 +154,12 @@ def measure(
             for number in np.unique(labels[labels > 0]):
                 mask = labels == number
                 first, second = (
-                    Person(mask, (labels != 0) & ~mask, hand_px, np.random.default_rng([index, int(number)]))
+                    Person(
+                        mask,
+                        (labels != 0) & ~mask,
+                        hand_px,
+                        np.random.default_rng([index, int(number)]),
+                    )
                     for _ in range(2)
                 )
                 clicked = needed(page, request, first)
@@ -180,26 +199,47 @@ def _summary(ways: list[tuple[int, list[float]]]) -> dict[str, float]:
         "within_6_percent": round(100 * float((counts <= 6).mean()), 1),
         "never_percent": round(100 * float(never.mean()), 1),
         "first_iou_percent": round(100 * float(np.mean([ious[0] for _, ious in ways])), 1),
-        "best_iou_of_never": round(float(np.mean([max(ious) for count, ious in ways if count > MOST] or [0])), 3),
+        "best_iou_of_never": round(
+            float(np.mean([max(ious) for count, ious in ways if count > MOST] or [0])), 3
+        ),
     }
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path)
     parser.add_argument("--limit", type=int, help="pictures")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
-    parser.add_argument("--hand", type=float, default=0.0, help="standard deviation of the hand, px")
-    parser.add_argument("--rendered", action="store_true", help="renders with labels as a hand draws them, not ewd")
-    parser.add_argument("--weights", type=json.loads, default={}, help="of the outline, others than the page's own")
+    parser.add_argument(
+        "--hand", type=float, default=0.0, help="standard deviation of the hand, px"
+    )
+    parser.add_argument(
+        "--rendered", action="store_true", help="renders with labels as a hand draws them, not ewd"
+    )
+    parser.add_argument(
+        "--weights", type=json.loads, default={}, help="of the outline, others than the page's own"
+    )
     args = parser.parse_args()
     renders = drawn_labels.pictures(args.limit or RENDERS)
-    pictures = renders if args.rendered else islice(photographs(args.shared / "data" / "ewd"), args.limit)
-    result = measure(pictures, every=2 if args.rendered else 3, hand_px=args.hand, weights=args.weights)
+    pictures = (
+        renders if args.rendered else islice(photographs(args.shared / "data" / "ewd"), args.limit)
+    )
+    result = measure(
+        pictures, every=2 if args.rendered else 3, hand_px=args.hand, weights=args.weights
+    )
     print(json.dumps(result["summaries"], indent=1))
     args.out.mkdir(parents=True, exist_ok=True)
-    shown = {"tried": args.weights, "clicks": True, "rendered": args.rendered, f"hand{args.hand:g}": args.hand}
-    (args.out / f"{'_'.join(part for part, given in shown.items() if given)}.json").write_text(json.dumps(result))
+    shown = {
+        "tried": args.weights,
+        "clicks": True,
+        "rendered": args.rendered,
+        f"hand{args.hand:g}": args.hand,
+    }
+    (args.out / f"{'_'.join(part for part, given in shown.items() if given)}.json").write_text(
+        json.dumps(result)
+    )
     return 0
 
 

@@ -1,10 +1,12 @@
-"""Metric centerlines from one picture with depth, over scenes with exact truth: error, coverage, order, foreground.
+"""Metric centerlines from one picture with depth, over scenes with exact truth: error, coverage,
+order, foreground.
 
     python -m tests.benchmarks.bench_depth [--scenes N] [--sigma-mm S] [--tuning]
 
-Round cables of 3.5 mm on a table 0.6 m away, seen by a sensor whose noise is alike in neighboring pixels, with holes
-and flying pixels. Baseline: the depth of the pixel under each centerline point. ``--tuning`` takes scenes on which
-constants may be chosen; the others were looked at for nothing but their figures.
+Round cables of 3.5 mm on a table 0.6 m away, seen by a sensor whose noise is alike in neighboring
+pixels, with holes and flying pixels. Baseline: the depth of the pixel under each centerline point.
+``--tuning`` takes scenes on which constants may be chosen; the others were looked at for nothing
+but their figures.
 """
 
 from __future__ import annotations
@@ -50,7 +52,9 @@ def measure(seed: int, params: DepthSceneParams, sensor: SensorParams) -> dict[s
     out["table_deg"] = [float(np.degrees(np.arccos(np.clip(table.normal @ normal, -1, 1))))]
     out["table_mm"] = [1000 * abs(table.offset_m - offset)]
     by_height = alone(log_odds(heights(depth, scene.camera, table), table)) > 0.5
-    out["dice"] = [2 * np.count_nonzero(by_height & scene.mask) / (by_height.sum() + scene.mask.sum())]
+    out["dice"] = [
+        2 * np.count_nonzero(by_height & scene.mask) / (by_height.sum() + scene.mask.sum())
+    ]
     seen = reordered(extract(scene.mask), depth)
     for number, item in enumerate(seen.instances, start=1):
         if item.length_px < _LEAST_PX:
@@ -63,7 +67,8 @@ def measure(seed: int, params: DepthSceneParams, sensor: SensorParams) -> dict[s
         if curve is None:
             continue
         true = scene.curves_m[_which(scene, xy)]
-        # An instance that goes on along another cable is no error of the depth: such points are counted apart.
+        # An instance that goes on along another cable is no error of the depth: such points are
+        # counted apart.
         on = np.linalg.norm(xy[:, None] - scene.camera.project(true), axis=2).min(1) < _ASTRAY_PX
         out["astray"] += (~on).astype(float).tolist()
         if not on.any():
@@ -71,7 +76,9 @@ def measure(seed: int, params: DepthSceneParams, sensor: SensorParams) -> dict[s
         off, xy = _offsets(curve.points_m, true)[on], xy[on]
         out["error"] += (1000 * np.linalg.norm(off, axis=1)).tolist()
         inverse = np.linalg.pinv(curve.covariance_m2[on], rcond=1e-6, hermitian=True)
-        out["inside"] += (np.einsum("ni,nij,nj->n", off, inverse, off) < _NINETY).astype(float).tolist()
+        out["inside"] += (
+            (np.einsum("ni,nij,nj->n", off, inverse, off) < _NINETY).astype(float).tolist()
+        )
         out["raw"] += _raw(xy, depth, scene, true)
         out["radius"].append(abs(curve.radius_m / params.radius_m - 1))
     out["order"] = _order(seen, scene)
@@ -80,7 +87,9 @@ def measure(seed: int, params: DepthSceneParams, sensor: SensorParams) -> dict[s
 
 def _which(scene: DepthScene, xy: np.ndarray) -> int:
     lines = [scene.camera.project(curve)[::10] for curve in scene.curves_m]
-    return int(np.argmin([np.median(np.linalg.norm(xy[:, None] - line, axis=2).min(1)) for line in lines]))
+    return int(
+        np.argmin([np.median(np.linalg.norm(xy[:, None] - line, axis=2).min(1)) for line in lines])
+    )
 
 
 def _offsets(points: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -100,20 +109,25 @@ def _raw(xy: np.ndarray, depth: np.ndarray, scene: DepthScene, true: np.ndarray)
 
 
 def _order(seen: Scene, scene: DepthScene) -> list[float]:
-    """Of every crossing of two cables: whether the upper one is the one that the scene shows there."""
+    """Of every crossing of two cables: whether the upper one is the one that the scene shows
+    there."""
     out = []
     for crossing in seen.crossings:
         x, y = np.rint(crossing.xy).astype(int)
         top = int(scene.owner[y, x])
-        over, under = (_which(scene, seen.instances[p.instance - 1].centerline_xy) + 1
-                       for p in (crossing.over, crossing.under))  # fmt: skip
+        over, under = (
+            _which(scene, seen.instances[p.instance - 1].centerline_xy) + 1
+            for p in (crossing.over, crossing.under)
+        )
         if over != under and top in (over, under):
             out.append(float(over == top))
     return out
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=int, default=12)
     parser.add_argument("--sigma-mm", type=float, default=1.0)
     parser.add_argument("--tuning", action="store_true")

@@ -2,11 +2,11 @@
 
     python -m tests.benchmarks.bench_disentangling [--single 200] [--triple 240]
 
-Each scene's mask is drawn, its topology extracted, the best-ranked action executed on the true harness (holding 2 px,
-turning 3 degrees off on average), and the crossings counted there. ``triple``: three crossings, planned again after
-every action, at most six; a scene counts if all are gone and their number never rose.
-Tuning looked at other seeds (1003 to 1011). About 12 minutes on two cores. Prints a table and writes
-``build/bench/disentangling.json``.
+Each scene's mask is drawn, its topology extracted, the best-ranked action executed on the true
+harness (holding 2 px, turning 3 degrees off on average), and the crossings counted there.
+``triple``: three crossings, planned again after every action, at most six; a scene counts if all
+are gone and their number never rose. Tuning looked at other seeds (1003 to 1011). About 12 minutes
+on two cores. Prints a table and writes ``build/bench/disentangling.json``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,13 @@ from models.disentangling.plan import Action, plan
 from models.synthesis.harness import Harness
 from models.synthesis.harness_masks import draw_mask
 from models.topology.extraction import extract
-from models.training.disentangling.table_world import SEEN, execute, one_crossing, seen_points, truth
+from models.training.disentangling.table_world import (
+    SEEN,
+    execute,
+    one_crossing,
+    seen_points,
+    truth,
+)
 from tests.benchmarks.bench_topology import Tools, tools
 
 MOST_ACTIONS = 6
@@ -47,11 +53,15 @@ def look(as_seen: bool, harness: Harness, rng: np.random.Generator) -> list[Acti
     if not as_seen:
         return plan(truth(harness), kit().moves)
     mask = draw_mask(harness, rng, SEEN)
-    return plan(extract(mask, kit().network, kit().classifiers, surfaces=[seen_points(harness)]), kit().moves)
+    return plan(
+        extract(mask, kit().network, kit().classifiers, surfaces=[seen_points(harness)]),
+        kit().moves,
+    )
 
 
 def single(as_seen: bool, k: int) -> tuple[str, float]:
-    """A scene with one crossing, does the best-ranked action remove it; and seconds spent on looking and planning."""
+    """A scene with one crossing, does the best-ranked action remove it; and seconds spent on
+    looking and planning."""
     rng = np.random.default_rng([3, k])
     harness = one_crossing(rng, 1)
     started = thread_time()
@@ -66,7 +76,8 @@ def single(as_seen: bool, k: int) -> tuple[str, float]:
 
 
 def triple(as_seen: bool, k: int) -> tuple[str, int]:
-    """A scene with three crossings, planned again after every action: how it ended, after how many."""
+    """A scene with three crossings, planned again after every action: how it ended, after how
+    many."""
     rng = np.random.default_rng([4, k])
     harness = one_crossing(rng, 3)
     for step in range(1, MOST_ACTIONS + 1):
@@ -85,7 +96,9 @@ def triple(as_seen: bool, k: int) -> tuple[str, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--single", type=int, default=200)
     parser.add_argument("--triple", type=int, default=240)
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
@@ -97,11 +110,21 @@ def main() -> None:
             threes = list(pool.map(partial(triple, as_seen), range(args.triple), chunksize=4))
             ends, many = (Counter(end for end, _ in rows) for rows in (ones, threes))
             results[name] = {
-                "single": {"scenes": args.single, "removed": round(ends["removed"] / args.single, 4),
-                           "ends": dict(ends), "ms": round(1e3 * sum(s for _, s in ones) / args.single, 1)},
-                "triple": {"scenes": args.triple, "solved": round(many["solved"] / args.triple, 4), "ends": dict(many),
-                           "actions": round(float(np.mean([n for end, n in threes if end == "solved"] or [0])), 2)},
-            }  # fmt: skip
+                "single": {
+                    "scenes": args.single,
+                    "removed": round(ends["removed"] / args.single, 4),
+                    "ends": dict(ends),
+                    "ms": round(1e3 * sum(s for _, s in ones) / args.single, 1),
+                },
+                "triple": {
+                    "scenes": args.triple,
+                    "solved": round(many["solved"] / args.triple, 4),
+                    "ends": dict(many),
+                    "actions": round(
+                        float(np.mean([n for end, n in threes if end == "solved"] or [0])), 2
+                    ),
+                },
+            }
             print(name, json.dumps(results[name]), flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "disentangling.json").write_text(json.dumps(results, indent=1))

@@ -1,9 +1,11 @@
-"""How many files a request passes: which of ours run for one mask, and how often one hands over to another.
+"""How many files a request passes: which of ours run for one mask, and how often one hands over to
+another.
 
     python -m tests.benchmarks.bench_files
 
-Counts the files under ``models/`` whose functions run for a topology request, and the pairs of files of which one
-calls the other. Prints both, the number of files in each part of ``models/``, and every file with its calls.
+Counts the files under ``models/`` whose functions run for a topology request, and the pairs of
+files of which one calls the other. Prints both, the number of files in each part of ``models/``,
+and every file with its calls.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ SEED = 4
 
 
 def passed(call: Callable[[], object]) -> tuple[Counter[str], set[tuple[str, str]]]:
-    """Calls into each file under ``models/``, and the pairs of files of which one called the other."""
+    """Calls into each file under ``models/``, and the pairs of files of which one called the
+    other."""
     calls: Counter[str] = Counter()
     pairs: set[tuple[str, str]] = set()
 
@@ -51,7 +54,9 @@ def passed(call: Callable[[], object]) -> tuple[Counter[str], set[tuple[str, str
 def _ours(frame: FrameType) -> str:
     """The file of a frame, from ``models/`` on; empty for others'."""
     path = Path(frame.f_code.co_filename)
-    return path.relative_to(ROOT / "models").as_posix() if path.is_relative_to(ROOT / "models") else ""
+    return (
+        path.relative_to(ROOT / "models").as_posix() if path.is_relative_to(ROOT / "models") else ""
+    )
 
 
 def main() -> None:

@@ -2,12 +2,13 @@
 
     python -m tests.benchmarks.bench_fixtures [--pegs 16] [--clips 12] [--mixed 12] [--only-default]
 
-A rope of the thesis lies straight in any direction from where the route starts; it is dragged, never lifted over a peg.
-Solved: every peg on its side with no more than 20 mm of room, every clip filled, in order, judged on the simulated rope
-(:func:`fixture_scenes.solved`), after at most 15 actions. Stiffness and friction are not told. Beside the planner: the
-last edge pulled from stop to stop in straight lines, and into clips the edge that belongs there, without a look at
-slack or contact; and no motion, which solves none, as no scene begins solved.
-Prints a line a scene and writes ``build/bench/fixtures.json``. About ten minutes on one core.
+A rope of the thesis lies straight in any direction from where the route starts; it is dragged,
+never lifted over a peg. Solved: every peg on its side with no more than 20 mm of room, every clip
+filled, in order, judged on the simulated rope (:func:`fixture_scenes.solved`), after at most 15
+actions. Stiffness and friction are not told. Beside the planner: the last edge pulled from stop to
+stop in straight lines, and into clips the edge that belongs there, without a look at slack or
+contact; and no motion, which solves none, as no scene begins solved. Prints a line a scene and
+writes ``build/bench/fixtures.json``. About ten minutes on one core.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ def planned(scene: Scene) -> Planner:
 
 @dataclass
 class Pulled:
-    """The last edge from stop to stop; a clip gets the edge that is as far along the rope as the clip is on the way."""
+    """The last edge from stop to stop; a clip gets the edge that is as far along the rope as the
+    clip is on the way."""
 
     scene: Scene
     at: int = 0
@@ -80,10 +82,17 @@ class Pulled:
             direction = self._towards(self.scene.pegs[k])
             left = np.array([-direction[1], direction[0]])
             room = self.scene.radius + self.scene.half + SLACK_M / 3
-            edge, place, turn = FINE - 2, self.scene.pegs[k] - self.scene.sides[k] * room * left, 0.0
+            edge, place, turn = (
+                FINE - 2,
+                self.scene.pegs[k] - self.scene.sides[k] * room * left,
+                0.0,
+            )
         else:
             x, y, angle = self.scene.clips[k]
-            along = float(np.hypot(x - self.scene.start[0], y - self.scene.start[1])) / self.scene.kind.length
+            along = (
+                float(np.hypot(x - self.scene.start[0], y - self.scene.start[1]))
+                / self.scene.kind.length
+            )
             edge, place = int(np.clip(along * (FINE - 1), 0, FINE - 2)), np.array([x, y])
             here = np.arctan2(*(state[edge + 1] - state[edge])[::-1])
             turn = float((angle - here + np.pi / 2) % np.pi - np.pi / 2)
@@ -96,7 +105,11 @@ class Pulled:
     def _towards(self, peg: np.ndarray) -> np.ndarray:
         """Direction of the straight way past this peg."""
         what, k = self.scene.order[self.at - 1] if self.at else ("start", 0)
-        before = {"start": self.scene.start, "peg": self.scene.pegs[k : k + 1], "clip": self.scene.clips[k : k + 1, :2]}
+        before = {
+            "start": self.scene.start,
+            "peg": self.scene.pegs[k : k + 1],
+            "clip": self.scene.clips[k : k + 1, :2],
+        }
         line = peg - np.reshape(before[what], -1)[:2]
         return np.asarray(line / np.hypot(*line))
 
@@ -119,7 +132,9 @@ def run_scene(scene: Scene, choose: Planner | Pulled) -> tuple[bool, int]:
     raise AssertionError("the last turn returns")
 
 
-def compared(what: str, count: int, makers: dict[str, Callable[[Scene], Planner | Pulled]]) -> dict[str, dict]:
+def compared(
+    what: str, count: int, makers: dict[str, Callable[[Scene], Planner | Pulled]]
+) -> dict[str, dict]:
     found: dict[str, dict] = {}
     for name, make in makers.items():
         rows, ms = [], []
@@ -128,20 +143,37 @@ def compared(what: str, count: int, makers: dict[str, Callable[[Scene], Planner 
             ok, used = run_scene(scene, choose)
             rows.append({"solved": ok, "actions": used})
             ms += getattr(choose, "ms", [])
-            print(what, name, k, scene.kind.name, scene.surface, "solved" if ok else "not solved", used, flush=True)
+            print(
+                what,
+                name,
+                k,
+                scene.kind.name,
+                scene.surface,
+                "solved" if ok else "not solved",
+                used,
+                flush=True,
+            )
         used = [row["actions"] for row in rows if row["solved"]]
         found[name] = {
-            "scenes": count, "solved": len(used), "median_actions": float(np.median(used)) if used else None,
-            "ms": round(float(np.median(ms)), 1) if ms else None, "rows": rows,
-        }  # fmt: skip
+            "scenes": count,
+            "solved": len(used),
+            "median_actions": float(np.median(used)) if used else None,
+            "ms": round(float(np.median(ms)), 1) if ms else None,
+            "rows": rows,
+        }
     return found
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     for what, count in {"pegs": 16, "clips": 12, "mixed": 12}.items():
         parser.add_argument(
-            f"--{what}", type=int, default=count, help=f"scenes; default {count}, 0 keeps what was measured"
+            f"--{what}",
+            type=int,
+            default=count,
+            help=f"scenes; default {count}, 0 keeps what was measured",
         )
     parser.add_argument("--only-default", action="store_true", help="without the baseline")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))

@@ -1,13 +1,14 @@
-"""The foreground network on real photographs, what it sees where no cable is, and instances from RGB.
+"""The foreground network on real photographs, what it sees where no cable is, and instances from
+RGB.
 
     python -m tests.benchmarks.bench_foreground [SHARED] [--network NAME] [--sheets DIR]
 
-Dice and IoU per picture at the network's one threshold, then the mean, by set and category: of the foreground as the
-service answers it, and of the network alone; on ``m4nh``, whose truth is strokes of one width, middle lines within a
-tolerance. Pictures without cables: the background textures
-(share of pixels taken for cable, and instances found). RGB to instances on ``ewd``: the whole chain. Time: the
-network alone at 640 × 360, two threads. Prints tables, writes ``build/bench/foreground.json`` and, with
-``--sheets``, the ten worst pictures of each set.
+Dice and IoU per picture at the network's one threshold, then the mean, by set and category: of the
+foreground as the service answers it, and of the network alone; on ``m4nh``, whose truth is strokes
+of one width, middle lines within a tolerance. Pictures without cables: the background textures
+(share of pixels taken for cable, and instances found). RGB to instances on ``ewd``: the whole
+chain. Time: the network alone at 640 × 360, two threads. Prints tables, writes
+``build/bench/foreground.json`` and, with ``--sheets``, the ten worst pictures of each set.
 """
 
 from __future__ import annotations
@@ -50,7 +51,11 @@ def pictures(folder: Path, truth: str) -> Iterator[tuple[str, np.ndarray, np.nda
         labels = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
         mask = (labels if labels.ndim == 2 else labels[:, :, :3].max(2)) > 0
         size = image.shape[1::-1]
-        yield path.stem, image, cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+        yield (
+            path.stem,
+            image,
+            cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0,
+        )
 
 
 def score(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
@@ -60,8 +65,9 @@ def score(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
 
 
 def outline(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
-    """How far, in pixels on average, the found outline is ``outside`` and ``inside`` of the true one; and shares of the
-    true area: what is ``missed`` and what ``invented`` farther from the other than an outline's place explains."""
+    """How far, in pixels on average, the found outline is ``outside`` and ``inside`` of the true
+    one; and shares of the true area: what is ``missed`` and what ``invented`` farther from the
+    other than an outline's place explains."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _OUTLINE_PX + 1, 2 * _OUTLINE_PX + 1))
     near = [cv2.dilate(mask.astype(np.uint8), disc) > 0 for mask in (found, true)]
     edge = cv2.morphologyEx(true.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
@@ -74,7 +80,9 @@ def outline(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
     }
 
 
-def measure_set(folder: Path, truth: str, probability: Segment, threshold: float, sheet: Path | None) -> dict:
+def measure_set(
+    folder: Path, truth: str, probability: Segment, threshold: float, sheet: Path | None
+) -> dict:
     rows, tiles = [], []
     for name, image, true in pictures(folder, truth):
         found = probability(image) >= threshold
@@ -83,27 +91,41 @@ def measure_set(folder: Path, truth: str, probability: Segment, threshold: float
     if sheet:
         worst = [tile for _, _, tile in sorted(tiles, key=lambda t: t[:2])[:10]]
         worst += [np.zeros_like(worst[0])] * (len(worst) % 2)
-        cv2.imwrite(str(sheet), np.vstack([np.hstack(worst[k : k + 2]) for k in range(0, len(worst), 2)]))
+        cv2.imwrite(
+            str(sheet), np.vstack([np.hstack(worst[k : k + 2]) for k in range(0, len(worst), 2)])
+        )
     groups = {"all": rows} | _by_prefix(rows)
     return {
         "groups": {
-            g: {"n": len(r)} | {k: _percent(r, k) for k in ("dice", "iou", *_AWAY)} | {k: _mean(r, k) for k in _SIDES}
+            g: {"n": len(r)}
+            | {k: _percent(r, k) for k in ("dice", "iou", *_AWAY)}
+            | {k: _mean(r, k) for k in _SIDES}
             for g, r in groups.items()
         },
-        "worst": [(r["name"], round(100 * r["dice"], 1)) for r in sorted(rows, key=lambda r: r["dice"])[:10]],
+        "worst": [
+            (r["name"], round(100 * r["dice"], 1))
+            for r in sorted(rows, key=lambda r: r["dice"])[:10]
+        ],
     }
 
 
-def measure_strokes(folder: Path, probability: Segment, threshold: float, sheet: Path | None) -> dict:
+def measure_strokes(
+    folder: Path, probability: Segment, threshold: float, sheet: Path | None
+) -> dict:
     """``m4nh``: its strokes have one width, so middle lines are compared, with a tolerance."""
     rows, tiles = [], []
     for name, image, true in pictures(folder, "labels"):
         found = probability(image) >= threshold
         rows.append({"name": name, "found": _near(true, found), "right": _near(found, true)})
-        tiles.append((min(rows[-1]["found"], rows[-1]["right"]), name, _compare(image, found, true)))
+        tiles.append(
+            (min(rows[-1]["found"], rows[-1]["right"]), name, _compare(image, found, true))
+        )
     ordered = sorted(tiles, key=lambda t: t[:2])[:10]
     if sheet:
-        cv2.imwrite(str(sheet), np.vstack([np.hstack([t[2] for t in ordered[k : k + 2]]) for k in range(0, 10, 2)]))
+        cv2.imwrite(
+            str(sheet),
+            np.vstack([np.hstack([t[2] for t in ordered[k : k + 2]]) for k in range(0, 10, 2)]),
+        )
     return {
         "n": len(rows),
         "tolerance_px": _STROKE_TOLERANCE_PX,
@@ -137,19 +159,29 @@ def _mean(rows: list[dict], key: str, times: float = 1) -> float:
 def _compare(image: np.ndarray, found: np.ndarray, true: np.ndarray) -> np.ndarray:
     """BGR: right in green, invented in red, missed in blue."""
     tile = image[:, :, ::-1].astype(float) * 0.6
-    for where, color in ((found & true, (0, 255, 0)), (found & ~true, (0, 0, 255)), (~found & true, (255, 0, 0))):
+    for where, color in (
+        (found & true, (0, 255, 0)),
+        (found & ~true, (0, 0, 255)),
+        (~found & true, (255, 0, 0)),
+    ):
         tile[where] = 0.5 * tile[where] + 0.5 * np.array(color)
     return cv2.resize(tile.astype(np.uint8), (640, 360))
 
 
-def measure_empty(root: Path, probability: Segment, threshold: float, instances: Callable, count: int) -> dict:
-    """Textures without cables: share of pixels taken for one, and pictures in which an instance is found.
+def measure_empty(
+    root: Path, probability: Segment, threshold: float, instances: Callable, count: int
+) -> dict:
+    """Textures without cables: share of pixels taken for one, and pictures in which an instance is
+    found.
 
-    ``materials``: 50 scanned materials, which surely hold no cable. ``mixed``: ``count`` pictures of all folders,
-    photographs with railings, poles and cords among them.
+    ``materials``: 50 scanned materials, which surely hold no cable. ``mixed``: ``count`` pictures
+    of all folders, photographs with railings, poles and cords among them.
     """
     materials = _picked(sorted((root / "textures" / "ambientcg128").iterdir()), 50)
-    mixed = _picked(sorted((root / "textures").glob("*/*.jpg")) + sorted((root / "textures").glob("*/*.png")), count)
+    mixed = _picked(
+        sorted((root / "textures").glob("*/*.jpg")) + sorted((root / "textures").glob("*/*.png")),
+        count,
+    )
     return {
         name: _measure_without(files, probability, threshold, instances)
         for name, files in (("materials", materials), ("mixed", mixed))
@@ -161,7 +193,10 @@ def _picked(files: list[Path], count: int) -> list[Path]:
 
 
 def _measure_without(
-    files: list[Path], probability: Segment, threshold: float, instances: Callable[[np.ndarray], Scene]
+    files: list[Path],
+    probability: Segment,
+    threshold: float,
+    instances: Callable[[np.ndarray], Scene],
 ) -> dict:
     shares, seen = [], []
     for path in files:
@@ -191,14 +226,18 @@ def measure_rgb(root: Path, instances: Callable[[np.ndarray], Scene], sheet: Pat
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--network", help="default: the manifest's")
     parser.add_argument("--sheets", type=Path, help="folder for the worst pictures")
     parser.add_argument("--empty", type=int, default=200, help="pictures without cables")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     parser.add_argument(
-        "--others", action="store_true", help="only the other networks anew, in the report that is there"
+        "--others",
+        action="store_true",
+        help="only the other networks anew, in the report that is there",
     )
     args = parser.parse_args()
     if args.others:
@@ -209,7 +248,9 @@ def main() -> None:
 
 def measure(args: argparse.Namespace) -> None:
     network = load(args.network or default_name("foreground"), Runtime(threads=2))
-    seeing = load(eight_bit(network.spec.name), Runtime(threads=2))  # what looks unless it is to look thoroughly
+    seeing = load(
+        eight_bit(network.spec.name), Runtime(threads=2)
+    )  # what looks unless it is to look thoroughly
     settings = ForegroundInput.from_manifest(network.spec.preprocess)
 
     def alone(image: np.ndarray) -> np.ndarray:
@@ -230,18 +271,28 @@ def measure(args: argparse.Namespace) -> None:
 
     if args.sheets:
         args.sheets.mkdir(parents=True, exist_ok=True)
-    report: dict = {"network": seeing.spec.name, "sha256": seeing.spec.sha256[:12], "threshold": settings.threshold}
+    report: dict = {
+        "network": seeing.spec.name,
+        "sha256": seeing.spec.sha256[:12],
+        "threshold": settings.threshold,
+    }
     report["sets"] = {
-        name: measure_set(args.shared / "data" / name, truth, probability, settings.threshold, sheet(name))
+        name: measure_set(
+            args.shared / "data" / name, truth, probability, settings.threshold, sheet(name)
+        )
         for name, truth in SETS.items()
     }
     report["alone"] = {
-        name: measure_set(args.shared / "data" / name, truth, alone, settings.threshold, None)["groups"]
+        name: measure_set(args.shared / "data" / name, truth, alone, settings.threshold, None)[
+            "groups"
+        ]
         for name, truth in SETS.items()
     }
     strokes = args.shared / "data" / "m4nh"
     report["strokes"] = measure_strokes(strokes, probability, settings.threshold, sheet("m4nh"))
-    report["empty"] = measure_empty(args.shared, probability, settings.threshold, instances, args.empty)
+    report["empty"] = measure_empty(
+        args.shared, probability, settings.threshold, instances, args.empty
+    )
     report["rgb_to_instances"] = measure_rgb(args.shared, instances, sheet("rgb"))
     report["time_ms"] = measure_time(alone)
     report["others"] = measure_others(args.shared / "data" / "ewd", seeing.spec.name)
@@ -262,25 +313,30 @@ def others_anew(folder: Path, file: Path) -> None:
 
 
 def measure_others(folder: Path, but: str) -> dict[str, dict[str, float]]:
-    """Dice on ``ewd``, alone and with the clean-up, and time of the manifest's other foreground networks, in the same
-    run."""
+    """Dice on ``ewd``, alone and with the clean-up, and time of the manifest's other foreground
+    networks, in the same run."""
     found = {}
     for name in (n for n, spec in manifest().items() if spec.task == "foreground" and n != but):
         network = load(name, Runtime(threads=2))
         settings = ForegroundInput.from_manifest(network.spec.preprocess)
 
-        def probability(image: np.ndarray, net: Network = network, s: ForegroundInput = settings) -> np.ndarray:
+        def probability(
+            image: np.ndarray, net: Network = network, s: ForegroundInput = settings
+        ) -> np.ndarray:
             return segment(image, net, s)
 
         rows = []
         for picture, image, true in pictures(folder, "labels"):
             seen = probability(image)
             alone, clean = (
-                score(mask, true)["dice"] for mask in (seen >= settings.threshold, foreground_mask(seen, settings))
+                score(mask, true)["dice"]
+                for mask in (seen >= settings.threshold, foreground_mask(seen, settings))
             )
             rows.append({"name": picture, "dice": alone, "cleaned": clean})
         groups = {"all": rows} | _by_prefix(rows)
-        found[name] = {g: _percent(r, "dice") for g, r in groups.items()} | measure_time(probability)
+        found[name] = {g: _percent(r, "dice") for g, r in groups.items()} | measure_time(
+            probability
+        )
         found[name]["cleaned"] = _percent(rows, "cleaned")
     return found
 

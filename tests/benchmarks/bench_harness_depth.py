@@ -1,10 +1,12 @@
-"""Topology of harnesses from color and depth, over rendered scenes with shadows: branch-points and crossings.
+"""Topology of harnesses from color and depth, over rendered scenes with shadows: branch-points and
+crossings.
 
     python -m tests.benchmarks.bench_harness_depth [--scenes N] [--sheet FILE]
 
-One harness as in thesis 6.5.1, lit by a lamp whose shadows are as dark as the cables, on a table 0.6 m away; the depth
-has noise alike in neighboring pixels, holes and flying pixels. Every way goes through the service's own stage: color
-and depth, color alone, depth alone, and the true mask. ``--sheet`` writes the scenes whose counts are wrong.
+One harness as in thesis 6.5.1, lit by a lamp whose shadows are as dark as the cables, on a table
+0.6 m away; the depth has noise alike in neighboring pixels, holes and flying pixels. Every way goes
+through the service's own stage: color and depth, color alone, depth alone, and the true mask.
+``--sheet`` writes the scenes whose counts are wrong.
 """
 
 from __future__ import annotations
@@ -36,11 +38,16 @@ from workers.blobs import FolderBlobs
 from workers.stages.outcome import Tools
 from workers.stages.seen_harness import SeenHarness, see_harness
 
-PARAMS = HarnessParams(branch_points=(1, 2), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(0, 3))
+PARAMS = HarnessParams(
+    branch_points=(1, 2), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(0, 3)
+)
 _SEED, _REACH_PX = (53, 7 * 10**6), 25.0
 _WAYS = {
-    "color and depth": ("image", "depth"), "color": ("image",), "depth": ("depth",), "true mask": ("mask",),
-}  # fmt: skip
+    "color and depth": ("image", "depth"),
+    "color": ("image",),
+    "depth": ("depth",),
+    "true mask": ("mask",),
+}
 
 
 @dataclass
@@ -53,17 +60,20 @@ class Score:
 
     def summary(self) -> dict[str, float]:
         return {
-            "branch_f1": round(self.branch.f1, 3), "crossing_f1": round(self.crossing.f1, 3),
+            "branch_f1": round(self.branch.f1, 3),
+            "crossing_f1": round(self.crossing.f1, 3),
             "counts_right": round(self.right / max(len(self.dices), 1), 3),
-            "dice": round(float(np.mean(self.dices)), 3), "shadow_taken": round(float(np.mean(self.shadows)), 4),
-        }  # fmt: skip
+            "dice": round(float(np.mean(self.dices)), 3),
+            "shadow_taken": round(float(np.mean(self.shadows)), 4),
+        }
 
 
 def looked_at(scene: HarnessScene, way: tuple[str, ...], tools: Tools) -> SeenHarness:
     parts = {
-        "image": _stored(scene.rgb, tools, "PNG"), "depth": _stored(scene.depth_m, tools, "TIFF"),
+        "image": _stored(scene.rgb, tools, "PNG"),
+        "depth": _stored(scene.depth_m, tools, "TIFF"),
         "mask": _stored(scene.mask.astype(np.uint8) * 255, tools, "PNG"),
-    }  # fmt: skip
+    }
     fields: dict[str, object] = {name: parts[name] for name in way}
     if "depth" in way:
         fields["intrinsics"] = scene.intrinsics
@@ -80,22 +90,31 @@ def measure(seen: SeenHarness, scene: HarnessScene, score: Score) -> bool:
     """Whether the counts are right."""
     found, mask = seen.topology, seen.foreground.cable
     true = scene.harness.branch_xy, points_of(scene.harness.crossings)
-    same = score.branch.add(_inner(points_of(found.branch_points), mask.shape), _inner(true[0], mask.shape), _REACH_PX)
-    same &= score.crossing.add(_inner(points_of(found.crossings), mask.shape), _inner(true[1], mask.shape), _REACH_PX)
+    same = score.branch.add(
+        _inner(points_of(found.branch_points), mask.shape), _inner(true[0], mask.shape), _REACH_PX
+    )
+    same &= score.crossing.add(
+        _inner(points_of(found.crossings), mask.shape), _inner(true[1], mask.shape), _REACH_PX
+    )
     score.right += same
-    score.dices.append(2 * np.count_nonzero(mask & scene.mask) / max(mask.sum() + scene.mask.sum(), 1))
+    score.dices.append(
+        2 * np.count_nonzero(mask & scene.mask) / max(mask.sum() + scene.mask.sum(), 1)
+    )
     score.shadows.append(np.count_nonzero(mask & scene.shadow) / max(scene.shadow.sum(), 1))
     return bool(same)
 
 
 def _inner(points: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Those farther from the border than the reach: there not all arms of a crossing are in view."""
+    """Those farther from the border than the reach: there not all arms of a crossing are in
+    view."""
     limit = np.array(shape[::-1]) - _REACH_PX
     return points[np.all((points > _REACH_PX) & (points < limit), axis=1)]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=int, default=48)
     parser.add_argument("--sigma-mm", type=float, default=1.0)
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
@@ -113,7 +132,11 @@ def main() -> None:
                 seen = looked_at(scene, way, tools)
                 if not measure(seen, scene, scores[name]) and name == "color and depth":
                     wrong.append(overlay(scene.rgb, seen.topology)[..., ::-1])
-    report = {"scenes": args.scenes, "sigma_mm": args.sigma_mm, "ways": {n: s.summary() for n, s in scores.items()}}
+    report = {
+        "scenes": args.scenes,
+        "sigma_mm": args.sigma_mm,
+        "ways": {n: s.summary() for n, s in scores.items()},
+    }
     print(json.dumps(report))
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "harness_depth.json").write_text(json.dumps(report, indent=1))

@@ -1,8 +1,8 @@
-"""The whole path over HTTP, one job after the other with ``?wait=10``, against one warm worker: no-op jobs, and
-`instances` without files of the bundled photograph of 640 × 360 px.
+"""The whole path over HTTP, one job after the other with ``?wait=10``, against one warm worker:
+no-op jobs, and `instances` without files of the bundled photograph of 640 × 360 px.
 
-``python -m tests.benchmarks.bench_http [--jobs N]`` starts a service of its own and prints p50 and p95 of both, which
-run in turn.
+``python -m tests.benchmarks.bench_http [--jobs N]`` starts a service of its own and prints p50 and
+p95 of both, which run in turn.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ def measure(address: str, jobs: int) -> dict[str, np.ndarray]:
                 if kind == "noop":
                     response = client.post("/v1/jobs?wait=10", json=request)
                 else:
-                    parts = {"request": (None, json.dumps(request)), "image": (PICTURE.name, picture)}
+                    parts = {
+                        "request": (None, json.dumps(request)),
+                        "image": (PICTURE.name, picture),
+                    }
                     response = client.post("/v1/jobs?wait=10", files=parts)
                 taken[index] = (time.perf_counter() - started) * 1000
                 assert response.status_code == 200, response.text
@@ -46,7 +49,11 @@ def summary(took_ms: dict[str, np.ndarray]) -> dict[str, dict[str, float]]:
     found = {}
     for kind, taken in took_ms.items():
         p50, p95 = np.percentile(taken, (50, 95))
-        found[kind] = {"jobs": len(taken), "p50_ms": round(float(p50), 2), "p95_ms": round(float(p95), 2)}
+        found[kind] = {
+            "jobs": len(taken),
+            "p50_ms": round(float(p50), 2),
+            "p95_ms": round(float(p95), 2),
+        }
     return found
 
 
@@ -64,8 +71,20 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as data_dir:
         here = [sys.executable, "-m", "tests.benchmarks.bench_http", "--jobs", str(arguments.jobs)]
         here += ["--out", str(arguments.out.resolve())]
-        service = [sys.executable, "-m", "services", "--port", "0", "--data-dir", data_dir, "--then", *here]
-        return subprocess.run(service, env=os.environ | {"DLO_LOG_LEVEL": "WARNING"}, check=False).returncode
+        service = [
+            sys.executable,
+            "-m",
+            "services",
+            "--port",
+            "0",
+            "--data-dir",
+            data_dir,
+            "--then",
+            *here,
+        ]
+        return subprocess.run(
+            service, env=os.environ | {"DLO_LOG_LEVEL": "WARNING"}, check=False
+        ).returncode
 
 
 if __name__ == "__main__":

@@ -2,11 +2,11 @@
 
     python -m tests.benchmarks.bench_instances [SHARED] [--set ewd|sbhc] [--orientation network|axis]
 
-``ewd``: the published network masks ``masks_r101`` at threshold 77, instances against labels by category.
-``sbhc``: the foreground of the labels as mask. Time: the instance stage (mask to scene, labels included) per
-image, best and median of the repeats, and as a ratio to ``skimage.morphology.skeletonize`` on the same mask in
-the same run. ``--sheet FILE`` writes the ten worst overlays.
-Prints tables and writes ``build/bench/instances_<set>.json``.
+``ewd``: the published network masks ``masks_r101`` at threshold 77, instances against labels by
+category. ``sbhc``: the foreground of the labels as mask. Time: the instance stage (mask to scene,
+labels included) per image, best and median of the repeats, and as a ratio to
+``skimage.morphology.skeletonize`` on the same mask in the same run. ``--sheet FILE`` writes the ten
+worst overlays. Prints tables and writes ``build/bench/instances_<set>.json``.
 """
 
 from __future__ import annotations
@@ -29,7 +29,12 @@ from skimage.morphology import skeletonize
 from models.instances.overlay import overlay
 from models.instances.published.rt_dlo import OrientationNetwork, RtDloParams, extract
 from models.instances.scene import Scene
-from tests.benchmarks.scoring import FoundCrossing, crossings_in_labels, score_crossings, score_labels
+from tests.benchmarks.scoring import (
+    FoundCrossing,
+    crossings_in_labels,
+    score_crossings,
+    score_labels,
+)
 
 THRESHOLD = 77
 
@@ -52,10 +57,14 @@ def photos(root: Path, name: str) -> Iterator[Photo]:
         labels = _read_labels(folder / "labels" / f"{path.stem}.png")
         size = image.shape[1::-1]
         if name == "ewd":
-            probability = cv2.imread(str(folder / "masks_r101" / f"{path.stem}.png"), cv2.IMREAD_GRAYSCALE)
+            probability = cv2.imread(
+                str(folder / "masks_r101" / f"{path.stem}.png"), cv2.IMREAD_GRAYSCALE
+            )
             mask = cv2.resize(probability, size) >= THRESHOLD
         else:
-            mask = cv2.resize((labels > 0).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+            mask = (
+                cv2.resize((labels > 0).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+            )
         yield Photo(path.stem, image, mask, labels)
 
 
@@ -66,11 +75,15 @@ def _read_labels(path: Path) -> np.ndarray:
     return image[:, :, :3].astype(np.int64) @ np.array([1, 256, 65536])
 
 
-def measure(photo: Photo, network: OrientationNetwork | None, repeats: int) -> tuple[Scene, dict[str, object]]:
+def measure(
+    photo: Photo, network: OrientationNetwork | None, repeats: int
+) -> tuple[Scene, dict[str, object]]:
     """The scene of one photograph and its row of the table."""
     params = RtDloParams()
     scene = extract(photo.mask, photo.image, params, [network] if network else [])
-    stage, processor = _times(lambda: extract(photo.mask, photo.image, params, [network] if network else []), repeats)
+    stage, processor = _times(
+        lambda: extract(photo.mask, photo.image, params, [network] if network else []), repeats
+    )
     skeleton, _ = _times(lambda: skeletonize(photo.mask), repeats)
     found = [
         FoundCrossing(np.array(c.xy), c.over.instance, c.under.instance, c.score)
@@ -80,7 +93,9 @@ def measure(photo: Photo, network: OrientationNetwork | None, repeats: int) -> t
     return scene, {
         "name": photo.name,
         **score_labels(scene.labels, photo.labels),
-        "crossings": score_crossings(found, crossings_in_labels(photo.labels), scene.labels, photo.labels),
+        "crossings": score_crossings(
+            found, crossings_in_labels(photo.labels), scene.labels, photo.labels
+        ),
         "best_ms": min(stage),
         "median_ms": float(np.median(stage)),
         "processor_ms": min(processor),
@@ -90,7 +105,8 @@ def measure(photo: Photo, network: OrientationNetwork | None, repeats: int) -> t
 
 
 def _times(call: Callable[[], object], repeats: int) -> tuple[list[float], list[float]]:
-    """Wall-clock and processor time of each call, in ms; the second says what a busy machine added."""
+    """Wall-clock and processor time of each call, in ms; the second says what a busy machine
+    added."""
     wall, processor = [], []
     for _ in range(repeats):
         started, worked = perf_counter(), thread_time()
@@ -113,7 +129,9 @@ def report(rows: list[dict], groups: list[str]) -> dict[str, object]:
 
 
 def _crossing_report(rows: list[dict]) -> dict[str, float]:
-    total = {key: sum(row["crossings"][key] for row in rows) for key in ("true", "predicted", "found")}
+    total = {
+        key: sum(row["crossings"][key] for row in rows) for key in ("true", "predicted", "found")
+    }
     orders = [order for row in rows for order in row["crossings"]["orders"]]
     right = sum(1 for _, is_right in orders if is_right)
     return total | {
@@ -125,18 +143,27 @@ def _crossing_report(rows: list[dict]) -> dict[str, float]:
 
 def _time_report(rows: list[dict]) -> dict[str, object]:
     """Over the images: median and 95th percentile, in ms, and the median ratio."""
-    kinds = {"best_of_repeats": "best_ms", "median_of_repeats": "median_ms", "processor": "processor_ms"}
+    kinds = {
+        "best_of_repeats": "best_ms",
+        "median_of_repeats": "median_ms",
+        "processor": "processor_ms",
+    }
     times = {kind: np.array([row[key] for row in rows]) for kind, key in kinds.items()}
     skeleton = np.array([row["skeletonize_ms"] for row in rows])
     parts = sorted({part for row in rows for part in row["parts_ms"]})
     return {
         **{
-            kind: {"median": round(float(np.median(ms)), 2), "p95": round(float(np.percentile(ms, 95)), 2)}
+            kind: {
+                "median": round(float(np.median(ms)), 2),
+                "p95": round(float(np.percentile(ms, 95)), 2),
+            }
             for kind, ms in times.items()
         },
         "skeletonize": round(float(np.median(skeleton)), 2),
         "ratio_to_skeletonize": round(float(np.median(times["best_of_repeats"] / skeleton)), 2),
-        "parts": {p: round(float(np.median([r["parts_ms"].get(p, 0) for r in rows])), 2) for p in parts},
+        "parts": {
+            p: round(float(np.median([r["parts_ms"].get(p, 0) for r in rows])), 2) for p in parts
+        },
     }
 
 
@@ -146,14 +173,18 @@ def contact_sheet(rows: list[dict], pictures: dict[str, np.ndarray], count: int 
     for row in sorted(rows, key=lambda r: r["iou_strict"])[:count]:
         tile = cv2.resize(pictures[row["name"]], (640, 360))[:, :, ::-1].copy()
         text = f"{row['name']} iou {100 * row['iou']:.0f} strict {100 * row['iou_strict']:.0f}"
-        cv2.putText(tile, text, (8, 350), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 2, cv2.LINE_AA)
+        cv2.putText(
+            tile, text, (8, 350), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 2, cv2.LINE_AA
+        )
         tiles.append(tile)
     tiles += [np.zeros_like(tiles[0])] * (len(tiles) % 2)
     return np.vstack([np.hstack(tiles[k : k + 2]) for k in range(0, len(tiles), 2)])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--set", choices=["ewd", "sbhc"], default="ewd")
     parser.add_argument("--orientation", choices=["network", "axis"], default="network")

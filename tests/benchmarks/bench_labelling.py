@@ -2,17 +2,19 @@
 
     python -m tests.benchmarks.bench_labelling [--pictures 1000] [--throughput 60]
 
-Throughput: new pictures go through the stage alone, in one process and one thread (to a label file each), and through
-the service with two workers (of one thread each), in turn, five times; which of the two is first changes. Rates depend
-on what else runs on the machine, and two workers get a larger share of a busy one than one process does. So what is
-compared is the processor time a picture: of the one process, and of all processes of the batch together (client,
-service, queue, workers; their start is not in it). Neighbors that use the same caches can only add to it: the least of
-the five runs counts, for either. Two workers that keep both cores busy deliver that share of what the bare pipeline
-would with both. The rates of the same minutes stand beside it, with that of one process whose network may use both
-cores, and the machine's load: on a machine without neighbors they say what a user gets.
-Kills: ``dlo label`` on ``--pictures`` small pictures, killed ten times at random moments, then left to end; counted
-are labels, jobs that the service has done, and pictures in the COCO file. With ``--pictures 0`` only throughput is
-measured, and what an earlier run says of kills is kept.
+Throughput: new pictures go through the stage alone, in one process and one thread (to a label file
+each), and through the service with two workers (of one thread each), in turn, five times; which of
+the two is first changes. Rates depend on what else runs on the machine, and two workers get a
+larger share of a busy one than one process does. So what is compared is the processor time a
+picture: of the one process, and of all processes of the batch together (client, service, queue,
+workers; their start is not in it). Neighbors that use the same caches can only add to it: the least
+of the five runs counts, for either. Two workers that keep both cores busy deliver that share of
+what the bare pipeline would with both. The rates of the same minutes stand beside it, with that of
+one process whose network may use both cores, and the machine's load: on a machine without neighbors
+they say what a user gets. Kills: ``dlo label`` on ``--pictures`` small pictures, killed ten times
+at random moments, then left to end; counted are labels, jobs that the service has done, and
+pictures in the COCO file. With ``--pictures 0`` only throughput is measured, and what an earlier
+run says of kills is kept.
 """
 
 from __future__ import annotations
@@ -57,7 +59,8 @@ class Cost:
 
 
 def photographs(folder: Path, count: int, batch: int) -> list[Path]:
-    """The samples at full size, each with pixels of its own: no two have the same bytes, in no two batches."""
+    """The samples at full size, each with pixels of its own: no two have the same bytes, in no two
+    batches."""
     folder.mkdir()
     files = []
     for k in range(count):
@@ -76,8 +79,12 @@ def bare(files: Sequence[Path], tools: Tools) -> Cost:
         image = ImageRef(id=tools.blobs.put(file.read_bytes()))
         result = stages.run(InstancesRequest(image=image, files=[]), tools).result
         assert isinstance(result, InstancesResult)
-        write_whole(file.with_suffix(".json"), label_of(result, file.name).model_dump_json().encode())
-    return Cost((time.perf_counter() - started) / len(files), (time.process_time() - used) / len(files))
+        write_whole(
+            file.with_suffix(".json"), label_of(result, file.name).model_dump_json().encode()
+        )
+    return Cost(
+        (time.perf_counter() - started) / len(files), (time.process_time() - used) / len(files)
+    )
 
 
 def batch(address: str, files: Sequence[Path]) -> Cost:
@@ -85,7 +92,10 @@ def batch(address: str, files: Sequence[Path]) -> Cost:
     folder = files[0].parent
     started, used = time.perf_counter(), _used_by_all()
     report = label_pictures(
-        find_pictures(folder), folder.parent / f"{folder.name}_labels", LabelOptions(at_once=8), url=address
+        find_pictures(folder),
+        folder.parent / f"{folder.name}_labels",
+        LabelOptions(at_once=8),
+        url=address,
     )
     cost = Cost((time.perf_counter() - started) / len(files), (_used_by_all() - used) / len(files))
     assert report.labelled == len(files), report.lines()
@@ -99,15 +109,19 @@ def _used_by_all() -> float:
 
 
 def throughput(scratch: Path, count: int) -> dict[str, Any]:
-    tools, both_cores = (stages.warm(Settings(data_dir=scratch / "bare", onnx_threads=k)) for k in (1, 2))
+    tools, both_cores = (
+        stages.warm(Settings(data_dir=scratch / "bare", onnx_threads=k)) for k in (1, 2)
+    )
     alone, wide, together, load = [], [], [], []
     with running_service(scratch / "service", workers=2) as address:
         batch(address, photographs(scratch / "warm", 8, 0))
         for k in range(1, REPEATS + 1):
             files = photographs(scratch / f"photographs{k}", count, k)
-            turns = [lambda files=files: alone.append(bare(files, tools)),
-                     lambda files=files: wide.append(bare(files, both_cores)),
-                     lambda files=files: together.append(batch(address, files))]  # fmt: skip
+            turns = [
+                lambda files=files: alone.append(bare(files, tools)),
+                lambda files=files: wide.append(bare(files, both_cores)),
+                lambda files=files: together.append(batch(address, files)),
+            ]
             for turn in turns if k % 2 else turns[::-1]:
                 turn()
             load.append(os.getloadavg()[0])
@@ -156,7 +170,9 @@ def killed(scratch: Path, count: int, kills: int = 10) -> dict[str, Any]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--pictures", type=int, default=1000)
     parser.add_argument("--throughput", type=int, default=60)
     parser.add_argument("--out", type=Path, default=Path("build/bench"))

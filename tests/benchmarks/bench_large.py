@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.bench_large [--rounds 11]
 
-The bundled photograph enlarged to 12 megapixels, both requests in turn in this process; processor seconds.
+The bundled photograph enlarged to 12 megapixels, both requests in turn in this process; processor
+seconds.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ SIZE = (4000, 3000)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=11)
     rounds = parser.parse_args().rounds
     with tempfile.TemporaryDirectory() as folder:
@@ -43,14 +46,17 @@ def main() -> None:
 
 
 def _spent(folder: Path, rounds: int) -> np.ndarray:
-    """(rounds, 2) processor seconds of the default request and of ``files: []``; a first round is left out."""
+    """(rounds, 2) processor seconds of the default request and of ``files: []``; a first round is
+    left out."""
     tools = stages.warm(Settings(data_dir=folder, onnx_threads=1))
     data = BytesIO()
     Image.open(PICTURE).resize(SIZE, Image.Resampling.BICUBIC).save(data, "JPEG", quality=92)
     image = ImageRef(id=tools.blobs.put(data.getvalue()))
     spent = np.zeros((rounds + 1, 2))
     for row in spent:
-        for column, request in enumerate((InstancesRequest(image=image), InstancesRequest(image=image, files=[]))):
+        for column, request in enumerate(
+            (InstancesRequest(image=image), InstancesRequest(image=image, files=[]))
+        ):
             start = time.process_time()
             stages.run(request, tools)
             row[column] = time.process_time() - start

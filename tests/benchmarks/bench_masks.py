@@ -1,11 +1,13 @@
-"""Every instance method on masks of several kinds, and by the number of crossings (thesis 3.6.2 to 3.6.4).
+"""Every instance method on masks of several kinds, and by the number of crossings (thesis 3.6.2 to
+3.6.4).
 
     python -m tests.benchmarks.bench_masks [SHARED]
 
-On ``ewd``: the published masks of both backbones, as they are and eroded (Table 3.1, Fig. 3.19); in place of the
-salient-object networks of Figs. 3.21 and 3.22, which are not to be had, other foregrounds that were not made for this:
-our 8-bit network at its fast setting, and a rule without a network. By the number of true crossings of a picture: IoU
-and the time of the stages (Tables 3.3 and 3.4), and Ariadne+ over the number of superpixels (Fig. 3.23). Writes
+On ``ewd``: the published masks of both backbones, as they are and eroded (Table 3.1, Fig. 3.19); in
+place of the salient-object networks of Figs. 3.21 and 3.22, which are not to be had, other
+foregrounds that were not made for this: our 8-bit network at its fast setting, and a rule without a
+network. By the number of true crossings of a picture: IoU and the time of the stages (Tables 3.3
+and 3.4), and Ariadne+ over the number of superpixels (Fig. 3.23). Writes
 ``build/bench/masks.json``.
 """
 
@@ -67,15 +69,23 @@ def by_mask(found: dict[str, list[Photo]]) -> list[dict[str, Any]]:
         extract = method(name)
         for source, pictures in found.items():
             for times in range(4 if source.startswith("ResNet") else 1):
-                scores = summary(run(extract, pictures, lambda mask, _, n=times: eroded(mask, n))[0])  # type: ignore[misc]
-                row = {"method": name, "masks": source, "eroded": times, **{key: scores[key] for key in SHOWN}}
+                scores = summary(
+                    run(extract, pictures, lambda mask, _, n=times: eroded(mask, n))[0]
+                )  # type: ignore[misc]
+                row = {
+                    "method": name,
+                    "masks": source,
+                    "eroded": times,
+                    **{key: scores[key] for key in SHOWN},
+                }
                 rows.append(row)
                 print(row, flush=True)
     return rows
 
 
 def by_crossings(pictures: list[Photo]) -> dict[str, list[dict[str, Any]]]:
-    """Quality and stages of every method, and Ariadne+ over its superpixels, by the number of true crossings."""
+    """Quality and stages of every method, and Ariadne+ over its superpixels, by the number of true
+    crossings."""
     groups = defaultdict(list)
     for photo in pictures:
         groups[min(len(crossings_in_labels(photo.labels)), 3)].append(photo)
@@ -84,19 +94,29 @@ def by_crossings(pictures: list[Photo]) -> dict[str, list[dict[str, Any]]]:
         for name in METHODS:
             rows = run(method(name), group, lambda mask, _: mask)[0]
             scores = summary(rows)
-            methods.append({
-                "crossings": number, "pictures": len(group), "method": name, "iou": scores["iou"], "ms": scores["ms"],
-                "stages": stage_times(rows),
-            })  # fmt: skip
+            methods.append(
+                {
+                    "crossings": number,
+                    "pictures": len(group),
+                    "method": name,
+                    "iou": scores["iou"],
+                    "ms": scores["ms"],
+                    "stages": stage_times(rows),
+                }
+            )
             print(methods[-1], flush=True)
         for count in range(10, 91, 10):
             rows = run(method("ariadne_plus", superpixels=count), group, lambda mask, _: mask)[0]
-            superpixels.append({"crossings": number, "superpixels": count, "iou": summary(rows)["iou"]})
+            superpixels.append(
+                {"crossings": number, "superpixels": count, "iou": summary(rows)["iou"]}
+            )
     return {"methods": methods, "superpixels": superpixels}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()

@@ -1,13 +1,15 @@
-"""All instance methods on the same masks: quality, worn masks, confidence, parameters, time (thesis 3.6).
+"""All instance methods on the same masks: quality, worn masks, confidence, parameters, time (thesis
+3.6).
 
     python -m tests.benchmarks.bench_methods [SHARED] [--quick] [--only METHODS]
 
-``ewd``: ``masks_r101`` at threshold 77. ``sbhc``: the labels as mask; ``closed gray`` closes their 1 to 2 px gaps with
-a 7 x 7 kernel and takes the color away. Worn masks: eroded 1 to 3 times with a 3 x 3 kernel; 8 squares of 5 px cleared
-around random foreground pixels, seed [5, place of the picture in the set]. Times are processor time of one thread.
-Every method has one set of parameters for everything, except in the two tables that vary them. ``--quick`` leaves those
-out. Prints tables and writes ``build/bench/methods.json`` and ``build/sheets/<method>_<set>.png`` (ten worst, with
-a line on each of what is wrong).
+``ewd``: ``masks_r101`` at threshold 77. ``sbhc``: the labels as mask; ``closed gray`` closes their
+1 to 2 px gaps with a 7 x 7 kernel and takes the color away. Worn masks: eroded 1 to 3 times with a
+3 x 3 kernel; 8 squares of 5 px cleared around random foreground pixels, seed [5, place of the
+picture in the set]. Times are processor time of one thread. Every method has one set of parameters
+for everything, except in the two tables that vary them. ``--quick`` leaves those out. Prints tables
+and writes ``build/bench/methods.json`` and ``build/sheets/<method>_<set>.png`` (ten worst, with a
+line on each of what is wrong).
 """
 
 from __future__ import annotations
@@ -28,15 +30,30 @@ import numpy as np
 from models.instances.overlay import overlay
 from models.instances.scene import Scene
 from tests.benchmarks.bench_instances import Photo, contact_sheet, photos
-from tests.benchmarks.instance_methods import METHODS, Extract, closed, eroded, gray, method, with_holes
+from tests.benchmarks.instance_methods import (
+    METHODS,
+    Extract,
+    closed,
+    eroded,
+    gray,
+    method,
+    with_holes,
+)
 from tests.benchmarks.reasons import why
-from tests.benchmarks.scoring import FoundCrossing, crossings_in_labels, score_crossings, score_labels
+from tests.benchmarks.scoring import (
+    FoundCrossing,
+    crossings_in_labels,
+    score_crossings,
+    score_labels,
+)
 
 Wear = Callable[[np.ndarray, int], np.ndarray]
 KEYS = ("iou", "iou_strict", "dice", "pq", "count")
 
 
-def run(extract: Extract, pictures: list[Photo], wear: Wear, colorless: bool = False) -> tuple[list[dict], list[Scene]]:
+def run(
+    extract: Extract, pictures: list[Photo], wear: Wear, colorless: bool = False
+) -> tuple[list[dict], list[Scene]]:
     """A row of scores for every picture, and the scenes."""
     rows, scenes = [], []
     for place, photo in enumerate(pictures):
@@ -53,7 +70,9 @@ def run(extract: Extract, pictures: list[Photo], wear: Wear, colorless: bool = F
         row = {
             "name": photo.name,
             **score_labels(scene.labels, photo.labels),
-            "crossings": score_crossings(crossings, crossings_in_labels(photo.labels), scene.labels, photo.labels),
+            "crossings": score_crossings(
+                crossings, crossings_in_labels(photo.labels), scene.labels, photo.labels
+            ),
             "ms": elapsed,
             "parts_ms": scene.timings_ms,
             "scores": _scores(scene, photo.labels),
@@ -65,14 +84,19 @@ def run(extract: Extract, pictures: list[Photo], wear: Wear, colorless: bool = F
 
 
 def _scores(scene: Scene, true: np.ndarray) -> list[tuple[float, bool]]:
-    """(stated probability, whether its IoU with a true instance is above a half) of every instance."""
+    """(stated probability, whether its IoU with a true instance is above a half) of every
+    instance."""
     labels = scene.labels
     if labels.shape != true.shape:
         labels = cv2.resize(labels, true.shape[::-1], interpolation=cv2.INTER_NEAREST)
     out = []
     for number, instance in enumerate(scene.instances, start=1):
         mine = labels == number
-        ious = [(mine & (true == t)).sum() / max((mine | (true == t)).sum(), 1) for t in np.unique(true[mine]) if t]
+        ious = [
+            (mine & (true == t)).sum() / max((mine | (true == t)).sum(), 1)
+            for t in np.unique(true[mine])
+            if t
+        ]
         out.append((instance.score, bool(max(ious, default=0.0) > 0.5)))
     return out
 
@@ -118,10 +142,14 @@ WEAR: dict[str, Wear] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--only", default="", help="methods, separated by commas; the others' results are kept")
+    parser.add_argument(
+        "--only", default="", help="methods, separated by commas; the others' results are kept"
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     parser.add_argument("--sheets", type=Path, default=Path("build/sheets"))
     args = parser.parse_args()
@@ -150,10 +178,14 @@ def main() -> None:
             if wear_name == "as they are":
                 result["stages"][name] = stage_times(rows)
                 result["calibration"][name] = calibration(rows)
-                result["worst"][f"{name} ewd"] = _sheet(rows, scenes, ewd, args.sheets / f"{name}_ewd.png")
+                result["worst"][f"{name} ewd"] = _sheet(
+                    rows, scenes, ewd, args.sheets / f"{name}_ewd.png"
+                )
         rows, scenes = run(extract, sbhc, lambda mask, place: mask)
         result["sbhc"][name] = summary(rows)
-        result["worst"][f"{name} sbhc"] = _sheet(rows, scenes, sbhc, args.sheets / f"{name}_sbhc.png")
+        result["worst"][f"{name} sbhc"] = _sheet(
+            rows, scenes, sbhc, args.sheets / f"{name}_sbhc.png"
+        )
         rows, _ = run(extract, sbhc, lambda mask, place: closed(mask), colorless=True)
         result["sbhc_closed_gray"][name] = summary(rows)
         print(name, "sbhc", result["sbhc"][name], result["sbhc_closed_gray"][name], flush=True)
@@ -170,7 +202,11 @@ def _rt_dlo_table(pictures: list[Photo]) -> dict[str, float]:
     table = {}
     for neighbors in (4, 8, 16, 32):
         for ratio in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3):
-            rows, _ = run(method("rt_dlo", sampling_ratio=ratio, neighbors=neighbors), pictures, WEAR["as they are"])
+            rows, _ = run(
+                method("rt_dlo", sampling_ratio=ratio, neighbors=neighbors),
+                pictures,
+                WEAR["as they are"],
+            )
             table[f"{neighbors} {ratio}"] = summary(rows)["iou"]
             print("rt_dlo", neighbors, ratio, table[f"{neighbors} {ratio}"], flush=True)
     return table
@@ -186,9 +222,14 @@ def _superpixel_table(pictures: list[Photo]) -> dict[str, float]:
     return table
 
 
-def _sheet(rows: list[dict], scenes: list[Scene], pictures: list[Photo], path: Path) -> list[tuple[str, int, str]]:
-    """Write the ten worst overlays; returns their names, strict IoU in percent and what is wrong."""
-    worst = sorted(zip(rows, scenes, pictures, strict=True), key=lambda item: item[0]["iou_strict"])[:10]
+def _sheet(
+    rows: list[dict], scenes: list[Scene], pictures: list[Photo], path: Path
+) -> list[tuple[str, int, str]]:
+    """Write the ten worst overlays; returns their names, strict IoU in percent and what is
+    wrong."""
+    worst = sorted(
+        zip(rows, scenes, pictures, strict=True), key=lambda item: item[0]["iou_strict"]
+    )[:10]
     overlays = {row["name"]: overlay(photo.image, scene) for row, scene, photo in worst}
     cv2.imwrite(str(path), contact_sheet([row for row, _, _ in worst], overlays))
     return [(row["name"], round(100 * row["iou_strict"]), row["why"]) for row, _, _ in worst]

@@ -45,7 +45,8 @@ Choice = Callable[[np.ndarray], tuple[int, np.ndarray] | None]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """``pegs`` (P, 2) m that stand between the rope, straight along x, and its ``target`` (31, 2)."""
+    """``pegs`` (P, 2) m that stand between the rope, straight along x, and its ``target`` (31,
+    2)."""
 
     kind: RopeKind
     surface: str
@@ -86,7 +87,9 @@ def scenes(count: int, seed: int) -> list[Scene]:
     return found
 
 
-def _between(rng: np.random.Generator, kind: RopeKind, target: np.ndarray, count: int) -> np.ndarray | None:
+def _between(
+    rng: np.random.Generator, kind: RopeKind, target: np.ndarray, count: int
+) -> np.ndarray | None:
     """(count, 2) pegs in what a rope sweeps that goes straight to its place; None where there is no
     room."""
     start = straight(kind.length)
@@ -153,13 +156,17 @@ def compared(count: int, seed: int, makers: dict[str, Callable[[Scene], Choice]]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=int, default=18)
     parser.add_argument("--seed", type=int, default=_SEED, help="the reported one by default")
     parser.add_argument("--only-default", action="store_true", help="without the baseline")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
-    makers: dict[str, Callable[[Scene], Choice]] = {"default": lambda s: Planner(s.fixtures(), lambda: Goal(s.target))}
+    makers: dict[str, Callable[[Scene], Choice]] = {
+        "default": lambda s: Planner(s.fixtures(), lambda: Goal(s.target))
+    }
     if not args.only_default:
         makers["farthest edge onto its place"] = lambda s: farthest(s.target)
     report = compared(args.scenes, args.seed, makers)

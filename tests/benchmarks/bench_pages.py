@@ -1,10 +1,12 @@
-"""A picture of 12 megapixels on the label bench: ``python -m tests.benchmarks.bench_pages [--repeats N]``.
+"""A picture of 12 megapixels on the label bench: ``python -m tests.benchmarks.bench_pages
+[--repeats N]``.
 
-In headless Chromium, against a stand-in for the service, so that only the page is measured; it answers with twelve
-cables and their probability, and the person draws one more. Milliseconds by the page's own clock: from choosing the
-file until its pixels are there and a click would count; from the key that ends a line until its outline is drawn; from
-a drag of an edge until that is drawn; from a frame of zooming to the next. The page is open for three seconds before,
-in which a person looks for the file and the page's worker practises. Writes ``build/bench/pages.json``.
+In headless Chromium, against a stand-in for the service, so that only the page is measured; it
+answers with twelve cables and their probability, and the person draws one more. Milliseconds by the
+page's own clock: from choosing the file until its pixels are there and a click would count; from
+the key that ends a line until its outline is drawn; from a drag of an edge until that is drawn;
+from a frame of zooming to the next. The page is open for three seconds before, in which a person
+looks for the file and the page's worker practises. Writes ``build/bench/pages.json``.
 """
 
 from __future__ import annotations
@@ -80,7 +82,12 @@ def answered() -> tuple[AnyJob, bytes]:
         seen[mask] = 255
         line = [(float(x), row - 0.5) for x in np.linspace(_LEFT, _RIGHT, 150)]
         rle = MaskRLE(size=mask.shape, counts=encode(mask))
-        more = {"id": len(instances) + 1, "centerline_xy": line, "width_px": _WIDTH_PX, "mask_rle": rle}
+        more = {
+            "id": len(instances) + 1,
+            "centerline_xy": line,
+            "width_px": _WIDTH_PX,
+            "mask_rle": rle,
+        }
         instances.append(samples.two_cables().instances[0].model_copy(update=more))
     job = samples.instances_job()
     found = {"width": SIZE[0], "height": SIZE[1], "instances": instances, "crossings": []}
@@ -114,9 +121,13 @@ def _took(page: Any, since: str, until: str) -> float:
 def once(picture: bytes, job: AnyJob, probability: bytes) -> dict[str, float]:
     """Open the picture, draw a cable, drag its edge."""
     with opened(job, probability) as page:
-        page.set_input_files("#file", {"name": "large.jpg", "mimeType": "image/jpeg", "buffer": picture})
+        page.set_input_files(
+            "#file", {"name": "large.jpg", "mimeType": "image/jpeg", "buffer": picture}
+        )
         took = {"open": _took(page, "chosen", "opened")}
-        page.wait_for_function(f"document.querySelectorAll('#instances button').length === {len(_OTHERS)}")
+        page.wait_for_function(
+            f"document.querySelectorAll('#instances button').length === {len(_OTHERS)}"
+        )
         page.wait_for_timeout(_LOOK_MS)
         for x in (1000, 3000):
             page.mouse.click(*place(page, x, _ROW))
@@ -146,7 +157,9 @@ _ZOOM = """async () => {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--out", type=Path, default=Path("build/bench/pages.json"))
     asked = parser.parse_args()

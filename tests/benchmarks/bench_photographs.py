@@ -1,11 +1,13 @@
-"""The foreground on photographs that nobody prepared, by effort, by scale, and on what holds no cable.
+"""The foreground on photographs that nobody prepared, by effort, by scale, and on what holds no
+cable.
 
     python -m tests.benchmarks.bench_photographs [SHARED] [--network NAME] [--sheets DIR]
 
-``wild`` (never trained on) and the part of the training photographs that is kept aside: length found, share of what is
-found that is cable, Dice. Photographs without cables kept aside: false pixels. ``ewd`` and ``photos100`` resized to
-0.5 … 2 ×. From RGB on ``ewd``: distance of the centerlines to the true middle. A drawn 12 megapixel photograph with
-wires of 14 px: found, and the time over one pass. Beside every row the figure of an empty answer is 0.
+``wild`` (never trained on) and the part of the training photographs that is kept aside: length
+found, share of what is found that is cable, Dice. Photographs without cables kept aside: false
+pixels. ``ewd`` and ``photos100`` resized to 0.5 … 2 ×. From RGB on ``ewd``: distance of the
+centerlines to the true middle. A drawn 12 megapixel photograph with wires of 14 px: found, and the
+time over one pass. Beside every row the figure of an empty answer is 0.
 """
 
 from __future__ import annotations
@@ -40,7 +42,9 @@ def rgb(path: Path) -> np.ndarray:
     return np.ascontiguousarray(cv2.imread(str(path))[:, :, ::-1])
 
 
-def measure_marked(folder: Path, names: list[str], mask: Mask, effort: Effort, sheet: Path | None) -> dict:
+def measure_marked(
+    folder: Path, names: list[str], mask: Mask, effort: Effort, sheet: Path | None
+) -> dict:
     shares, tiles = [], []
     for name in names:
         image = rgb(folder / "imgs" / f"{name}.jpg")
@@ -51,13 +55,18 @@ def measure_marked(folder: Path, names: list[str], mask: Mask, effort: Effort, s
     if sheet:
         worst = [tile for _, _, tile in sorted(tiles, key=lambda t: t[:2])[:10]]
         worst += [np.zeros_like(worst[0])] * (len(worst) % 2)
-        cv2.imwrite(str(sheet), np.vstack([np.hstack(worst[k : k + 2]) for k in range(0, len(worst), 2)]))
-    worst_names = [(name, round(100 * dice, 1)) for dice, name, _ in sorted(tiles, key=lambda t: t[:2])[:6]]
+        cv2.imwrite(
+            str(sheet), np.vstack([np.hstack(worst[k : k + 2]) for k in range(0, len(worst), 2)])
+        )
+    worst_names = [
+        (name, round(100 * dice, 1)) for dice, name, _ in sorted(tiles, key=lambda t: t[:2])[:6]
+    ]
     return {"n": len(names), **mean_shares(shares), "worst": worst_names}
 
 
 def compared(image: np.ndarray, found: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """BGR 640 × 480: right in green, invented in red, missed in blue, what cannot be told in gray."""
+    """BGR 640 × 480: right in green, invented in red, missed in blue, what cannot be told in
+    gray."""
     tile = image[:, :, ::-1].astype(float) * 0.6
     true, known = labels == 255, labels != UNKNOWN
     for where, color in (
@@ -71,7 +80,11 @@ def compared(image: np.ndarray, found: np.ndarray, labels: np.ndarray) -> np.nda
 
 
 def measure_empty(folder: Path, mask: Mask) -> dict:
-    shares = {f.stem: float(mask(rgb(f), "normal").mean()) for f in sorted(folder.glob("*.jpg")) if kept_aside(f.stem)}
+    shares = {
+        f.stem: float(mask(rgb(f), "normal").mean())
+        for f in sorted(folder.glob("*.jpg"))
+        if kept_aside(f.stem)
+    }
     worst = sorted(shares, key=lambda name: -shares[name])[:6]
     return {
         "pictures": len(shares),
@@ -96,13 +109,16 @@ def measure_scales(folder: Path, truth: str, mask: Mask, every: int) -> dict[str
 
 
 def measure_middle(root: Path, mask: Mask) -> dict[str, float]:
-    """Distance of predicted centerlines on ``ewd``, a point every pixel, to the true middle (the ridge of the labels'
-    distance transform), px and in widths; away from crossings: 1.5 widths from where one label meets another."""
+    """Distance of predicted centerlines on ``ewd``, a point every pixel, to the true middle (the
+    ridge of the labels' distance transform), px and in widths; away from crossings: 1.5 widths from
+    where one label meets another."""
     px, widths = [], []
     for photo in photos(root, "ewd"):
         scene = extract(mask(photo.image, "normal"), photo.image)
         ridge, meeting = _middle(photo.labels), _meeting(photo.labels)
-        away, apart = (cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 5) for m in (ridge, meeting))
+        away, apart = (
+            cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 5) for m in (ridge, meeting)
+        )
         for instance in scene.instances:
             line = resample(instance.centerline_xy, max(2, round(instance.length_px)))
             column, row = np.rint(line).astype(int).T
@@ -112,7 +128,10 @@ def measure_middle(root: Path, mask: Mask) -> dict[str, float]:
             counts &= apart[row, column] > 1.5 * instance.width_px
             px += away[row, column][counts].tolist()
             widths += (away[row, column][counts] / instance.width_px).tolist()
-    return {"mean_px": round(float(np.mean(px)), 3), "mean_widths": round(float(np.mean(widths)), 4)}
+    return {
+        "mean_px": round(float(np.mean(px)), 3),
+        "mean_widths": round(float(np.mean(widths)), 4),
+    }
 
 
 def _meeting(labels: np.ndarray) -> np.ndarray:
@@ -128,14 +147,17 @@ def _middle(labels: np.ndarray) -> np.ndarray:
     """Ridge (H, W) bool of each label's distance transform."""
     ridge = np.zeros(labels.shape, bool)
     for k in np.unique(labels[labels > 0]):
-        inside = cv2.distanceTransform(np.pad((labels == k).astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
+        inside = cv2.distanceTransform(np.pad((labels == k).astype(np.uint8), 1), cv2.DIST_L2, 5)[
+            1:-1, 1:-1
+        ]
         top = (inside >= cv2.dilate(inside, np.ones((3, 3), np.uint8)) - 1e-3) & (inside > 1.5)
         ridge |= top
     return ridge
 
 
 def measure_large(mask: Mask) -> dict[str, float]:
-    """A drawn photograph of 4000 × 3000 px with wires 14 px wide: found, and processor time of each effort."""
+    """A drawn photograph of 4000 × 3000 px with wires 14 px wide: found, and processor time of each
+    effort."""
     params = SceneParams((3000, 4000), (0.0034, 0.0036), 4, empty_share=0.0)
     scene = render_scene(np.random.default_rng(12), params, TexturePool(()))
     image, true = to_uint8(scene.rgb), scene.ids.numpy() > 0
@@ -153,7 +175,10 @@ def measure_large(mask: Mask) -> dict[str, float]:
         "wires": len(lengths),
         "dice": round(100 * score(found["normal"], true)["dice"], 1),
         "least_found_percent": round(100 * min(lengths), 1),
-        **{f"time_{effort}_over_fast": round(s / seconds["fast"], 2) for effort, s in seconds.items()},
+        **{
+            f"time_{effort}_over_fast": round(s / seconds["fast"], 2)
+            for effort, s in seconds.items()
+        },
     }
 
 
@@ -164,12 +189,16 @@ def _along(mask: np.ndarray, curve: np.ndarray) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--network", help="default: the manifest's")
     parser.add_argument("--name", default="photographs", help="of the JSON file")
     parser.add_argument("--sheets", type=Path, help="folder for the worst pictures")
-    parser.add_argument("--every", type=int, default=1, help="only every n-th picture at other scales")
+    parser.add_argument(
+        "--every", type=int, default=1, help="only every n-th picture at other scales"
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()
     network = load(args.network or default_name("foreground"), Runtime(threads=1))
@@ -189,7 +218,9 @@ def main() -> None:
     report: dict = {"network": network.spec.name, "sha256": network.spec.sha256[:12]}
     for name, folder, names in (("wild", real / "wild", wild), ("aside", real / "train", aside)):
         report[name] = {
-            effort: measure_marked(folder, names, mask, effort, args.sheets and args.sheets / f"{name}_{effort}.png")
+            effort: measure_marked(
+                folder, names, mask, effort, args.sheets and args.sheets / f"{name}_{effort}.png"
+            )
             for effort in PASSES
         }
     report["empty"] = measure_empty(real / "backgrounds", mask)

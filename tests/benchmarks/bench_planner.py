@@ -2,11 +2,11 @@
 
     python -m tests.benchmarks.bench_planner [--held-out FILE] [--ropes 40] [--parts own mujoco]
 
-``--held-out``: samples of ``models.training.dynamics.data`` with another seed (made when it is missing). Tasks: U, A,
-S and I from a straight line x three ropes x two surfaces with hidden parameters, at most ten actions, reached below
-10 mm; in the own simulator and, with the extra of ``requirements/dynamics.in``, in MuJoCo, which no network has seen.
-There a deep S, an M and a loop too, and ropes eight times as stiff.
-Prints tables and writes ``build/bench/planner.json``.
+``--held-out``: samples of ``models.training.dynamics.data`` with another seed (made when it is
+missing). Tasks: U, A, S and I from a straight line x three ropes x two surfaces with hidden
+parameters, at most ten actions, reached below 10 mm; in the own simulator and, with the extra of
+``requirements/dynamics.in``, in MuJoCo, which no network has seen. There a deep S, an M and a loop
+too, and ropes eight times as stiff. Prints tables and writes ``build/bench/planner.json``.
 """
 
 from __future__ import annotations
@@ -38,7 +38,15 @@ from models.manipulation.simulator import Actions, Ropes, SimulationParams, simu
 from models.training.dynamics.data import Samples, generate, nearly_straight
 from models.weights.inference import Runtime, default_name, load
 from tests.benchmarks.held_shapes import nearest_held
-from tests.benchmarks.ropes import HARD_TARGETS, ROPES, SURFACES, MujocoTable, OwnTable, Table, hard_shape
+from tests.benchmarks.ropes import (
+    HARD_TARGETS,
+    ROPES,
+    SURFACES,
+    MujocoTable,
+    OwnTable,
+    Table,
+    hard_shape,
+)
 
 ACTIONS, REACHED_M = 10, 0.01
 Choice = Callable[[np.ndarray, np.ndarray, History, float], tuple[int, np.ndarray]]
@@ -47,13 +55,18 @@ Choice = Callable[[np.ndarray, np.ndarray, History, float], tuple[int, np.ndarra
 
 def dynamics() -> Dynamics:
     runtime = Runtime(threads=1)
-    return Dynamics(*(load(default_name(n), runtime) for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope")))
+    return Dynamics(
+        *(
+            load(default_name(n), runtime)
+            for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope")
+        )
+    )
 
 
 @dataclass
 class Planned:
-    """The planner as a choice; ``stated`` (probability, distance at which half of the gain is there) and processor
-    ``ms`` of every action, all that it learns from the history included."""
+    """The planner as a choice; ``stated`` (probability, distance at which half of the gain is
+    there) and processor ``ms`` of every action, all that it learns from the history included."""
 
     model: Dynamics
     horizon: int = USUAL_HORIZON
@@ -61,7 +74,9 @@ class Planned:
     stated: list[tuple[float, float]] = field(default_factory=list)
     ms: list[float] = field(default_factory=list)
 
-    def __call__(self, state: np.ndarray, target: np.ndarray, history: History, mass: float) -> tuple[int, np.ndarray]:
+    def __call__(
+        self, state: np.ndarray, target: np.ndarray, history: History, mass: float
+    ) -> tuple[int, np.ndarray]:
         started = thread_time()
         belief = Belief.certain(self.model, np.array([mass, *MID_RANGE]))
         if self.learn:
@@ -86,8 +101,11 @@ def nearest_edge(state, target, history, mass) -> tuple[int, np.ndarray]:
     return edge, np.clip(moves[edge], -MOVE_SCALE, MOVE_SCALE)
 
 
-def run_task(table: Table, target: np.ndarray, mass: float, choose: Choice) -> tuple[list[float], History]:
-    """Mean distances before the first action and after each, until the target is reached; and what was done."""
+def run_task(
+    table: Table, target: np.ndarray, mass: float, choose: Choice
+) -> tuple[list[float], History]:
+    """Mean distances before the first action and after each, until the target is reached; and what
+    was done."""
     empty = np.zeros((0, NODES, 2))
     history = History(empty, np.zeros(0, np.int64), np.zeros((0, 3)), empty)
     state = table.state()
@@ -97,19 +115,27 @@ def run_task(table: Table, target: np.ndarray, mass: float, choose: Choice) -> t
         table.act(edge, move)
         after = table.state()
         history = History(
-            np.concatenate([history.before, state[None]]), np.append(history.edge, edge),
-            np.concatenate([history.move, move[None]]), np.concatenate([history.after, after[None]]),
-        )  # fmt: skip
+            np.concatenate([history.before, state[None]]),
+            np.append(history.edge, edge),
+            np.concatenate([history.move, move[None]]),
+            np.concatenate([history.after, after[None]]),
+        )
         state = after
         errors.append(float(shape_distance(state, target)))
     return errors, history
 
 
 def shape(name: str, length: float) -> np.ndarray:
-    return hard_shape(name, length) if name in HARD_TARGETS else np.array(target_shape(name, length, NODES))
+    return (
+        hard_shape(name, length)
+        if name in HARD_TARGETS
+        else np.array(target_shape(name, length, NODES))
+    )
 
 
-def tasks(make: Callable[..., Table], choose: Choice, targets: Iterable[str] = TARGETS) -> list[dict]:
+def tasks(
+    make: Callable[..., Table], choose: Choice, targets: Iterable[str] = TARGETS
+) -> list[dict]:
     rows = []
     for kind in ROPES:
         for surface in SURFACES:
@@ -156,8 +182,8 @@ def stated_and_came(stated: list[tuple[float, float]], rows: list[dict]) -> tupl
 
 
 def calibration_error(stated: list[tuple[float, float]], rows: list[dict], bins: int = 5) -> float:
-    """Mean difference of the stated probability and how often half of the expected gain came, over bins of equally
-    many actions."""
+    """Mean difference of the stated probability and how often half of the expected gain came, over
+    bins of equally many actions."""
     errors = np.concatenate([r["errors_mm"][1:] for r in rows]) / 1e3
     probability, half = np.array(stated).T
     came = errors <= half
@@ -167,16 +193,22 @@ def calibration_error(stated: list[tuple[float, float]], rows: list[dict], bins:
 
 
 def parameters_in_tasks(model: Dynamics, rows: list[dict]) -> dict[str, float]:
-    """Fig. 5.8: mean prediction error of the next state in mm with mid-range, online and best parameters."""
+    """Fig. 5.8: mean prediction error of the next state in mm with mid-range, online and best
+    parameters."""
     errors: dict[str, list[float]] = {"mid_range": [], "online": [], "best": []}
     for row in rows:
         h, mass = row["history"], row["mass"]
         best = estimate(model, h, mass).rope(mass)
         for k in range(1, len(h.edge)):
             past = History(h.before[:k], h.edge[:k], h.move[:k], h.after[:k])
-            known = {"mid_range": np.array([mass, *MID_RANGE]), "online": estimate(model, past, mass).rope(mass)}
+            known = {
+                "mid_range": np.array([mass, *MID_RANGE]),
+                "online": estimate(model, past, mass).rope(mass),
+            }
             for name, rope in (known | {"best": best}).items():
-                reached = model.predict(h.before[k : k + 1], h.edge[k : k + 1], h.move[k : k + 1], rope)
+                reached = model.predict(
+                    h.before[k : k + 1], h.edge[k : k + 1], h.move[k : k + 1], rope
+                )
                 errors[name].append(1e3 * float(shape_distance(reached, h.after[k : k + 1])[0]))
     return {name: round(float(np.mean(values)), 3) for name, values in errors.items()}
 
@@ -212,15 +244,21 @@ def identify(model: Dynamics, ropes: int, actions: int = 5) -> dict[str, float]:
 
 def held_out(model: Dynamics, samples: Samples) -> dict[str, float]:
     before, after = samples.before.astype(float), samples.after.astype(float)
-    reached = model.predict(before, samples.edge, samples.move.astype(float), samples.rope[:, :3].astype(float))
-    middle = np.column_stack([samples.rope[:, :1], np.tile(MID_RANGE, (len(samples), 1))]).astype(float)
+    reached = model.predict(
+        before, samples.edge, samples.move.astype(float), samples.rope[:, :3].astype(float)
+    )
+    middle = np.column_stack([samples.rope[:, :1], np.tile(MID_RANGE, (len(samples), 1))]).astype(
+        float
+    )
     guessed = model.predict(before, samples.edge, samples.move.astype(float), middle)
     moved = shape_distance(before, after).mean()
     return {
         "samples": len(samples),
         "mean_displacement_mm": round(1e3 * float(moved), 2),
         "error_percent": round(100 * float(shape_distance(reached, after).mean() / moved), 2),
-        "error_percent_mid_range": round(100 * float(shape_distance(guessed, after).mean() / moved), 2),
+        "error_percent_mid_range": round(
+            100 * float(shape_distance(guessed, after).mean() / moved), 2
+        ),
     }
 
 
@@ -231,9 +269,15 @@ def times(model: Dynamics) -> dict[str, float]:
     target = state.mean(0) + np.array(target_shape("U", 0.45, NODES))
     rope, edges = np.array([0.05, *MID_RANGE]), np.arange(NODES - 1)
     seen = generate(rng, 15, 1, Ropes.same(15, 0.05, 0.2, 10.0, 0.45))
-    history = History(seen.before.astype(float), seen.edge, seen.move.astype(float), seen.after.astype(float))
+    history = History(
+        seen.before.astype(float), seen.edge, seen.move.astype(float), seen.after.astype(float)
+    )
     far = state.mean(0) + hard_shape("M", 0.45)
-    dry = replace(Belief.certain(model, rope), stiffness=np.array([0.1, 0.3]), weights=np.array([0.0, 0.4, 0.6]))
+    dry = replace(
+        Belief.certain(model, rope),
+        stiffness=np.array([0.1, 0.3]),
+        weights=np.array([0.0, 0.4, 0.6]),
+    )
     work = {
         "action_15_edges": lambda: best_actions(model, state, target, rope, edges),
         "belief_15_samples": lambda: believed(model, rope, history),
@@ -256,10 +300,17 @@ def _median_ms(call: Callable[[], object], repeats: int = 30) -> float:
 
 
 def choices(model: Dynamics, simulator: str) -> dict[str, Choice]:
-    """The planner and its rivals; those that differ little from them only in MuJoCo's easy tasks."""
-    found: dict[str, Choice] = {"default": Planned(model), "farthest edge onto its place": nearest_edge}
+    """The planner and its rivals; those that differ little from them only in MuJoCo's easy
+    tasks."""
+    found: dict[str, Choice] = {
+        "default": Planned(model),
+        "farthest edge onto its place": nearest_edge,
+    }
     if simulator == "mujoco":
-        found |= {"horizon 1": Planned(model, 1), "one step, mid-range": Planned(model, 1, learn=False)}
+        found |= {
+            "horizon 1": Planned(model, 1),
+            "one step, mid-range": Planned(model, 1, learn=False),
+        }
         found |= {"random": at_random(0)}
     return found
 
@@ -273,7 +324,8 @@ TABLES: dict[str, tuple[Callable[..., Table], Iterable[str]]] = {
 
 
 def compared(model: Dynamics, simulator: str, only: list[str] | None) -> dict[str, dict]:
-    """What each choice (of the names in ``only``, if there are any) reaches of the simulator's tasks."""
+    """What each choice (of the names in ``only``, if there are any) reaches of the simulator's
+    tasks."""
     make, targets = TABLES[simulator]
     parts = {}
     for name, choose in choices(model, simulator).items():
@@ -307,7 +359,8 @@ def of_the_model(model: Dynamics, samples: Path, ropes: int) -> dict:
 
 
 def held(simulator: str) -> dict[str, dict[str, int]]:
-    """Of a simulator's tasks: how many targets friction holds, and near how many it holds some shape."""
+    """Of a simulator's tasks: how many targets friction holds, and near how many it holds some
+    shape."""
     make, targets = TABLES[simulator]
     stiffer = 8.0 if simulator == "mujoco_stiff" else 1.0
     near = [
@@ -324,11 +377,15 @@ def held(simulator: str) -> dict[str, dict[str, int]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--held-out", type=Path, default=Path("build/held_out.npz"))
     parser.add_argument("--ropes", type=int, default=100, help="for the parameters' accuracy")
     parts = ["model", *TABLES]
-    parser.add_argument("--parts", nargs="+", choices=parts, default=parts, help="others keep what was measured")
+    parser.add_argument(
+        "--parts", nargs="+", choices=parts, default=parts, help="others keep what was measured"
+    )
     parser.add_argument("--choices", nargs="+", help="of the planner and its rivals; default: all")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()

@@ -1,7 +1,9 @@
-"""What a plant asks of the service besides throughput: ``python -m tests.benchmarks.bench_plant [--only stalls,loop]``.
+"""What a plant asks of the service besides throughput: ``python -m tests.benchmarks.bench_plant
+[--only stalls,loop]``.
 
-Longest stall of the one worker when its child is replaced, longest time for which the event loop stands still under
-large requests, overhead of a job, and what a robot waits while a batch runs. Writes ``build/bench/plant.json``.
+Longest stall of the one worker when its child is replaced, longest time for which the event loop
+stands still under large requests, overhead of a job, and what a robot waits while a batch runs.
+Writes ``build/bench/plant.json``.
 """
 
 from __future__ import annotations
@@ -38,11 +40,17 @@ def _client(there: Plant) -> httpx.Client:
 
 def _summary(values: list[float]) -> Row:
     p50, p95 = np.percentile(values, (50, 95))
-    return {"n": len(values), "p50": round(float(p50), 1), "p95": round(float(p95), 1), "worst": round(max(values), 1)}
+    return {
+        "n": len(values),
+        "p50": round(float(p50), 1),
+        "p95": round(float(p95), 1),
+        "worst": round(max(values), 1),
+    }
 
 
 def stalls() -> Row:
-    """Milliseconds of a no-op: as such, while children are recycled every 25 jobs, and right after a cancel."""
+    """Milliseconds of a no-op: as such, while children are recycled every 25 jobs, and right after
+    a cancel."""
     with plant(recycle_after_jobs=25, spare_child=True) as there, _client(there) as client:
         for _ in range(5):
             _job(client)
@@ -57,7 +65,11 @@ def stalls() -> Row:
                 time.sleep(0.01)
             client.delete(f"/v1/jobs/{job['id']}")
             cancelled.append(_job(client)[0])
-    return {"plain": _summary(plain), "recycling": _summary(recycled), "after a cancel": _summary(cancelled)}
+    return {
+        "plain": _summary(plain),
+        "recycling": _summary(recycled),
+        "after a cancel": _summary(cancelled),
+    }
 
 
 def loop() -> Row:
@@ -74,7 +86,10 @@ def loop() -> Row:
     rows = {}
     with plant() as there, _client(there) as client:
         rows["nothing else"] = _pings(there, lambda: time.sleep(3))
-        for name, body in {"49 000 errors": wrong[: 4 * 2**20], "large": large[: 4 * 2**20]}.items():
+        for name, body in {
+            "49 000 errors": wrong[: 4 * 2**20],
+            "large": large[: 4 * 2**20],
+        }.items():
             text = body.encode()
             headers = {"Content-Type": "application/json"}
 
@@ -111,7 +126,10 @@ def overhead() -> Row:
     rows = {}
     with plant() as there, _client(there) as client:
         image = client.post("/v1/images", content=_PICTURE.read_bytes()).json()["id"]
-        asked = {"noop": {}, "instances": {"kind": "instances", "image": {"id": image}, "files": []}}
+        asked = {
+            "noop": {},
+            "instances": {"kind": "instances", "image": {"id": image}, "files": []},
+        }
         for name, fields in asked.items():
             values = []
             for index in range(110):
@@ -124,12 +142,16 @@ def overhead() -> Row:
 
 
 def robot() -> Row:
-    """Milliseconds of an interactive no-op while batch jobs wait, one worker: hundreds of 0.1 s, some of 20 s."""
+    """Milliseconds of an interactive no-op while batch jobs wait, one worker: hundreds of 0.1 s,
+    some of 20 s."""
     rows = _beside_short_jobs()
     with plant(spare_child=True) as there, _client(there) as client:
         there.settled_mb()
         for _ in range(4):
-            client.post("/v1/jobs", json={"kind": "noop", "hold_s": 20, "priority": "batch", "timeout_s": 3000.0})
+            client.post(
+                "/v1/jobs",
+                json={"kind": "noop", "hold_s": 20, "priority": "batch", "timeout_s": 3000.0},
+            )
         beside = []
         for _ in range(4):
             there.settled_mb()  # the next child is warm
@@ -151,11 +173,15 @@ def _beside_short_jobs() -> Row:
     return {"alone": _summary(alone), "beside a batch": _summary(beside)}
 
 
-MEASURES: dict[str, Callable[[], Row]] = {measure.__name__: measure for measure in (stalls, loop, overhead, robot)}
+MEASURES: dict[str, Callable[[], Row]] = {
+    measure.__name__: measure for measure in (stalls, loop, overhead, robot)
+}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", default="", help="names, separated by commas")
     parser.add_argument("--out", type=Path, default=Path("build/bench/plant.json"))
     asked = parser.parse_args()

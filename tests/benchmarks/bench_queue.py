@@ -46,7 +46,9 @@ def main() -> None:
         finally:
             worker.close()
     percentiles = statistics.quantiles(times_ms, n=20)
-    print(f"no-op job, {len(times_ms)} times: p50 {percentiles[9]:.1f} ms, p95 {percentiles[18]:.1f} ms")
+    print(
+        f"no-op job, {len(times_ms)} times: p50 {percentiles[9]:.1f} ms, p95 {percentiles[18]:.1f} ms"
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """The 3D reconstruction against exact truth (thesis section 4.6.1 and beyond).
 
-``python -m tests.benchmarks.bench_reconstruction [SHARED] [--only exact,sections,…] [--cables 10]``: each part prints
-its rows and is written to ``build/bench/reconstruction.json``, where the parts not run this time are kept.
+``python -m tests.benchmarks.bench_reconstruction [SHARED] [--only exact,sections,…] [--cables
+10]``: each part prints its rows and is written to ``build/bench/reconstruction.json``, where the
+parts not run this time are kept.
 """
 
 from __future__ import annotations
@@ -50,16 +51,22 @@ LIMITS = PlanParams(nearest_m=0.15, baseline_at_most_m=0.15, least_visible=0.5)
 Rows = dict[str, Any]
 
 
-def score(curves: list[Curve], truths: list[np.ndarray], units_mm: list[float] | None = None) -> Rows:
-    """Means over the curves: distance to the truth in mm (mean, and the mean of the 95th percentiles), stated standard
-    deviation, coverage of the stated 90 % ellipsoids."""
-    errors = [1000 * distances(c.points_m, cell.dense(t)) for c, t in zip(curves, truths, strict=True)]
+def score(
+    curves: list[Curve], truths: list[np.ndarray], units_mm: list[float] | None = None
+) -> Rows:
+    """Means over the curves: distance to the truth in mm (mean, and the mean of the 95th
+    percentiles), stated standard deviation, coverage of the stated 90 % ellipsoids."""
+    errors = [
+        1000 * distances(c.points_m, cell.dense(t)) for c, t in zip(curves, truths, strict=True)
+    ]
     rows = {
         "n": len(curves),
         "error_mm": np.mean([e.mean() for e in errors]),
         "p95_mm": np.mean([np.percentile(e, 95) for e in errors]),
         "stated_mm": 1000 * np.mean([c.sigma_m.mean() for c in curves]),
-        "coverage": np.mean([covers(c, cell.dense(t), 0.9).mean() for c, t in zip(curves, truths, strict=True)]),
+        "coverage": np.mean(
+            [covers(c, cell.dense(t), 0.9).mean() for c, t in zip(curves, truths, strict=True)]
+        ),
     }
     if units_mm is not None:
         rows["in_units"] = np.mean([e.mean() / u for e, u in zip(errors, units_mm, strict=True)])
@@ -71,7 +78,8 @@ def rounded(rows: Rows) -> Rows:
 
 
 def exact(cables: int) -> Rows:
-    """Exact centerlines with half a pixel of noise, three views 25 mm apart: four ways to match them."""
+    """Exact centerlines with half a pixel of noise, three views 25 mm apart: four ways to match
+    them."""
     found: dict[str, list[np.ndarray]] = {"arc length": [], "epipolar DP": [], "dlo3ds": []}
     truths, units, bundled = [], [], []
     for seed in range(3 * cables):
@@ -83,10 +91,21 @@ def exact(cables: int) -> Rows:
         units.append(1000 * depth**2 * NOISE_PX / (600 * 0.05))
         found["arc length"].append(_by_arc_length(views))
         found["epipolar DP"].append(_by_matching(views, 40))
-        found["dlo3ds"].append(dlo3ds.reconstruct(views, 1, 0, dlo3ds.Dlo3dsParams()).curve.points_m)
+        found["dlo3ds"].append(
+            dlo3ds.reconstruct(views, 1, 0, dlo3ds.Dlo3dsParams()).curve.points_m
+        )
         bundled.append(reconstruct_strand(views, 1, 0, INDEPENDENT).curve)
     rows: Rows = {
-        name: {"in_units": round(float(np.mean([_units(p, t, u) for p, t, u in zip(points, truths, units)])), 3)}  # noqa: B905
+        name: {
+            "in_units": round(
+                float(
+                    np.mean(
+                        [_units(p, t, u) for p, t, u in zip(points, truths, units, strict=True)]
+                    )
+                ),
+                3,
+            )
+        }
         for name, points in found.items()
     }
     rows["spline_bundle"] = score(bundled, truths, units)
@@ -112,7 +131,8 @@ def _by_matching(views: list[View], count: int) -> np.ndarray:
 
 
 def sections(held: Tools, cables: int) -> Rows:
-    """One section at the middle of each cable, RGB to curve: diameters, numbers of views, optimisation, methods."""
+    """One section at the middle of each cable, RGB to curve: diameters, numbers of views,
+    optimisation, methods."""
     rows: Rows = {}
     truths = [cell.cable_scene(seed).cables[0].points_m for seed in range(cables)]
     for diameter in (2.0, 3.5, 5.0):
@@ -130,7 +150,10 @@ def sections(held: Tools, cables: int) -> Rows:
     rows["4 views"] = _section_row([_longest(v[:4]) for v in views], truths)
     modes: tuple[Optimise, ...] = ("b", "z", "bz")
     for mode in modes:
-        better = [_better(s, f.curve, held, mode, k) for k, (s, f) in enumerate(zip(scenes, first, strict=True))]
+        better = [
+            _better(s, f.curve, held, mode, k)
+            for k, (s, f) in enumerate(zip(scenes, first, strict=True))
+        ]
         rows[f"optimised {mode}"] = _section_row(better, truths)
     return rows
 
@@ -141,9 +164,12 @@ def _section_row(found: list[Reconstruction], truths: list[np.ndarray]) -> Rows:
 
 
 def _better(scene: Scene3D, curve: Curve, held: Tools, mode: Optimise, seed: int) -> Reconstruction:
-    """The same section from the poses that the planning asks for; the fixed baseline where it is not optimised."""
+    """The same section from the poses that the planning asks for; the fixed baseline where it is
+    not optimised."""
     cameras = cell.row(scene)
-    plan = plan_views(curve, cameras, replace(LIMITS, optimise=mode, baseline_m=2 * cell.BASELINE_M))
+    plan = plan_views(
+        curve, cameras, replace(LIMITS, optimise=mode, baseline_m=2 * cell.BASELINE_M)
+    )
     moved = [replace(cameras[0], T_world_camera=pose) for pose in plan.poses]
     return _longest(cell.seen(scene, moved, held, seed + 500))
 
@@ -176,13 +202,14 @@ VARIED = {
     "b + z, diameter 2.0 mm": (2.0, ScanOptions(nearest_m=0.15)),
     "b + z, diameter 5.0 mm": (5.0, ScanOptions(nearest_m=0.15)),
 }
-"""Diameter in mm and options: thesis section 4.6.1, one parameter at a time around its defaults (3.5 mm, 3 views, 50 %
-overlap, b + z). The varied ones are scanned on the first three tenths of the cables: they take the longest."""
+"""Diameter in mm and options: thesis section 4.6.1, one parameter at a time around its defaults
+(3.5 mm, 3 views, 50 % overlap, b + z). The varied ones are scanned on the first three tenths of the
+cables: they take the longest."""
 
 
 def scans(held: Tools, cables: int, keep: Callable[[Rows], None]) -> Rows:
-    """Whole cables of 0.8 m with Scan: section by section, merged; both directions of the error. ``keep`` gets the
-    rows that are there already."""
+    """Whole cables of 0.8 m with Scan: section by section, merged; both directions of the error.
+    ``keep`` gets the rows that are there already."""
     rows: Rows = {}
     for name, (diameter, options) in (OPTIMISED | VARIED).items():
         count = cables if name in OPTIMISED else max(3 * cables // 10, 1)
@@ -197,7 +224,9 @@ def _scan_all(held: Tools, cables: int, diameter_mm: float, options: ScanOptions
     for seed in range(cables):
         scene = cell.cable_scene(seed, diameter_mm / 1000)
         truth = scene.cables[0].points_m
-        arm = SimulatedArm(scene, camera_above(truth[len(truth) // 2, :2], 0.3), np.random.default_rng(seed))
+        arm = SimulatedArm(
+            scene, camera_above(truth[len(truth) // 2, :2], 0.3), np.random.default_rng(seed)
+        )
         try:
             result = Scan(cell.InProcess(held), arm, options).run()
         except JobFailed:
@@ -208,19 +237,32 @@ def _scan_all(held: Tools, cables: int, diameter_mm: float, options: ScanOptions
         back.append(1000 * distances(truth[::5], points).mean())
         reprojection.append(np.mean([s.result.reprojection_px for s in result.sections]))
         counts.append(len(result.sections))
-        radii = [s.result.curve.radius_m for s in result.sections if s.result.curve.radius_m is not None]
+        radii = [
+            s.result.curve.radius_m for s in result.sections if s.result.curve.radius_m is not None
+        ]
         thicker.append(2000 * np.median(radii) / diameter_mm - 1)
     if not forth:
         return {"n": cables, "failed": failed, "whole": 0}
     quartiles = np.percentile(np.concatenate(forth), [25, 75])
-    means = {"error_mm": np.mean([e.mean() for e in forth]), "q1_mm": quartiles[0], "q3_mm": quartiles[1]}
-    means |= {"missing_mm": np.mean(back), "reprojection_px": np.mean(reprojection), "sections": np.mean(counts)}
+    means = {
+        "error_mm": np.mean([e.mean() for e in forth]),
+        "q1_mm": quartiles[0],
+        "q3_mm": quartiles[1],
+    }
+    means |= {
+        "missing_mm": np.mean(back),
+        "reprojection_px": np.mean(reprojection),
+        "sections": np.mean(counts),
+    }
     means["thicker"] = np.mean(thicker)
-    return rounded(means | {"n": cables, "failed": failed, "whole": int(np.sum(np.array(back) < 2))})
+    return rounded(
+        means | {"n": cables, "failed": failed, "whole": int(np.sum(np.array(back) < 2))}
+    )
 
 
 def rigs(held: Tools, cables: int) -> Rows:
-    """Cameras that no normal stereo rig has, and a DLO along the baseline; the published method beside it."""
+    """Cameras that no normal stereo rig has, and a DLO along the baseline; the published method
+    beside it."""
     rows: Rows = {}
     for name, change in RIGS.items():
         curves, truths, failed = [], [], 0
@@ -267,11 +309,16 @@ RIGS: dict[str, Callable[[list], list]] = {
 
 
 def stereo(held: Tools, shared: Path) -> Rows:
-    """Depth of the cable's pixels as in Fig. 4.8: 25 mm baseline, semi-global matching on two views, ours on three."""
+    """Depth of the cable's pixels as in Fig. 4.8: 25 mm baseline, semi-global matching on two
+    views, ours on three."""
     rows: Rows = {}
     grounds: dict[str, np.ndarray | None] = {"speckled": None, **cell.textures(shared)}
     for diameter in (2.0, 3.5, 5.0):
-        errors: dict[str, list[np.ndarray]] = {"spline_bundle": [], "census SGM": [], "OpenCV SGBM": []}
+        errors: dict[str, list[np.ndarray]] = {
+            "spline_bundle": [],
+            "census SGM": [],
+            "OpenCV SGBM": [],
+        }
         for number, ground in enumerate(grounds.values()):
             scene = cell.cable_scene(number, diameter / 1000, ground)
             cameras = cell.row(scene)
@@ -279,11 +326,16 @@ def stereo(held: Tools, shared: Path) -> Rows:
             on = (shots[1].ids == 1) & (np.arange(640)[None] > 90)
             truth = shots[1].depth_m[on]
             grays = [cv2.cvtColor(s.rgb, cv2.COLOR_RGB2GRAY) for s in shots]
-            for name, matcher in (("census SGM", census_sgm.disparity), ("OpenCV SGBM", census_sgm.opencv)):
+            for name, matcher in (
+                ("census SGM", census_sgm.disparity),
+                ("OpenCV SGBM", census_sgm.opencv),
+            ):
                 depth = 600 * cell.BASELINE_M / matcher(grays[1], grays[2], 96)
                 errors[name].append(1000 * np.abs(depth[on] - truth))
             curve = _longest(cell.seen(scene, cameras, held, number)).curve
-            errors["spline_bundle"].append(1000 * np.abs(_tube_depth(curve, cameras[1], on) - truth))
+            errors["spline_bundle"].append(
+                1000 * np.abs(_tube_depth(curve, cameras[1], on) - truth)
+            )
         for name, values in errors.items():
             every = np.concatenate(values)
             known = every[np.isfinite(every)]
@@ -309,15 +361,22 @@ def _tube_depth(curve: Curve, camera: Any, on: np.ndarray) -> np.ndarray:
 
 
 def timings() -> Rows:
-    """Processor time of one thread in ms, best and median of 40: matching and triangulation; with refinement."""
+    """Processor time of one thread in ms, best and median of 40: matching and triangulation; with
+    refinement."""
     truth = random_cable(np.random.default_rng(1000), 0.22, rise_m=0.03)
     cameras = [camera_above(np.array([x, 0.0]), cell.DISTANCE_M) for x in (-0.025, 0.0, 0.025)]
     views = cell.exact([truth], cameras, NOISE_PX, np.random.default_rng(0))
     rows: Rows = {}
     for count in (10, 20, 40):
-        rows[f"matching and triangulation, {count} points"] = _timed(lambda n=count: _by_matching(views, n))
-    rows["whole reconstruction of one DLO"] = _timed(lambda: reconstruct_strand(views, 1, 0, PARAMS))
-    rows["dlo3ds, 20 points"] = _timed(lambda: dlo3ds.reconstruct(views, 1, 0, dlo3ds.Dlo3dsParams()))
+        rows[f"matching and triangulation, {count} points"] = _timed(
+            lambda n=count: _by_matching(views, n)
+        )
+    rows["whole reconstruction of one DLO"] = _timed(
+        lambda: reconstruct_strand(views, 1, 0, PARAMS)
+    )
+    rows["dlo3ds, 20 points"] = _timed(
+        lambda: dlo3ds.reconstruct(views, 1, 0, dlo3ds.Dlo3dsParams())
+    )
     return rows
 
 

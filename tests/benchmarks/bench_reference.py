@@ -1,11 +1,13 @@
-"""Pictures of the empty place: what they are worth on hard grounds, in new light, under an arm's shadow.
+"""Pictures of the empty place: what they are worth on hard grounds, in new light, under an arm's
+shadow.
 
     python -m tests.benchmarks.bench_reference [--cells N] [--places K] [--seed S]
 
-Rendered cells (``models.synthesis.cells``) of the industrial, busy and workshop styles over the grounds that ship with
-the training: Dice at the network's threshold without and with the reference, mean over the cells; ``hard`` are the
-cells where the network alone stays below 80 %. Also how many were refused as another place, and a picture of a
-different place as reference, which has to change nothing. Writes ``build/bench/reference.json``.
+Rendered cells (``models.synthesis.cells``) of the industrial, busy and workshop styles over the
+grounds that ship with the training: Dice at the network's threshold without and with the reference,
+mean over the cells; ``hard`` are the cells where the network alone stays below 80 %. Also how many
+were refused as another place, and a picture of a different place as reference, which has to change
+nothing. Writes ``build/bench/reference.json``.
 """
 
 from __future__ import annotations
@@ -85,7 +87,9 @@ def summary(rows: list[dict[str, float]]) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--cells", type=int, default=90)
     parser.add_argument("--places", type=int, default=1)
     parser.add_argument("--seed", type=int, default=_REPORTED_SEED)

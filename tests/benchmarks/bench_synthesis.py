@@ -1,8 +1,9 @@
 """How many labelled pictures a second one core composes, and whether equal seeds give equal bytes.
 
-``python -m tests.benchmarks.bench_synthesis [--count N] [--textures PACK]`` renders the same scenes twice: the two
-passes are compared byte by byte. Time is processor time of this process; beside it stands the time of the
-same pictures through OpenCV's JPEG encoder and decoder, for comparing machines.
+``python -m tests.benchmarks.bench_synthesis [--count N] [--textures PACK]`` renders the same scenes
+twice: the two passes are compared byte by byte. Time is processor time of this process; beside it
+stands the time of the same pictures through OpenCV's JPEG encoder and decoder, for comparing
+machines.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ from models.synthesis.textures import load_pool
 SIZES = {"320x192": (192, 320), "448x256": (256, 448), "640x360": (360, 640)}
 
 
-def measure(size: tuple[int, int], count: int, textures: Path | None) -> dict[str, float | bool | str]:
+def measure(
+    size: tuple[int, int], count: int, textures: Path | None
+) -> dict[str, float | bool | str]:
     """``count`` scenes of ``size`` (height, width), twice."""
     pool, params = load_pool(textures), SceneParams(size)
     scenes: list[Labelled] = []
@@ -35,7 +38,9 @@ def measure(size: tuple[int, int], count: int, textures: Path | None) -> dict[st
     for _ in range(2):
         digest = hashlib.sha256()
         for k in range(count):
-            spent, scene = timed(lambda k=k: render_scene(np.random.default_rng([0, k]), params, pool))
+            spent, scene = timed(
+                lambda k=k: render_scene(np.random.default_rng([0, k]), params, pool)
+            )
             renders_ms.append(spent)
             digest.update(scene_bytes(scene))
             scenes.append(scene)
@@ -70,9 +75,13 @@ def through_jpeg(picture: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--textures", type=Path, help="a pack or a folder; without it backgrounds are noise")
+    parser.add_argument(
+        "--textures", type=Path, help="a pack or a folder; without it backgrounds are noise"
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bench/synthesis.json"))
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -81,7 +90,9 @@ def main() -> None:
     for name, row in rows.items():
         print(name, *(f"{key} {value}" for key, value in row.items()), sep="  ")
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    args.out.write_text(json.dumps({"scenes": args.count, "textures": args.textures is not None, "sizes": rows}))
+    args.out.write_text(
+        json.dumps({"scenes": args.count, "textures": args.textures is not None, "sizes": rows})
+    )
     if not all(row["same_seed_same_bytes"] for row in rows.values()):
         raise SystemExit("equal seeds gave different bytes")
 

@@ -1,9 +1,9 @@
 """The service against the bare pipeline, and the memory that requests can take.
 
-``python -m tests.benchmarks.bench_throughput [--only throughput,memory] [--jobs 240] [--processes 2]``. Throughput:
-rounds of ``instances`` jobs without files, in turn through the service and through as many processes that call the
-stage themselves. Memory: the most that service and workers have while large requests come, a child being held to 1 GB.
-Writes ``build/bench/throughput.json``.
+``python -m tests.benchmarks.bench_throughput [--only throughput,memory] [--jobs 240] [--processes
+2]``. Throughput: rounds of ``instances`` jobs without files, in turn through the service and
+through as many processes that call the stage themselves. Memory: the most that service and workers
+have while large requests come, a child being held to 1 GB. Writes ``build/bench/throughput.json``.
 """
 
 from __future__ import annotations
@@ -62,7 +62,10 @@ def _bare(processes: int) -> Iterator[list[Connection]]:
     context = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory() as folder:
         pipes = [context.Pipe() for _ in range(processes)]
-        started = [context.Process(target=_compute, args=(theirs, folder), daemon=True) for _, theirs in pipes]
+        started = [
+            context.Process(target=_compute, args=(theirs, folder), daemon=True)
+            for _, theirs in pipes
+        ]
         for process in started:
             process.start()
         ours = [end for end, _ in pipes]
@@ -85,8 +88,9 @@ def _bare_round(ends: list[Connection], jobs: int) -> tuple[float, float]:
 
 
 def _service_round(there: Plant, ids: list[str], jobs: int) -> tuple[float, float]:
-    """The same, from the first that is sent to the last that has ended; of all processes of the service. Who asks is
-    on this machine too, and does as little as can be done: the processor is to be the service's."""
+    """The same, from the first that is sent to the last that has ended; of all processes of the
+    service. Who asks is on this machine too, and does as little as can be done: the processor is to
+    be the service's."""
     bodies = [json.dumps({"kind": "instances", "image": {"id": one}, "files": []}) for one in ids]
     left = iter(range(jobs))
     address = urlsplit(there.url).netloc
@@ -109,8 +113,8 @@ def _service_round(there: Plant, ids: list[str], jobs: int) -> tuple[float, floa
 
 
 def throughput(jobs: int, processes: int) -> Row:
-    """Jobs a second of either, the median of the rounds, and their ratio in percent; the same of processor time, which
-    other programs on the machine change little."""
+    """Jobs a second of either, the median of the rounds, and their ratio in percent; the same of
+    processor time, which other programs on the machine change little."""
     each = jobs // _ROUNDS
     found: dict[str, list[tuple[float, float]]] = {"bare": [], "service": []}
     changes: dict[str, Any] = {"onnx_threads": 1, "spare_child": False}
@@ -119,45 +123,66 @@ def throughput(jobs: int, processes: int) -> Row:
         plant(workers=processes, **changes) as there,
         httpx.Client(base_url=there.url, timeout=90) as client,
     ):
-        ids = [client.post("/v1/images", content=path.read_bytes()).json()["id"] for path in PICTURES]
+        ids = [
+            client.post("/v1/images", content=path.read_bytes()).json()["id"] for path in PICTURES
+        ]
         _bare_round(ends, 3 * processes)
         _service_round(there, ids, 3 * processes)
         for _ in range(_ROUNDS):
             found["bare"].append(_bare_round(ends, each))
             found["service"].append(_service_round(there, ids, each))
-    (bare, bare_ms), (service, service_ms) = (np.median(found[name], axis=0) for name in ("bare", "service"))
+    (bare, bare_ms), (service, service_ms) = (
+        np.median(found[name], axis=0) for name in ("bare", "service")
+    )
     pairs = [100 * s / b for (s, _), (b, _) in zip(found["service"], found["bare"], strict=True)]
     return {
-        "jobs": each * _ROUNDS, "processes": processes,
-        "bare_per_s": round(float(bare), 2), "service_per_s": round(float(service), 2),
-        "bare_ms": round(float(bare_ms), 1), "service_ms": round(float(service_ms), 1),
+        "jobs": each * _ROUNDS,
+        "processes": processes,
+        "bare_per_s": round(float(bare), 2),
+        "service_per_s": round(float(service), 2),
+        "bare_ms": round(float(bare_ms), 1),
+        "service_ms": round(float(service_ms), 1),
         "processor_percent": round(float(100 * bare_ms / service_ms), 1),
-        "percent": round(float(np.median(pairs)), 1), "rounds_percent": [round(pair, 1) for pair in pairs],
-    }  # fmt: skip
+        "percent": round(float(np.median(pairs)), 1),
+        "rounds_percent": [round(pair, 1) for pair in pairs],
+    }
 
 
 def memory(jobs: int, processes: int) -> Row:
-    """MB that the service and the worker have at most, each with its children, before and while requests come."""
+    """MB that the service and the worker have at most, each with its children, before and while
+    requests come."""
     buffer = BytesIO()
     Image.new("L", (8000, 7900)).save(buffer, "PNG")
-    wrong = json.dumps({"kind": "merge_curves", "curves": [{"a": k} for k in range(250_000)]})[: 4 * 2**20]
+    wrong = json.dumps({"kind": "merge_curves", "curves": [{"a": k} for k in range(250_000)]})[
+        : 4 * 2**20
+    ]
     rows = {}
-    with plant(child_memory_mb=_LIMIT_MB) as there, httpx.Client(base_url=there.url, timeout=90) as client:
+    with (
+        plant(child_memory_mb=_LIMIT_MB) as there,
+        httpx.Client(base_url=there.url, timeout=90) as client,
+    ):
         rows["at rest"] = there.memory_mb() | {"answered": ""}
 
         def errors() -> httpx.Response:
-            return client.post("/v1/jobs", content=wrong.encode(), headers={"Content-Type": "application/json"})
+            return client.post(
+                "/v1/jobs", content=wrong.encode(), headers={"Content-Type": "application/json"}
+            )
 
         def picture() -> httpx.Response:
             image = {"id": client.post("/v1/images", content=buffer.getvalue()).json()["id"]}
             return client.post("/v1/jobs?wait=60", json={"kind": "instances", "image": image})
 
-        for name, ask in {"4 MiB, every object wrong": errors, "a picture of 63 megapixels": picture}.items():
+        for name, ask in {
+            "4 MiB, every object wrong": errors,
+            "a picture of 63 megapixels": picture,
+        }.items():
             with _watched(there) as most:
                 answer = ask()
             body = answer.json()
             code = (body.get("problem") or {}).get("code") or body.get("code") or body.get("state")
-            rows[name] = {part: round(mb) for part, mb in most.items()} | {"answered": f"{answer.status_code} {code}"}
+            rows[name] = {part: round(mb) for part, mb in most.items()} | {
+                "answered": f"{answer.status_code} {code}"
+            }
     return {"limit_mb": _LIMIT_MB, "cases": rows}
 
 
@@ -183,7 +208,9 @@ MEASURES = {"throughput": throughput, "memory": memory}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", default="", help="names, separated by commas")
     parser.add_argument("--jobs", type=int, default=240)
     parser.add_argument("--processes", type=int, default=2)

@@ -1,10 +1,11 @@
-"""The topology of harnesses: synthetic held-out scenes, real masks and photographs, single components, ablation, time.
+"""The topology of harnesses: synthetic held-out scenes, real masks and photographs, single
+components, ablation, time.
 
     python -m tests.benchmarks.bench_topology [SHARED] [--scenes 280] [--sheet FILE]
 
-Held-out scenes come from a part of the seed that neither training (0 and 5e5 on) nor tuning (2e6 on) uses. Figures are
-counted as in thesis Table 6.1 (``topology_scoring``). Prints tables and writes ``build/bench/topology.json``;
-``--sheet`` writes the worst overlays.
+Held-out scenes come from a part of the seed that neither training (0 and 5e5 on) nor tuning (2e6
+on) uses. Figures are counted as in thesis Table 6.1 (``topology_scoring``). Prints tables and
+writes ``build/bench/topology.json``; ``--sheet`` writes the worst overlays.
 """
 
 from __future__ import annotations
@@ -48,8 +49,11 @@ from tests.benchmarks.topology_scoring import Tally, link_dice, points_of
 
 HELD_OUT = (11, 10**6)
 """Seed and first scene of the held-out part; training takes the scenes from 0 on."""
-THESIS = HarnessParams(branch_points=(1, 2), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(0, 3))
-"""As in 6.5.1: one harness of at most five sections and two branch-points; its masks are disturbed all the same."""
+THESIS = HarnessParams(
+    branch_points=(1, 2), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(0, 3)
+)
+"""As in 6.5.1: one harness of at most five sections and two branch-points; its masks are disturbed
+all the same."""
 SYNTHETIC_REACH_PX, BWH_REACH_PX = 25.0, 30.0
 
 
@@ -86,41 +90,61 @@ def held_out(
     return scenes
 
 
-def synthetic(kit: Tools, count: int, params: HarnessParams, disturbed: MaskParams) -> tuple[dict, list]:
+def synthetic(
+    kit: Tools, count: int, params: HarnessParams, disturbed: MaskParams
+) -> tuple[dict, list]:
     """Table 6.1 on held-out scenes, and the scenes that were not all right."""
     branch, crossing, dices, right, worst = Tally(), Tally(), [], 0, []
-    for harness, mask in held_out(count, lambda k: replace(params, size=SIZES[k % len(SIZES)]), disturbed):
+    for harness, mask in held_out(
+        count, lambda k: replace(params, size=SIZES[k % len(SIZES)]), disturbed
+    ):
         topology = kit.extract(mask)
         graph = initialize(mask)
         if not graph.edges.shape[1]:
             continue
         dices.append(link_dice(topology.links, true_graph(harness, graph).pairs))
         true_crossings = points_of(harness.crossings)
-        seen = [_inner(p, mask.shape) for p in (points_of(topology.branch_points), harness.branch_xy,
-                                                points_of(topology.crossings), true_crossings)]  # fmt: skip
+        seen = [
+            _inner(p, mask.shape)
+            for p in (
+                points_of(topology.branch_points),
+                harness.branch_xy,
+                points_of(topology.crossings),
+                true_crossings,
+            )
+        ]
         same = branch.add(seen[0], seen[1], SYNTHETIC_REACH_PX)
         same &= crossing.add(seen[2], seen[3], SYNTHETIC_REACH_PX)
         right += same
         if not same:
             worst.append((mask, topology, harness.branch_xy, true_crossings))
     return {
-        "scenes": len(dices), "link_dice": round(float(np.mean(dices)), 4),
-        "branch_accuracy": round(branch.accuracy, 4), "branch_f1": round(branch.f1, 4),
-        "crossing_accuracy": round(crossing.accuracy, 4), "crossing_f1": round(crossing.f1, 4),
-        "counts_right": round(right / max(len(dices), 1), 4), "branch": vars(branch), "crossing": vars(crossing),
-    }, worst  # fmt: skip
+        "scenes": len(dices),
+        "link_dice": round(float(np.mean(dices)), 4),
+        "branch_accuracy": round(branch.accuracy, 4),
+        "branch_f1": round(branch.f1, 4),
+        "crossing_accuracy": round(crossing.accuracy, 4),
+        "crossing_f1": round(crossing.f1, 4),
+        "counts_right": round(right / max(len(dices), 1), 4),
+        "branch": vars(branch),
+        "crossing": vars(crossing),
+    }, worst
 
 
 def _inner(points: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Points farther from the border than the reach: of a crossing at the border not all four arms are in view."""
+    """Points farther from the border than the reach: of a crossing at the border not all four arms
+    are in view."""
     limit = np.array(shape[::-1]) - SYNTHETIC_REACH_PX
     return points[np.all((points > SYNTHETIC_REACH_PX) & (points < limit), axis=1)]
 
 
 def components(kit: Tools, count: int) -> dict:
-    """Fig. 6.12: precision and recall of links and node classes, orientation errors; Fig. 6.14: RT-DLO's instead."""
+    """Fig. 6.12: precision and recall of links and node classes, orientation errors; Fig. 6.14:
+    RT-DLO's instead."""
     links, classes, errors, theirs, rt_dices = [], [], [], [], []
-    for harness, mask in held_out(count, lambda k: HarnessParams(size=SIZES[k % len(SIZES)]), MaskParams()):
+    for harness, mask in held_out(
+        count, lambda k: HarnessParams(size=SIZES[k % len(SIZES)]), MaskParams()
+    ):
         graph = initialize(mask)
         if not graph.edges.shape[1]:
             continue
@@ -130,26 +154,41 @@ def components(kit: Tools, count: int) -> dict:
         errors.append(_apart(said.angles, truth.angles)[truth.on])
         vertices = sample_vertices(distance_map(mask), None, 0.15, kit.orientation)
         if len(vertices.xy) > 1:
-            rival = _as_graph(vertices.xy, vertices.radii, select_edges(vertices, mask, 8, 0.1), graph)
+            rival = _as_graph(
+                vertices.xy, vertices.radii, select_edges(vertices, mask, 8, 0.1), graph
+            )
             rt_truth = true_graph(harness, rival)
             rt_dices.append(link_dice(rival.edges.T, rt_truth.pairs))
             angles = np.arctan2(vertices.directions[:, 1], vertices.directions[:, 0])
             theirs.append(_apart(angles, rt_truth.angles)[rt_truth.on])
     ours, rts = np.concatenate(errors), np.concatenate(theirs)
     return {
-        "links": _curve(links), "classes": _curve(classes),
-        "orientation_deg": {"mean": round(float(ours.mean()), 2), "spread": round(float(ours.std()), 2),
-                            "median_absolute": round(float(np.median(np.abs(ours))), 2)},
-        "ablation": {"rt_dlo_link_dice": round(float(np.mean(rt_dices)), 4),
-                     "rt_dlo_orientation_median_deg": round(float(np.median(np.abs(rts))), 2),
-                     "orientation_median_deg": round(float(np.median(np.abs(ours))), 2)},
-    }  # fmt: skip
+        "links": _curve(links),
+        "classes": _curve(classes),
+        "orientation_deg": {
+            "mean": round(float(ours.mean()), 2),
+            "spread": round(float(ours.std()), 2),
+            "median_absolute": round(float(np.median(np.abs(ours))), 2),
+        },
+        "ablation": {
+            "rt_dlo_link_dice": round(float(np.mean(rt_dices)), 4),
+            "rt_dlo_orientation_median_deg": round(float(np.median(np.abs(rts))), 2),
+            "orientation_median_deg": round(float(np.median(np.abs(ours))), 2),
+        },
+    }
 
 
 def _as_graph(xy: np.ndarray, radii: np.ndarray, edges: np.ndarray, like: Graph) -> Graph:
     pairs = np.sort(edges, axis=1).T.astype(np.int64)
     return Graph(
-        xy, radii, like.spacing, pairs, np.ones(pairs.shape[1], bool), (), Web(np.zeros((0, 2)), ()), like.distances
+        xy,
+        radii,
+        like.spacing,
+        pairs,
+        np.ones(pairs.shape[1], bool),
+        (),
+        Web(np.zeros((0, 2)), ()),
+        like.distances,
     )
 
 
@@ -164,8 +203,13 @@ def _curve(pairs: list[tuple[np.ndarray, np.ndarray]]) -> list[dict]:
     for threshold in (0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95):
         found = said >= threshold
         hits = int((found & true).sum())
-        rows.append({"threshold": threshold, "precision": round(hits / max(int(found.sum()), 1), 4),
-                     "recall": round(hits / max(int(true.sum()), 1), 4)})  # fmt: skip
+        rows.append(
+            {
+                "threshold": threshold,
+                "precision": round(hits / max(int(found.sum()), 1), 4),
+                "recall": round(hits / max(int(true.sum()), 1), 4),
+            }
+        )
     return rows
 
 
@@ -175,47 +219,60 @@ def wh1(kit: Tools, root: Path) -> dict:
     for path in sorted((root / "data/wh1/masks").glob("*.png")):
         topology = kit.extract(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 0)
         found = (len(topology.branch_points), len(topology.crossings))
-        rows[path.stem] = {"branch_points": found[0], "crossings": found[1],
-                           "right": found == (1, int("before" in path.stem))}  # fmt: skip
+        rows[path.stem] = {
+            "branch_points": found[0],
+            "crossings": found[1],
+            "right": found == (1, int("before" in path.stem)),
+        }
     return {"right": sum(r["right"] for r in rows.values()), "of": len(rows), "masks": rows}
 
 
 def bwh(kit: Tools, root: Path, source: str) -> tuple[dict, list]:
-    """``source``: ``mask`` the true masks, ``mask+color`` with the picture's colors, ``rgb`` the foreground as the
-    service answers it."""
+    """``source``: ``mask`` the true masks, ``mask+color`` with the picture's colors, ``rgb`` the
+    foreground as the service answers it."""
     nodes = json.loads((root / "data/bwh/nodes.json").read_text())
     branch, crossing, right, worst = Tally(), Tally(), 0, []
     name = default_name("foreground")
     net = load(eight_bit(name), Runtime(threads=1))
     settings = ForegroundInput.from_manifest(net.spec.preprocess)
     for stem, marks in sorted(nodes.items()):
-        image = np.ascontiguousarray(cv2.imread(str(root / f"data/bwh/imgs/{stem}.jpg"))[:, :, ::-1])
+        image = np.ascontiguousarray(
+            cv2.imread(str(root / f"data/bwh/imgs/{stem}.jpg"))[:, :, ::-1]
+        )
         if source == "rgb":
             seen = look(image, net, settings)
             mask = settle(image, seen, foreground_mask(seen, settings), settings.threshold).cable
         else:
             mask = cv2.imread(str(root / f"data/bwh/masks/{stem}.png"), cv2.IMREAD_GRAYSCALE) > 127
         topology = kit.extract(mask, None if source == "mask" else image)
-        points, crossings = (np.array(marks[k]).reshape(-1, 2) for k in ("branch_points", "crossings"))
+        points, crossings = (
+            np.array(marks[k]).reshape(-1, 2) for k in ("branch_points", "crossings")
+        )
         same = branch.add(points_of(topology.branch_points), points, BWH_REACH_PX)
         same &= crossing.add(points_of(topology.crossings), crossings, BWH_REACH_PX)
         right += same
         if not same:
             worst.append((mask, topology, points, crossings))
     return {
-        "branch_f1": round(branch.f1, 4), "crossing_f1": round(crossing.f1, 4),
-        "counts_right": round(right / len(nodes), 4), "images": len(nodes), "branch": vars(branch),
+        "branch_f1": round(branch.f1, 4),
+        "crossing_f1": round(crossing.f1, 4),
+        "counts_right": round(right / len(nodes), 4),
+        "images": len(nodes),
+        "branch": vars(branch),
         "crossing": vars(crossing),
-    }, worst  # fmt: skip
+    }, worst
 
 
 def identity(kit: Tools, count: int) -> dict:
-    """Branches named by the drawing: trees in view whose branches differ by a tenth or more in length."""
+    """Branches named by the drawing: trees in view whose branches differ by a tenth or more in
+    length."""
     right = total = skipped = k = 0
     while total < 5 * count and k < 40 * count:
         rng = np.random.default_rng([29, k])
         k += 1
-        params = HarnessParams(branch_points=(1, 5), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(0, 2))
+        params = HarnessParams(
+            branch_points=(1, 5), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(0, 2)
+        )
         harness = make_harness(rng, params)
         lengths = sorted(len(s.xy) for s in harness.sections)
         inside = all(((s.xy > 2) & (s.xy < [637, 477])).all() for s in harness.sections)
@@ -238,13 +295,21 @@ def drawing_of(harness: Harness, mm_per_px: float) -> list[Drawn]:
         return f"B{branch}" if branch != FREE else f"E{k}.{end}"
 
     return [
-        Drawn(str(k), point(k, 0, s.ends[0]), point(k, 1, s.ends[1]), 3.0 * (len(s.xy) - 1) * mm_per_px)
+        Drawn(
+            str(k),
+            point(k, 0, s.ends[0]),
+            point(k, 1, s.ends[1]),
+            3.0 * (len(s.xy) - 1) * mm_per_px,
+        )
         for k, s in enumerate(harness.sections)
     ]
 
 
 def _nearest(harness: Harness, xy: np.ndarray) -> int:
-    away = [np.hypot(*(s.xy[:, None] - xy[None]).transpose(2, 0, 1)).min(axis=0) for s in harness.sections]
+    away = [
+        np.hypot(*(s.xy[:, None] - xy[None]).transpose(2, 0, 1)).min(axis=0)
+        for s in harness.sections
+    ]
     return int(np.bincount(np.argmin(away, axis=0)).argmax())
 
 
@@ -256,13 +321,20 @@ def as_instances(kit: Tools, root: Path, name: str) -> dict:
         labels = np.zeros(photo.mask.shape, np.uint8)
         for k, section in enumerate(topology.sections[:255], start=1):
             line = np.rint(section.xy * 16).astype(np.int32)
-            cv2.polylines(labels, [line], section.closed, k, max(1, round(1.1 * section.width)), shift=4)
+            cv2.polylines(
+                labels, [line], section.closed, k, max(1, round(1.1 * section.width)), shift=4
+            )
         dices.append(score_labels(labels * photo.mask, photo.labels)["dice"])
-    return {"images": len(rows), "dice": round(float(np.mean(dices)), 4), "median": round(float(np.median(dices)), 4)}
+    return {
+        "images": len(rows),
+        "dice": round(float(np.mean(dices)), 4),
+        "median": round(float(np.median(dices)), 4),
+    }
 
 
 def times(kit: Tools, root: Path, repeats: int = 9) -> dict:
-    """Table 6.2: processor time of one thread on the ``wh1`` masks, 640 x 480, best of the repeats."""
+    """Table 6.2: processor time of one thread on the ``wh1`` masks, 640 x 480, best of the
+    repeats."""
     totals, parts = [], {}
     for path in sorted((root / "data/wh1/masks").glob("*.png")):
         mask = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 0
@@ -275,8 +347,11 @@ def times(kit: Tools, root: Path, repeats: int = 9) -> dict:
         totals.append(best[0])
         for part, ms in best[1].items():
             parts.setdefault(part, []).append(ms)
-    return {"total_ms": round(float(np.mean(totals)), 1), "worst_ms": round(max(totals), 1),
-            "parts_ms": {k: round(float(np.median(v)), 1) for k, v in parts.items()}}  # fmt: skip
+    return {
+        "total_ms": round(float(np.mean(totals)), 1),
+        "worst_ms": round(max(totals), 1),
+        "parts_ms": {k: round(float(np.median(v)), 1) for k, v in parts.items()},
+    }
 
 
 def sheet(cases: list) -> np.ndarray:
@@ -293,7 +368,9 @@ def sheet(cases: list) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("shared", type=Path, nargs="?", default=Path("../shared"))
     parser.add_argument("--scenes", type=int, default=280)
     parser.add_argument("--sheet", type=Path)

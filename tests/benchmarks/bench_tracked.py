@@ -1,16 +1,19 @@
-"""DLO-WSL (thesis 2.5 and 2.7.3): the corrector on held-out crops, and labels of rendered multi-view scenes.
+"""DLO-WSL (thesis 2.5 and 2.7.3): the corrector on held-out crops, and labels of rendered
+multi-view scenes.
 
     python -m tests.benchmarks.bench_tracked [--scenes N] [--textures TEXTURES.npz] [--sheet PNG]
 
-Corrector: the shipped network on 1000 crops each of two kinds of scene, rendered here with seeds that nothing else
-uses. As in the thesis: cables 10 to 20 px thick on textures, nothing else about. As in training: 5 to 31 px, with tools
-and boards and other things like cables. The offset is uniform within 16 px, the direction off by 7 degrees (SD).
-"Marked" crops show which DLO is meant (``train_corrector.marked``); "all" are as they fall, also those in which another
-DLO is nearer to the middle or the DLO is not to be seen. "Thickness known": the line is read as DLO-WSL reads it.
+Corrector: the shipped network on 1000 crops each of two kinds of scene, rendered here with seeds
+that nothing else uses. As in the thesis: cables 10 to 20 px thick on textures, nothing else about.
+As in training: 5 to 31 px, with tools and boards and other things like cables. The offset is
+uniform within 16 px, the direction off by 7 degrees (SD). "Marked" crops show which DLO is meant
+(``train_corrector.marked``); "all" are as they fall, also those in which another DLO is nearer to
+the middle or the DLO is not to be seen. "Thickness known": the line is read as DLO-WSL reads it.
 
-Labels: a scene has 2 cables marked with 5 clicks each, 10 views, and errors of the hand, the tracker and the hand-eye
-calibration (``tracked_scenes.Errors``). IoU: mean over true instances, then views, then scenes. Per click: that over
-the clicks. Nothing was tuned on these scenes (seeds 100 and up): tuning used seeds below 50.
+Labels: a scene has 2 cables marked with 5 clicks each, 10 views, and errors of the hand, the
+tracker and the hand-eye calibration (``tracked_scenes.Errors``). IoU: mean over true instances,
+then views, then scenes. Per click: that over the clicks. Nothing was tuned on these scenes (seeds
+100 and up): tuning used seeds below 50.
 """
 
 from __future__ import annotations
@@ -41,13 +44,17 @@ from tests.benchmarks.scoring import score_labels
 from tests.benchmarks.tracked_scenes import TrackedScene, tracked_scene
 
 CROPS = {
-    "as in the thesis": CropParams(seed=2_000_000, per_scene=6, thinnest_px=10, thickest_px=20, clutter=0.0),
+    "as in the thesis": CropParams(
+        seed=2_000_000, per_scene=6, thinnest_px=10, thickest_px=20, clutter=0.0
+    ),
     "as in training": CropParams(seed=3_000_000, per_scene=6),
 }
 VARIANTS = {
     "strokes as drawn, smoothed": TrackedParams(correct=False),
     "thesis: every point by itself, thickness as given": TrackedParams(
-        measured=0.0, ends=None, correction=CorrectionParams(spread_px=(FIRST_SPREAD_PX,), aside_px=0, agree=False)
+        measured=0.0,
+        ends=None,
+        correction=CorrectionParams(spread_px=(FIRST_SPREAD_PX,), aside_px=0, agree=False),
     ),
     "corrections agree": TrackedParams(measured=0.0, ends=None),
     "corrections agree, width measured": TrackedParams(ends=None),
@@ -72,7 +79,10 @@ def corrector(network: Network, pool: TexturePool, count: int) -> dict[str, Any]
         columns, widths = _read(network.run, crops.images)
         believed = crops.widths * np.exp(np.random.default_rng(0).normal(0, 0.1, len(crops.widths)))
         peaks = weighed(columns, widths, believed, FIRST_SPREAD_PX).argmax(1)
-        readings = {"": read_lines(columns, widths), ", thickness known": read_lines_at(columns, widths, peaks)}
+        readings = {
+            "": read_lines(columns, widths),
+            ", thickness known": read_lines_at(columns, widths, peaks),
+        }
         clear = np.flatnonzero(marked(crops))[:count]
         for how, reading in readings.items():
             rows[f"{name}, marked{how}"] = errors(reading.take(clear), crops.take(clear))
@@ -100,7 +110,9 @@ def _read(reader: CropReader, images: ByteArray) -> tuple[np.ndarray, np.ndarray
 def labels(network: Network, scenes: int, sheet: Path | None) -> dict[str, Any]:
     made = [tracked_scene(seed) for seed in range(100, 100 + scenes)]
     reader = _remembering(network.run)
-    done = {name: [_label(scene, reader, params) for scene in made] for name, params in VARIANTS.items()}
+    done = {
+        name: [_label(scene, reader, params) for scene in made] for name, params in VARIANTS.items()
+    }
     if sheet is not None:
         cv2.imwrite(str(sheet), _worst(done[BEST])[:, :, ::-1])
     return {name: _row(results) for name, results in done.items()}
@@ -122,7 +134,11 @@ def _remembering(reader: CropReader) -> CropReader:
 def _label(scene: TrackedScene, reader: CropReader, params: TrackedParams) -> Labelled:
     given = (scene.images, scene.cameras, scene.strokes_m, scene.thickness_m)
     views = label_tracked(*given, reader, params)
-    return Labelled(scene, views, [score_labels(v.ids, true)["iou"] for v, true in zip(views, scene.ids, strict=True)])
+    return Labelled(
+        scene,
+        views,
+        [score_labels(v.ids, true)["iou"] for v, true in zip(views, scene.ids, strict=True)],
+    )
 
 
 def _row(results: list[Labelled]) -> dict[str, Any]:
@@ -140,7 +156,9 @@ def _row(results: list[Labelled]) -> dict[str, Any]:
 
 def _worst(results: list[Labelled], count: int = 9) -> ByteArray:
     """The views with the lowest IoU, outlines and centerlines drawn over them."""
-    at = sorted((iou, k, v) for k, r in enumerate(results) for v, iou in enumerate(r.overlaps))[:count]
+    at = sorted((iou, k, v) for k, r in enumerate(results) for v, iou in enumerate(r.overlaps))[
+        :count
+    ]
     tiles = []
     for iou, k, v in at:
         canvas, colors = results[k].scene.images[v].copy(), palette()
@@ -148,21 +166,35 @@ def _worst(results: list[Labelled], count: int = 9) -> ByteArray:
             if strand is not None:
                 color = tuple(int(c) for c in colors[number])
                 for line, closed in ((outline(strand), True), (strand.xy, False)):
-                    cv2.polylines(canvas, [np.rint(line * 16).astype(np.int32)], closed, color, 1, cv2.LINE_AA, 4)
+                    cv2.polylines(
+                        canvas,
+                        [np.rint(line * 16).astype(np.int32)],
+                        closed,
+                        color,
+                        1,
+                        cv2.LINE_AA,
+                        4,
+                    )
         text = f"scene {100 + k} view {v}: {100 * iou:.1f}"
         cv2.putText(canvas, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 0), 2)
         tiles.append(canvas)
-    return np.concatenate([np.concatenate(tiles[k : k + 3], 1) for k in range(0, len(tiles) // 3 * 3, 3)], 0)
+    return np.concatenate(
+        [np.concatenate(tiles[k : k + 3], 1) for k in range(0, len(tiles) // 3 * 3, 3)], 0
+    )
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=int, default=10)
     parser.add_argument("--crops", type=int, default=1000)
     parser.add_argument(
-        "--textures", type=Path, default=Path("build/textures.npz"),
+        "--textures",
+        type=Path,
+        default=Path("build/textures.npz"),
         help="pack of background pictures; where there is none they are procedural",
-    )  # fmt: skip
+    )
     parser.add_argument("--sheet", type=Path, help="where to draw the worst views")
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     args = parser.parse_args()

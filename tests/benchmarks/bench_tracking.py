@@ -1,13 +1,15 @@
-"""Which cable is which, over rendered clips: IDF1, switches, drift along the cable, time beside the instances.
+"""Which cable is which, over rendered clips: IDF1, switches, drift along the cable, time beside the
+instances.
 
     python -m tests.benchmarks.bench_tracking [--clips N] [--frames N] [--set NAME] [--stress NAME] [--tuning]
 
-Four cables of one look move slowly or fast, an arm covers 40 % of them for 30 frames, nothing is seen for 10 frames, or
-they move as ropes in MuJoCo do (needs ``requirements/dynamics.in``).
-The masks are true, the instances those of the default method. Baselines: the nearest curve, and the largest overlap,
-frame by frame. Stress: the same cables faster, more of them covered, or longer out of view. Labels: one labelled frame
-is propagated to the next 100. Without ``--set`` and ``--stress`` all of it is measured; with them only what they name.
-``--tuning`` takes clips on which constants may be chosen.
+Four cables of one look move slowly or fast, an arm covers 40 % of them for 30 frames, nothing is
+seen for 10 frames, or they move as ropes in MuJoCo do (needs ``requirements/dynamics.in``). The
+masks are true, the instances those of the default method. Baselines: the nearest curve, and the
+largest overlap, frame by frame. Stress: the same cables faster, more of them covered, or longer out
+of view. Labels: one labelled frame is propagated to the next 100. Without ``--set`` and
+``--stress`` all of it is measured; with them only what they name. ``--tuning`` takes clips on which
+constants may be chosen.
 """
 
 from __future__ import annotations
@@ -28,7 +30,16 @@ from models.instances.scene import Scene
 from models.tracking.state import NODES, Track, TrackedCable
 from models.tracking.track import follow
 from tests.benchmarks.clip_labels import propagated
-from tests.benchmarks.tracking_clips import REPORTED, STRESS, TUNING, ClipKind, Seen, clip, kinds, stress
+from tests.benchmarks.tracking_clips import (
+    REPORTED,
+    STRESS,
+    TUNING,
+    ClipKind,
+    Seen,
+    clip,
+    kinds,
+    stress,
+)
 from tests.benchmarks.tracking_scoring import LEAST_VISIBLE, Identities, dense
 
 Curves = dict[int, np.ndarray]
@@ -51,7 +62,8 @@ class Tracker:
 
 
 class FrameByFrame:
-    """Baseline: every frame's instances take the ids of the last frame by least ``cost``; the rest are new."""
+    """Baseline: every frame's instances take the ids of the last frame by least ``cost``; the rest
+    are new."""
 
     def __init__(self, cost: Callable[[np.ndarray, np.ndarray], float], limit: float) -> None:
         self.cost, self.limit = cost, limit
@@ -61,9 +73,13 @@ class FrameByFrame:
     def __call__(self, scene: Scene, image: np.ndarray, mask: np.ndarray) -> Curves:
         lines = [i.centerline_xy for i in scene.instances]
         ids = list(self.last)
-        costs = np.array([[self.cost(self.last[i], line) for line in lines] for i in ids]).reshape(len(ids), len(lines))
+        costs = np.array([[self.cost(self.last[i], line) for line in lines] for i in ids]).reshape(
+            len(ids), len(lines)
+        )
         rows, columns = linear_sum_assignment(costs)
-        named = {int(j): ids[i] for i, j in zip(rows, columns, strict=True) if costs[i, j] < self.limit}
+        named = {
+            int(j): ids[i] for i, j in zip(rows, columns, strict=True) if costs[i, j] < self.limit
+        }
         now: Curves = {}
         for j, line in enumerate(lines):
             if j not in named:
@@ -91,11 +107,16 @@ def overlap(a: np.ndarray, b: np.ndarray) -> float:
     return 1 - np.count_nonzero(drawn[0] & drawn[1]) / max(either, 1)
 
 
-def measure_clip(kind: ClipKind, seed: int, tuning: bool, baselines: bool = True) -> dict[str, dict[str, float]]:
+def measure_clip(
+    kind: ClipKind, seed: int, tuning: bool, baselines: bool = True
+) -> dict[str, dict[str, float]]:
     ours, width = Tracker(), kind.params.width_px
     trackers: dict[str, Callable[[Scene, np.ndarray, np.ndarray], Curves]] = {"ours": ours}
     if baselines:
-        trackers |= {"nearest": FrameByFrame(nearest, 60.0), "overlap": FrameByFrame(overlap, 0.999)}
+        trackers |= {
+            "nearest": FrameByFrame(nearest, 60.0),
+            "overlap": FrameByFrame(overlap, 0.999),
+        }
     scores = {name: Identities(width) for name in trackers}
     event = kind.hidden if kind.hidden[1] else kind.params.covered
     drift, covered, instances_s = Drift(width), Cover(event), 0.0
@@ -141,7 +162,8 @@ class Cover:
 
 
 class Drift:
-    """Widths by which places of the same arc length have moved along the true cables since they were first seen."""
+    """Widths by which places of the same arc length have moved along the true cables since they
+    were first seen."""
 
     def __init__(self, width_px: float) -> None:
         self._width_px = width_px
@@ -182,9 +204,13 @@ def _along(line: np.ndarray, xy: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--clips", type=int, default=6, help="of each set, at most")
-    parser.add_argument("--labels", type=int, help="clips whose labels are propagated; 3 where all is measured")
+    parser.add_argument(
+        "--labels", type=int, help="clips whose labels are propagated; 3 where all is measured"
+    )
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--set", dest="sets", action="append", choices=tuple(kinds(1)))
     parser.add_argument("--stress", action="append", choices=tuple(STRESS))
@@ -196,22 +222,33 @@ def main() -> None:
     first = TUNING if args.tuning else REPORTED
     sets = {name: all_kinds[name] for name in (tuple(all_kinds) if whole else args.sets or ())}
     seeds = {name: [first, kind.number, min(kind.clips, args.clips)] for name, kind in sets.items()}
-    found: dict[str, Any] = {"frames": args.frames, "tuning": args.tuning, "seeds": seeds, "sets": {}, "stress": {}}
+    found: dict[str, Any] = {
+        "frames": args.frames,
+        "tuning": args.tuning,
+        "seeds": seeds,
+        "sets": {},
+        "stress": {},
+    }
     for name, kind in sets.items():
         found["sets"][name] = _measured(kind, args.clips, args.tuning, True)
         print(name, json.dumps(found["sets"][name]), flush=True)
     for name in tuple(harder) if whole else args.stress or ():
         found["stress"][name] = {
-            str(value): _measured(kind, args.clips, args.tuning, False)["ours"] for value, kind in harder[name].items()
+            str(value): _measured(kind, args.clips, args.tuning, False)["ours"]
+            for value, kind in harder[name].items()
         }
         print("stress", name, json.dumps(found["stress"][name]), flush=True)
     labelled = args.labels if args.labels is not None else 3 * whole
-    found["labels"] = [propagated(all_kinds["moving"], seed, args.tuning) for seed in range(labelled)]
+    found["labels"] = [
+        propagated(all_kinds["moving"], seed, args.tuning) for seed in range(labelled)
+    ]
     print("labels", json.dumps(found["labels"]), flush=True)
     _write(args.out, found)
 
 
-def _measured(kind: ClipKind, most: int, tuning: bool, baselines: bool) -> dict[str, dict[str, float]]:
+def _measured(
+    kind: ClipKind, most: int, tuning: bool, baselines: bool
+) -> dict[str, dict[str, float]]:
     clips = [measure_clip(kind, seed, tuning, baselines) for seed in range(min(kind.clips, most))]
     return {method: _summary([c[method] for c in clips]) for method in clips[0]}
 
@@ -228,7 +265,8 @@ def _write(folder: Path, found: dict[str, Any]) -> None:
 
 
 def _summary(clips: list[dict[str, float]]) -> dict[str, float]:
-    """By measure, the mean of all clips; with ``_sd`` the standard deviation between them, and the worst clip's."""
+    """By measure, the mean of all clips; with ``_sd`` the standard deviation between them, and the
+    worst clip's."""
     out: dict[str, float] = {}
     for key in clips[0]:
         values = np.array([c[key] for c in clips])

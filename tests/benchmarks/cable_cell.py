@@ -1,5 +1,5 @@
-"""A cell with known cables for the reconstruction benchmark: rendered views, what the shipped networks see in them,
-and the stages in this process in place of a service."""
+"""A cell with known cables for the reconstruction benchmark: rendered views, what the shipped
+networks see in them, and the stages in this process in place of a service."""
 
 from __future__ import annotations
 
@@ -46,17 +46,29 @@ class InProcess:
     def run(self, request: Any, image: Sequence[bytes] | None = None) -> Any:
         if image is not None:
             refs = [ImageRef(id=self._tools.blobs.put(data)) for data in image]
-            views = [v.model_copy(update={"image": ref}) for v, ref in zip(request.views, refs, strict=True)]
+            views = [
+                v.model_copy(update={"image": ref})
+                for v, ref in zip(request.views, refs, strict=True)
+            ]
             request = request.model_copy(update={"views": views, "files": []})
         try:
             return stages.run(request, self._tools).result
         except InvalidInput as error:
             problem = Problem(title="", status=422, detail=str(error), code=error.code)
-            common = {"id": "0" * 32, "kind": request.kind, "priority": "interactive", "created_at": datetime.now(UTC)}
-            raise JobFailed(AnyJob(**common, state="failed", progress=1, problem=problem), problem) from error
+            common = {
+                "id": "0" * 32,
+                "kind": request.kind,
+                "priority": "interactive",
+                "created_at": datetime.now(UTC),
+            }
+            raise JobFailed(
+                AnyJob(**common, state="failed", progress=1, problem=problem), problem
+            ) from error
 
 
-def cable_scene(seed: int, diameter_m: float = 0.0035, texture: np.ndarray | None = None) -> Scene3D:
+def cable_scene(
+    seed: int, diameter_m: float = 0.0035, texture: np.ndarray | None = None
+) -> Scene3D:
     """One random cable of 0.8 m over a speckled table, or over ``texture``."""
     rng = np.random.default_rng(seed)
     points = random_cable(rng, 0.8)
@@ -65,7 +77,9 @@ def cable_scene(seed: int, diameter_m: float = 0.0035, texture: np.ndarray | Non
     return Scene3D((cable,), ground if texture is None else texture)
 
 
-def row(scene: Scene3D, views: int = 3, baseline_m: float = BASELINE_M, z: float = DISTANCE_M) -> list[Camera]:
+def row(
+    scene: Scene3D, views: int = 3, baseline_m: float = BASELINE_M, z: float = DISTANCE_M
+) -> list[Camera]:
     """Cameras over the middle of the first cable; ``baseline_m`` from one to the next."""
     points = scene.cables[0].points_m
     middle = points[len(points) // 2, :2]
@@ -74,7 +88,8 @@ def row(scene: Scene3D, views: int = 3, baseline_m: float = BASELINE_M, z: float
 
 
 def seen(scene: Scene3D, cameras: Sequence[Camera], held: Tools, seed: int = 0) -> list[View]:
-    """The centerlines that the shipped networks find in the rendered views, joined as the service does it."""
+    """The centerlines that the shipped networks find in the rendered views, joined as the service
+    does it."""
     rng = np.random.default_rng([seed, 1])
     views = []
     for number, camera in enumerate(cameras):
@@ -86,7 +101,10 @@ def seen(scene: Scene3D, cameras: Sequence[Camera], held: Tools, seed: int = 0) 
 
 
 def exact(
-    curves: Sequence[np.ndarray], cameras: Sequence[Camera], noise_px: float, rng: np.random.Generator
+    curves: Sequence[np.ndarray],
+    cameras: Sequence[Camera],
+    noise_px: float,
+    rng: np.random.Generator,
 ) -> list[View]:
     """The true centerlines with a point about every 5 px, each moved by its own noise."""
     views = []

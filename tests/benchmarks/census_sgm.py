@@ -1,4 +1,5 @@
-"""Semi-global matching on census cost (Hirschmüller), the baseline of thesis Fig. 4.8, in a few lines of NumPy."""
+"""Semi-global matching on census cost (Hirschmüller), the baseline of thesis Fig. 4.8, in a few
+lines of NumPy."""
 
 from __future__ import annotations
 
@@ -10,8 +11,9 @@ _P1, _P2 = 3.0, 12.0
 
 
 def disparity(left: np.ndarray, right: np.ndarray, at_most: int) -> np.ndarray:
-    """(H, W) float disparity of ``left`` (H, W) gray uint8: the pixel stands ``d`` to the left in ``right``; NaN where
-    the check from right to left fails. Eight paths would cost twice as much as these four."""
+    """(H, W) float disparity of ``left`` (H, W) gray uint8: the pixel stands ``d`` to the left in
+    ``right``; NaN where the check from right to left fails. Eight paths would cost twice as much as
+    these four."""
     cost = _cost(_census(left), _census(right), at_most)
     total = np.zeros_like(cost)
     for axis in (0, 1):
@@ -29,7 +31,14 @@ def disparity(left: np.ndarray, right: np.ndarray, at_most: int) -> np.ndarray:
 def opencv(left: np.ndarray, right: np.ndarray, at_most: int) -> np.ndarray:
     """OpenCV's variant of it (Birchfield-Tomasi cost, full passes), with its usual parameters."""
     matcher = cv2.StereoSGBM_create(
-        0, at_most, 5, P1=200, P2=800, disp12MaxDiff=1, uniquenessRatio=5, mode=cv2.STEREO_SGBM_MODE_HH
+        0,
+        at_most,
+        5,
+        P1=200,
+        P2=800,
+        disp12MaxDiff=1,
+        uniquenessRatio=5,
+        mode=cv2.STEREO_SGBM_MODE_HH,
     )
     found = matcher.compute(left, right).astype(np.float64) / 16
     return np.where(found > 0, found, np.nan)

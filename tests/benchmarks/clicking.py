@@ -1,9 +1,11 @@
-"""A simulated person in front of the corrector, who knows the true mask of a cable: where the next click goes.
+"""A simulated person in front of the corrector, who knows the true mask of a cable: where the next
+click goes.
 
-The first two clicks go on the ends of the cable, unless the service has found it. Then, as in RITM's protocol, every
-action goes where the error is largest: a click on the true centerline where the outline left the cable, else a drag of
-one edge or both; where a cable of the service goes on beyond the true end, that is dragged back first. Where the
-outline lies beside the label, or is wider or narrower, alike all along, the cable is dragged as a whole.
+The first two clicks go on the ends of the cable, unless the service has found it. Then, as in
+RITM's protocol, every action goes where the error is largest: a click on the true centerline where
+the outline left the cable, else a drag of one edge or both; where a cable of the service goes on
+beyond the true end, that is dragged back first. Where the outline lies beside the label, or is
+wider or narrower, alike all along, the cable is dragged as a whole.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ _LOOK_PX = 45
 
 @dataclass
 class Person:
-    """``mask`` (H, W) of the cable that is wanted, ``others`` of all other cables; ``hand_px`` is the standard
-    deviation of the hand, drawn from ``rng``."""
+    """``mask`` (H, W) of the cable that is wanted, ``others`` of all other cables; ``hand_px`` is
+    the standard deviation of the hand, drawn from ``rng``."""
 
     mask: BoolArray
     others: BoolArray
@@ -56,15 +58,16 @@ class Person:
         self._drags = 0
 
     def corrects(self, drawn: dict[str, Any]) -> None:
-        """Begins with what the page has ``drawn``, or goes on with it, in place of clicks of one's own: ``moved`` says
-        from which place of the line to where it is dragged next."""
+        """Begins with what the page has ``drawn``, or goes on with it, in place of clicks of one's
+        own: ``moved`` says from which place of the line to where it is dragged next."""
         if self._given is None:
             self._clicked = []
         self._given = drawn["clicks"]
         self.goes_on(drawn)
 
     def goes_on(self, drawn: dict[str, Any]) -> None:
-        """The last drag is done: ``whole`` was one of the whole cable, with its clicks and pulls."""
+        """The last drag is done: ``whole`` was one of the whole cable, with its clicks and
+        pulls."""
         if self.whole:
             by = np.array(self.whole["by"])
             self._hand = {i: xy + by for i, xy in self._hand.items()}
@@ -74,15 +77,19 @@ class Person:
     @property
     def clicks(self) -> list[list[float]]:
         """In the order along the cable."""
-        return [self._hand[i].tolist() for i in sorted(self._clicked)] if self._given is None else self._given
+        return (
+            [self._hand[i].tolist() for i in sorted(self._clicked)]
+            if self._given is None
+            else self._given
+        )
 
     @property
     def actions(self) -> int:
         return len(self._clicked) + self._drags
 
     def act(self, drawn: dict[str, Any]) -> bool:
-        """One more click or drag, seeing what the page has ``drawn``, with its ``mask`` (H, W); False when there is
-        nothing left to see."""
+        """One more click or drag, seeing what the page has ``drawn``, with its ``mask`` (H, W);
+        False when there is nothing left to see."""
         line = np.array(drawn["line"])
         if self._given is not None and self._shorten(line):
             return True
@@ -113,7 +120,10 @@ class Person:
         if max(beyond) <= self.width_px:
             return False
         end, reached = ((0, first), (len(line) - 1, last))[int(np.argmax(beyond))]
-        to = min((self.line[0], self.line[-1]), key=lambda true: float(np.linalg.norm(true - line[reached])))
+        to = min(
+            (self.line[0], self.line[-1]),
+            key=lambda true: float(np.linalg.norm(true - line[reached])),
+        )
         self.moved = {"index": end, "to": self._shaken(to).tolist()}
         self._drags += 1
         return True
@@ -123,7 +133,10 @@ class Person:
         size = np.array(self.mask.shape[::-1]) - 1
         inside = ((line >= 0) & (line <= size)).all(1)
         edges = [np.array(drawn["low"]), np.array(drawn["high"])]
-        off = [self._off(line, normals, edge, side, inside) for edge, side in zip(edges, (-1, 1), strict=True)]
+        off = [
+            self._off(line, normals, edge, side, inside)
+            for edge, side in zip(edges, (-1, 1), strict=True)
+        ]
         if self._carry(normals, off[0], off[1]):
             return True
         i = int(np.argmax(np.abs(off[0]) + np.abs(off[1])))
@@ -139,7 +152,8 @@ class Person:
         return True
 
     def _carry(self, normals: FloatArray, low: FloatArray, high: FloatArray) -> bool:
-        """Drags the whole cable, its width or one of its edges where the errors (n,) are alike all along."""
+        """Drags the whole cable, its width or one of its edges where the errors (n,) are alike all
+        along."""
         known = (low != 0) & (high != 0)
         if not known.any():
             return False
@@ -149,7 +163,11 @@ class Person:
         along = normals @ by
         ends = float(np.median(low)), float(np.median(high))
         ways: list[tuple[float, float, dict[str, Any]]] = [
-            (_sum(low - along, high - along), float(np.abs(along).max()), {"by": by.tolist(), "wider": 0.0}),
+            (
+                _sum(low - along, high - along),
+                float(np.abs(along).max()),
+                {"by": by.tolist(), "wider": 0.0},
+            ),
             (_sum(low + wider, high - wider), abs(wider), _out(wider)),
             (_sum(low - ends[0], high), abs(ends[0]), _out(-ends[0], -1)),
             (_sum(low, high - ends[1]), abs(ends[1]), _out(ends[1], 1)),
@@ -158,14 +176,21 @@ class Person:
         if size < SEEN_PX or left > WHOLE_LEAVES * _sum(low, high):
             return False
         moves = any(way["by"])
-        self.whole = way | ({"by": self._shaken(by).tolist()} if moves else {"wider": way["wider"] + self._shake()})
+        self.whole = way | (
+            {"by": self._shaken(by).tolist()} if moves else {"wider": way["wider"] + self._shake()}
+        )
         self._drags += 1
         return True
 
-    def _off(self, line: FloatArray, normals: FloatArray, edge: FloatArray, side: int, inside: BoolArray) -> FloatArray:
-        """(n,) how far along the normal the edge should move, averaged along the line; 0 where nobody can tell."""
+    def _off(
+        self, line: FloatArray, normals: FloatArray, edge: FloatArray, side: int, inside: BoolArray
+    ) -> FloatArray:
+        """(n,) how far along the normal the edge should move, averaged along the line; 0 where
+        nobody can tell."""
         pairs = zip(line, side * normals, strict=True)
-        true = np.array([side * edge_px(self.mask, self.others, point, outward) for point, outward in pairs])
+        true = np.array(
+            [side * edge_px(self.mask, self.others, point, outward) for point, outward in pairs]
+        )
         known = ~np.isnan(true) & inside
         missing = np.where(known, np.clip(true - edge, -self.width_px, self.width_px), 0)
         weight = gaussian_filter1d(known.astype(float), _NEAR, mode="constant")
@@ -176,7 +201,9 @@ class Person:
         return float(self.rng.normal(0, self.hand_px)) if self.hand_px else 0.0
 
     def _shaken(self, xy: FloatArray) -> FloatArray:
-        return np.asarray(xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64)
+        return np.asarray(
+            xy + self.rng.normal(0, self.hand_px, 2) if self.hand_px else xy, np.float64
+        )
 
 
 def _out(wider: float, side: int = 0) -> dict[str, Any]:
@@ -188,15 +215,16 @@ def _sum(low: FloatArray, high: FloatArray) -> float:
 
 
 def best_drag(low: float, high: float) -> tuple[float, float]:
-    """What the page offers in one drag, so that least is left of both edges' errors: one edge, both together, or both
-    apart (the width)."""
+    """What the page offers in one drag, so that least is left of both edges' errors: one edge, both
+    together, or both apart (the width)."""
     shift, wider = (low + high) / 2, (high - low) / 2
     choices = [(low, 0.0), (0.0, high), (shift, shift), (-wider, wider)]
     return min(choices, key=lambda by: abs(low - by[0]) + abs(high - by[1]))
 
 
 def true_line(mask: BoolArray) -> FloatArray:
-    """(n, 2) from end to end of a cable: the skeletons of its pieces, joined where others pass over it."""
+    """(n, 2) from end to end of a cable: the skeletons of its pieces, joined where others pass over
+    it."""
     count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     pieces = [labels == k for k in range(1, count)]
     lines = [_skeleton(piece) for piece in pieces if np.count_nonzero(piece) >= _SPECK_PX]
@@ -215,8 +243,8 @@ def true_line(mask: BoolArray) -> FloatArray:
 
 
 def _skeleton(piece: BoolArray) -> FloatArray:
-    """The longest path through one piece's skeleton. Beyond the border the cable goes on, or the skeleton would fork
-    into the corners."""
+    """The longest path through one piece's skeleton. Beyond the border the cable goes on, or the
+    skeleton would fork into the corners."""
     y, x = np.nonzero(skeletonize(np.pad(piece, _MARGIN_PX, mode="edge")))
     points = np.stack([x, y], 1) - _MARGIN_PX
     pairs = cKDTree(points).query_pairs(1.5, output_type="ndarray")
@@ -238,7 +266,8 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _to_the_ends(line: FloatArray, mask: BoolArray) -> FloatArray:
-    """The line goes on straight to where the mask ends: a skeleton stops before that, or forks into a corner."""
+    """The line goes on straight to where the mask ends: a skeleton stops before that, or forks into
+    a corner."""
     size = np.array(mask.shape[::-1])
     half = int(np.ceil(0.5 * mask.sum() / len(line)))
     for _ in range(2):
@@ -254,8 +283,8 @@ def _to_the_ends(line: FloatArray, mask: BoolArray) -> FloatArray:
 
 
 def edge_px(mask: BoolArray, others: BoolArray, xy: FloatArray, outward: FloatArray) -> float:
-    """How far from ``xy`` along the unit vector ``outward`` the mask ends; NaN where another cable or the border of
-    the picture hides it."""
+    """How far from ``xy`` along the unit vector ``outward`` the mask ends; NaN where another cable
+    or the border of the picture hides it."""
     distance = np.arange(-6, _LOOK_PX, 0.25)
     at = np.rint(xy + distance[:, None] * outward).astype(int)
     keep = ((at >= 0) & (at < np.array(mask.shape[::-1]))).all(1)

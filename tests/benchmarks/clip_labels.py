@@ -1,4 +1,5 @@
-"""How well the label of one frame labels the frames after it: the stage of the service, and the SDK's propagation."""
+"""How well the label of one frame labels the frames after it: the stage of the service, and the
+SDK's propagation."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ _LAST = 10
 
 
 def propagated(kind: ClipKind, seed: int, tuning: bool) -> dict[str, float]:
-    """Mean IoU, percent, of the masks of all cables in view over the frames after the first, and over the last ten."""
+    """Mean IoU, percent, of the masks of all cables in view over the frames after the first, and
+    over the last ten."""
     first, *rest = islice(clip(kind, seed, tuning), FRAMES + 1)
     state = track_of(_label(first, kind.params.width_px))
     known = frozenset(cable.id for cable in state.cables)
@@ -44,10 +46,14 @@ def propagated(kind: ClipKind, seed: int, tuning: bool) -> dict[str, float]:
     }
 
 
-def _labelled(frame: Seen, state: TrackState, known: frozenset[int], tools: Tools) -> tuple[PictureLabel, TrackState]:
+def _labelled(
+    frame: Seen, state: TrackState, known: frozenset[int], tools: Tools
+) -> tuple[PictureLabel, TrackState]:
     mask = io.BytesIO()
     Image.fromarray(frame.mask.astype(np.uint8) * 255).save(mask, "PNG")
-    image, foreground = (ImageRef(id=tools.blobs.put(data)) for data in (frame.jpeg, mask.getvalue()))
+    image, foreground = (
+        ImageRef(id=tools.blobs.put(data)) for data in (frame.jpeg, mask.getvalue())
+    )
     request = InstancesRequest(image=image, mask=foreground, previous=state, files=[])
     result = instances.run(request, tools).result
     assert result.track is not None
@@ -59,13 +65,18 @@ def _label(frame: Seen, width_px: float) -> PictureLabel:
     height, width = frame.mask.shape
     items = [
         LabelledInstance(
-            id=k, centerline_xy=line[_stretch(seen)][::8].tolist(), width_px=width_px, mask_rle=encode(mask)
+            id=k,
+            centerline_xy=line[_stretch(seen)][::8].tolist(),
+            width_px=width_px,
+            mask_rle=encode(mask),
         )
         for k, (line, seen, mask) in enumerate(
             zip(frame.centerlines, frame.in_view, _true(frame), strict=True), start=1
         )
     ]
-    return PictureLabel(name="first", width=width, height=height, instances=items, origin="corrected")
+    return PictureLabel(
+        name="first", width=width, height=height, instances=items, origin="corrected"
+    )
 
 
 def _stretch(seen: np.ndarray) -> slice:
@@ -81,7 +92,11 @@ def _true(frame: Seen) -> list[np.ndarray]:
         drawn = np.ones(frame.mask.shape, np.uint8)
         column, row = np.rint(line[seen]).astype(int).T
         drawn[row, column] = 0
-        away.append(cv2.distanceTransform(drawn, cv2.DIST_L2, 5) if seen.any() else np.full(drawn.shape, 1e6))
+        away.append(
+            cv2.distanceTransform(drawn, cv2.DIST_L2, 5)
+            if seen.any()
+            else np.full(drawn.shape, 1e6)
+        )
     owner = np.argmin(away, axis=0)
     return [frame.mask & (owner == k) for k in range(len(away))]
 

@@ -1,7 +1,8 @@
-"""Five crossing cables of one color, each of them the target once: is it the right one that comes back?
+"""Five crossing cables of one color, each of them the target once: is it the right one that comes
+back?
 
-The limits of models/reconstruction/joining.py were settled on the scenes 100 to 129; the benchmark takes those
-from 0 on.
+The limits of models/reconstruction/joining.py were settled on the scenes 100 to 129; the benchmark
+takes those from 0 on.
 """
 
 from __future__ import annotations
@@ -14,7 +15,11 @@ from scipy.spatial import cKDTree
 from models.geometry.cameras import Camera
 from models.geometry.polylines import resample
 from models.reconstruction.curves import Curve, distances
-from models.reconstruction.reconstruct import NotReconstructable, ReconstructParams, reconstruct_strand
+from models.reconstruction.reconstruct import (
+    NotReconstructable,
+    ReconstructParams,
+    reconstruct_strand,
+)
 from models.reconstruction.views import View
 from models.synthesis.arm import camera_above
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable
@@ -33,7 +38,11 @@ def identical(held: Tools, scenes: int) -> dict[str, Any]:
             cameras = [camera_above(np.array([x, 0.0]), 0.3) for x in (-0.03, 0.0, 0.03)]
             curves = [c.points_m for c in scene.cables]
             rng = np.random.default_rng(seed)
-            views = cell.seen(scene, cameras, held, seed) if from_pictures else cell.exact(curves, cameras, 0.5, rng)
+            views = (
+                cell.seen(scene, cameras, held, seed)
+                if from_pictures
+                else cell.exact(curves, cameras, 0.5, rng)
+            )
             for k, curve in enumerate(curves):
                 asked += 1
                 strand = _strand_at(views[1], curve, [c for j, c in enumerate(curves) if j != k])
@@ -58,12 +67,17 @@ def five(seed: int) -> Scene3D:
         turn = rng.uniform(0, np.pi)
         rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
         xy = points[:, :2] @ rotation.T + rng.uniform(-0.05, 0.05, 2)
-        cables.append(Cable3D(np.concatenate([xy, points[:, 2:] + 0.004 * k], axis=1), 0.00175, (0.1, 0.2, 0.7)))
+        cables.append(
+            Cable3D(
+                np.concatenate([xy, points[:, 2:] + 0.004 * k], axis=1), 0.00175, (0.1, 0.2, 0.7)
+            )
+        )
     return Scene3D(tuple(cables), noise_texture(rng))
 
 
 def _strand_at(view: View, curve: np.ndarray, others: list[np.ndarray]) -> int:
-    """The strand nearest to the pixel of the cable that is farthest from the other cables: what a user would click."""
+    """The strand nearest to the pixel of the cable that is farthest from the other cables: what a
+    user would click."""
     xy = view.camera.project(curve)
     xy = xy[view.camera.sees(xy, 15.0)]
     rest = np.concatenate([view.camera.project(o) for o in others])

@@ -52,7 +52,9 @@ class Scene:
         radii = [self.radius + self.half] * len(self.pegs) + [_WALL_M + self.half] * len(self.walls)
         starts = np.concatenate([self.pegs, self.walls[:, 0]])
         ends = np.concatenate([self.pegs, self.walls[:, 1]])
-        return Fixtures(starts, ends, np.array(radii), [self.clip(k) for k in range(len(self.clips))])
+        return Fixtures(
+            starts, ends, np.array(radii), [self.clip(k) for k in range(len(self.clips))]
+        )
 
     def route(self) -> Route:
         stops = [
@@ -70,7 +72,8 @@ class Scene:
 
 
 class FixtureTable:
-    """The scene in MuJoCo. The walls of a clip stand from when a gripper first lets go of a rope between them."""
+    """The scene in MuJoCo. The walls of a clip stand from when a gripper first lets go of a rope
+    between them."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -103,7 +106,8 @@ def between(scene: Scene, k: int, shape: np.ndarray, off_m: float = 1e-3) -> boo
 
 
 def solved(scene: Scene, shape: np.ndarray) -> bool:
-    """Whether a rope (n, 2) goes by all stops in order, every peg on its side within the slack, every clip filled."""
+    """Whether a rope (n, 2) goes by all stops in order, every peg on its side within the slack,
+    every clip filled."""
     line = dense(shape, 8)
     ahead = np.gradient(line, axis=0)
     last = 0
@@ -124,7 +128,8 @@ def solved(scene: Scene, shape: np.ndarray) -> bool:
 
 
 def scenes(what: str, count: int, seed: int) -> list[Scene]:
-    """``what``: "pegs" (two or three), "clips" (two or three) or "mixed" (a peg, a clip and a wall)."""
+    """``what``: "pegs" (two or three), "clips" (two or three) or "mixed" (a peg, a clip and a
+    wall)."""
     rng = np.random.default_rng(seed)
     found: list[Scene] = []
     while len(found) < count:
@@ -162,7 +167,8 @@ def _random(rng: np.random.Generator, what: str, kind: RopeKind, surface: str) -
 
 
 def _possible(scene: Scene) -> bool:
-    """Whether a rope can lie on the route, touches nothing at first, and fixtures leave room between them."""
+    """Whether a rope can lie on the route, touches nothing at first, and fixtures leave room
+    between them."""
     fixtures, straight = scene.fixtures(), scene.straight()
     places = np.concatenate([scene.pegs, scene.clips[:, :2], scene.walls.mean(1)])
     gaps = np.hypot(*np.moveaxis(places[:, None] - places, -1, 0))[np.triu_indices(len(places), 1)]
@@ -178,7 +184,9 @@ def _possible(scene: Scene) -> bool:
     turned = np.abs(np.diff(np.unwrap(np.arctan2(*np.diff(shape, axis=0).T[::-1]))))
     apart = fixtures.gap(shape[:-1], shape[1:]).min(initial=1.0)
     # A rope of this stiffness does not bend sharper than with a radius of some 2 cm.
-    return bool(apart > 0.001 and turned.max() < 0.9 and solved(scene, shape)) and not solved(scene, straight)
+    return bool(apart > 0.001 and turned.max() < 0.9 and solved(scene, shape)) and not solved(
+        scene, straight
+    )
 
 
 def peg_geom(x: float, y: float, radius: float) -> str:

@@ -17,7 +17,8 @@ RULE = "farthest edge onto its place"
 
 
 def counted(planner: dict, obstacles: dict) -> dict[str, dict[str, int]]:
-    """For each kind of hard tasks how many there are, and how many the planner and the rule reach."""
+    """For each kind of hard tasks how many there are, and how many the planner and the rule
+    reach."""
     kinds = {
         "deep S, M, loop": planner["mujoco_hard"],
         "eight times as stiff": planner["mujoco_stiff"],
@@ -38,10 +39,14 @@ def _reached(rows: list[dict]) -> int:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     out = parser.parse_args().out
-    planner, obstacles = (json.loads((out / f"{name}.json").read_text()) for name in ("planner", "obstacles"))
+    planner, obstacles = (
+        json.loads((out / f"{name}.json").read_text()) for name in ("planner", "obstacles")
+    )
     found = counted(planner, obstacles)
     print(json.dumps(found))
     (out / "hard.json").write_text(json.dumps(found, indent=1))

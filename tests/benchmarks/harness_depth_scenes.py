@@ -1,8 +1,8 @@
 """Harnesses on a table in color and depth, with the shadows that a lamp makes of them.
 
-Strategy: a harness of :mod:`models.synthesis.harness` is a map of heights: round sections, the upper one lifted where
-two cross. Color comes from the heights (shading, cast shadows as dark as the cables), and depth, through the noise
-model of a sensor.
+Strategy: a harness of :mod:`models.synthesis.harness` is a map of heights: round sections, the
+upper one lifted where two cross. Color comes from the heights (shading, cast shadows as dark as the
+cables), and depth, through the noise model of a sensor.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ _REACH_PX = 60
 
 @dataclass(frozen=True, eq=False)
 class HarnessScene:
-    """``rgb`` (H, W, 3); ``depth_m`` (H, W) as the sensor gives it; true ``mask`` and ``shadow`` (H, W)."""
+    """``rgb`` (H, W, 3); ``depth_m`` (H, W) as the sensor gives it; true ``mask`` and ``shadow``
+    (H, W)."""
 
     harness: Harness
     rgb: ByteArray
@@ -41,7 +42,9 @@ class HarnessScene:
     intrinsics: PinholeIntrinsics
 
 
-def harness_scene(rng: np.random.Generator, params: HarnessParams, sensor: SensorParams) -> HarnessScene:
+def harness_scene(
+    rng: np.random.Generator, params: HarnessParams, sensor: SensorParams
+) -> HarnessScene:
     """Everything random comes from ``rng``."""
     harness = make_harness(rng, params)
     height_px = _heights(harness)
@@ -58,7 +61,9 @@ def harness_scene(rng: np.random.Generator, params: HarnessParams, sensor: Senso
     down = (np.arange(rows) - intrinsics.cy) * tilt[1]
     depth = (_DISTANCE_M + across + down[:, None] - _METERS_A_PX * height_px).astype(np.float32)
     rgb = _color(rng, height_px, shadow, lamp, slope)
-    return HarnessScene(harness, rgb, sensed(rng, depth, sensor), mask, (shadow > 0.5) & ~mask, intrinsics)
+    return HarnessScene(
+        harness, rgb, sensed(rng, depth, sensor), mask, (shadow > 0.5) & ~mask, intrinsics
+    )
 
 
 def _heights(harness: Harness) -> FloatArray:
@@ -66,7 +71,9 @@ def _heights(harness: Harness) -> FloatArray:
     out = np.zeros(harness.size)
     for number, section in enumerate(harness.sections):
         drawn = np.zeros(harness.size, np.uint8)
-        cv2.polylines(drawn, [np.rint(section.xy).astype(np.int32)], False, 1, int(np.ceil(section.width)) + 2)
+        cv2.polylines(
+            drawn, [np.rint(section.xy).astype(np.int32)], False, 1, int(np.ceil(section.width)) + 2
+        )
         y, x = np.nonzero(drawn)
         away, nearest = cKDTree(section.xy).query(np.column_stack([x, y]))
         radius = section.width / 2
@@ -102,8 +109,12 @@ def _shadow(height_px: FloatArray, lamp: float, slope: float) -> FloatArray:
     return np.asarray(cv2.GaussianBlur(dark.astype(np.float32), (0, 0), 1.2), float)
 
 
-def _color(rng: np.random.Generator, height_px: FloatArray, shadow: FloatArray, lamp: float, slope: float) -> ByteArray:
-    ground = TexturePool(()).sample(rng, height_px.shape, torch.device("cpu")).numpy().transpose(1, 2, 0)
+def _color(
+    rng: np.random.Generator, height_px: FloatArray, shadow: FloatArray, lamp: float, slope: float
+) -> ByteArray:
+    ground = (
+        TexturePool(()).sample(rng, height_px.shape, torch.device("cpu")).numpy().transpose(1, 2, 0)
+    )
     cable = rng.uniform(0.08, 0.35) * rng.uniform(0.8, 1.2, 3)
     mask = cv2.GaussianBlur((height_px > 0).astype(np.float32), (0, 0), 0.6)[..., None]
     rise_y, rise_x = np.gradient(cv2.GaussianBlur(height_px, (0, 0), 0.8))

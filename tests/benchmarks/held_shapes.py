@@ -16,7 +16,8 @@ from tests.benchmarks.ropes import NODES, RopeKind
 
 _GRAVITY = 9.81
 _DIAGONAL = 2**0.5
-"""MuJoCo's friction is a pyramid: along its diagonals it holds so much more than the coefficient."""
+"""MuJoCo's friction is a pyramid: along its diagonals it holds so much more than the
+coefficient."""
 _PARTS = (0.03, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 """Of the stiffness, one after the other."""
 _OVER = 1e-2
@@ -24,7 +25,9 @@ _OVER = 1e-2
 _EDGES = NODES - 1
 
 
-def nearest_held(kind: RopeKind, friction: float, stiffer: float, target: np.ndarray) -> float | None:
+def nearest_held(
+    kind: RopeKind, friction: float, stiffer: float, target: np.ndarray
+) -> float | None:
     """Mean distance in m from the target (n, 2) to the nearest shape found that a rope of ``kind``,
     ``stiffer`` times as stiff, keeps on a table with this coefficient of friction; None: none
     found."""

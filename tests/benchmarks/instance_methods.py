@@ -17,7 +17,9 @@ METHODS = ("section_matching", "rt_dlo", "fastdlo", "ariadne_plus")
 
 def method(name: str, **values: float) -> Extract:
     """One method on one thread; ``values`` are its parameters where they are not the defaults."""
-    return table_method(name, lambda task: load(default_name(task), Runtime(threads=1)), **values)[0]
+    return table_method(name, lambda task: load(default_name(task), Runtime(threads=1)), **values)[
+        0
+    ]
 
 
 def eroded(mask: np.ndarray, times: int) -> np.ndarray:
@@ -26,18 +28,27 @@ def eroded(mask: np.ndarray, times: int) -> np.ndarray:
 
 
 def with_holes(mask: np.ndarray, seed: int, count: int = 8, side: int = 5) -> np.ndarray:
-    """Squares cleared around foreground pixels drawn at random; the same seed gives the same holes."""
+    """Squares cleared around foreground pixels drawn at random; the same seed gives the same
+    holes."""
     out = mask.copy()
     rows, columns = np.nonzero(mask)
-    for k in np.random.default_rng([5, seed]).integers(0, max(len(rows), 1), count if len(rows) else 0):
+    for k in np.random.default_rng([5, seed]).integers(
+        0, max(len(rows), 1), count if len(rows) else 0
+    ):
         half = side // 2
-        out[max(rows[k] - half, 0) : rows[k] + half + 1, max(columns[k] - half, 0) : columns[k] + half + 1] = False
+        out[
+            max(rows[k] - half, 0) : rows[k] + half + 1,
+            max(columns[k] - half, 0) : columns[k] + half + 1,
+        ] = False
     return out
 
 
 def closed(mask: np.ndarray, side: int = 7) -> np.ndarray:
     """Gaps narrower than the kernel filled."""
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)) > 0
+    return (
+        cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+        > 0
+    )
 
 
 def gray(image: np.ndarray) -> np.ndarray:

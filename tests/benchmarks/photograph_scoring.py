@@ -1,7 +1,8 @@
 """Foreground against hand-marked photographs, where some areas cannot be told.
 
-Truth of a picture: ``lines/ID.json``, ``[{"xy": [[x, y], …], "width": w | [w, …]}, …]`` in pixels of the picture, and
-``masks/ID.png``: 255 cable, 0 background, 128 cannot tell, which counts nowhere.
+Truth of a picture: ``lines/ID.json``, ``[{"xy": [[x, y], …], "width": w | [w, …]}, …]`` in pixels
+of the picture, and ``masks/ID.png``: 255 cable, 0 background, 128 cannot tell, which counts
+nowhere.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ class Stroke(NamedTuple):
 
 
 class Share(NamedTuple):
-    """``found``: of the true middle lines, by length, with a predicted pixel within half the width. ``right``: of the
-    predicted skeleton, by pixels, that is on a cable with half a width of tolerance. ``dice`` of the pixels. None
-    where there is nothing to divide by."""
+    """``found``: of the true middle lines, by length, with a predicted pixel within half the width.
+    ``right``: of the predicted skeleton, by pixels, that is on a cable with half a width of
+    tolerance. ``dice`` of the pixels. None where there is nothing to divide by."""
 
     found: float | None
     right: float | None
@@ -60,7 +61,11 @@ def score_photograph(found: np.ndarray, strokes: Sequence[Stroke], labels: np.nd
 def mean_shares(shares: Sequence[Share]) -> dict[str, float]:
     """Percent: the mean of each figure over the photographs that have it."""
     return {
-        name: round(100 * float(np.mean([v for s in shares if (v := getattr(s, name)) is not None] or [0.0])), 2)
+        name: round(
+            100
+            * float(np.mean([v for s in shares if (v := getattr(s, name)) is not None] or [0.0])),
+            2,
+        )
         for name in Share._fields
     }
 
@@ -72,7 +77,11 @@ def _found(found: np.ndarray, strokes: Sequence[Stroke], known: np.ndarray) -> f
     for xy, widths in strokes:
         column, row = np.rint(xy).astype(int).T
         inside = (xy >= 0).all(1) & (xy[:, 0] <= width - 1) & (xy[:, 1] <= height - 1)
-        row, column, reach = row[inside], column[inside], np.maximum(widths[inside] / 2, _LEAST_REACH_PX)
+        row, column, reach = (
+            row[inside],
+            column[inside],
+            np.maximum(widths[inside] / 2, _LEAST_REACH_PX),
+        )
         counts = known[row, column]
         hits += int((away[row, column] <= reach)[counts].sum())
         total += int(counts.sum())
@@ -87,7 +96,9 @@ def _lanes(strokes: Sequence[Stroke], labels: np.ndarray) -> np.ndarray:
         lane = np.zeros(labels.shape, np.uint8)
         cv2.polylines(lane, [np.rint(xy).astype(np.int32)], False, 1, max(1, round(typical)))
         size = 2 * max(2, round(typical / 2)) + 1
-        lanes = lanes | (cv2.dilate(lane, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))) > 0)
+        lanes = lanes | (
+            cv2.dilate(lane, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))) > 0
+        )
     return lanes
 
 

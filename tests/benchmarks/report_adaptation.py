@@ -9,7 +9,9 @@ _SETS = {"photos100": "`photos100`, the others", "ewd": "`ewd`", "sbhc": "`sbhc`
 
 def adaptation(data: dict) -> str:
     before, after, report = data["before"], data["after"], data["report"]
-    rows = [[title, before[k], after[k], round(after[k] - before[k], 2)] for k, title in _SETS.items()]
+    rows = [
+        [title, before[k], after[k], round(after[k] - before[k], 2)] for k, title in _SETS.items()
+    ]
     every = data.get("every", 1)
     part = "" if every == 1 else f" Measured on one picture of {every}."
     return (
@@ -28,9 +30,14 @@ def adaptation(data: dict) -> str:
 def reference(data: dict) -> str:
     rows = [
         ["all", data["cells"], data["alone"], data["with"], round(data["with"] - data["alone"], 2)],
-        ["hard: below 80 alone", data["hard_cells"], data["hard_alone"], data["hard_with"],
-         round(data["hard_with"] - data["hard_alone"], 2)],
-    ]  # fmt: skip
+        [
+            "hard: below 80 alone",
+            data["hard_cells"],
+            data["hard_alone"],
+            data["hard_with"],
+            round(data["hard_with"] - data["hard_alone"], 2),
+        ],
+    ]
     return (
         "## A picture of the empty place\n\n"
         "`python -m tests.benchmarks.bench_reference`: rendered cells in new light, six in ten under an arm's shadow, "

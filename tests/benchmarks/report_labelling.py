@@ -10,16 +10,37 @@ from tests.benchmarks.markdown import table
 def batches(data: dict[str, Any]) -> str:
     speed, kills = data["throughput"], data["killed"]
     rows = [
-        ["throughput against the bare pipeline, two workers, by processor time a picture", "≥ 85 %", "≥ 95 %",
-         f"{speed['cpu_ratio_percent']} %"],
-        ["processor time a picture in each run, ms: bare / batch", "", "",
-         f"{_listed(speed['bare_cpu_ms'])} / {_listed(speed['batch_cpu_ms'])}"],
-        [f"by the clock, against one process of one thread / of two (load {speed['load']})", "", "",
-         f"{speed['wall_ratio_percent']} % / {speed['wall_ratio_both_cores_percent']} %"],
-        [f"pictures labelled, of {kills['pictures']} (SIGKILL × {kills['kills']})", "all, once", "", kills["labelled"]],
-        ["labelled twice / jobs done twice / half files left", "0 / 0 / 0", "",
-         f"{kills['twice']} / {kills['jobs_done_twice']} / {kills['parts_left']}"],
-    ]  # fmt: skip
+        [
+            "throughput against the bare pipeline, two workers, by processor time a picture",
+            "≥ 85 %",
+            "≥ 95 %",
+            f"{speed['cpu_ratio_percent']} %",
+        ],
+        [
+            "processor time a picture in each run, ms: bare / batch",
+            "",
+            "",
+            f"{_listed(speed['bare_cpu_ms'])} / {_listed(speed['batch_cpu_ms'])}",
+        ],
+        [
+            f"by the clock, against one process of one thread / of two (load {speed['load']})",
+            "",
+            "",
+            f"{speed['wall_ratio_percent']} % / {speed['wall_ratio_both_cores_percent']} %",
+        ],
+        [
+            f"pictures labelled, of {kills['pictures']} (SIGKILL × {kills['kills']})",
+            "all, once",
+            "",
+            kills["labelled"],
+        ],
+        [
+            "labelled twice / jobs done twice / half files left",
+            "0 / 0 / 0",
+            "",
+            f"{kills['twice']} / {kills['jobs_done_twice']} / {kills['parts_left']}",
+        ],
+    ]
     return (
         "## Labelling a folder\n\n`python -m tests.benchmarks.bench_labelling`: "
         f"{speed['pictures']} new pictures of 640 × 360 in each of {speed['repeats']} runs in turn, through the stage "
@@ -36,20 +57,45 @@ def _listed(values: list[float]) -> str:
 
 
 def tracked(data: dict[str, Any]) -> str:
-    corrector, best = data["corrector"], data["variants"]["corrections agree, width measured, ends found"]
+    corrector, best = (
+        data["corrector"],
+        data["variants"]["corrections agree, width measured, ends found"],
+    )
     found = corrector["as in the thesis, marked"]
     goals = [
         ["corrector: mean offset error, px", "± 0.1", "", "0.05", found["mean_px"]],
         ["corrector: SD of it, px", "≤ 1.6", "≤ 0.9", "1.57", found["sd_px"]],
         ["DLO-WSL: IoU, %", "81", "90", "81.1", best["iou"]],
-        [f"DLO-WSL: IoU per click, % ({data['clicks']:g} clicks)", "6.5", "9", "6.5", best["per_click"]],
-        ["without correction: IoU, %", "", "", "36.9", data["variants"]["strokes as drawn, smoothed"]["iou"]],
+        [
+            f"DLO-WSL: IoU per click, % ({data['clicks']:g} clicks)",
+            "6.5",
+            "9",
+            "6.5",
+            best["per_click"],
+        ],
+        [
+            "without correction: IoU, %",
+            "",
+            "",
+            "36.9",
+            data["variants"]["strokes as drawn, smoothed"]["iou"],
+        ],
     ]
     crops = [
-        [name, v["mean_px"], v["sd_px"], v["median_abs_px"], round(100 * v["over_3px"], 1), v["width_error"]]
+        [
+            name,
+            v["mean_px"],
+            v["sd_px"],
+            v["median_abs_px"],
+            round(100 * v["over_3px"], 1),
+            v["width_error"],
+        ]
         for name, v in corrector.items()
     ]
-    rows = [[name, v["iou"], v["sd"], v["worst"], v["worst_view"]] for name, v in data["variants"].items()]
+    rows = [
+        [name, v["iou"], v["sd"], v["worst"], v["worst_view"]]
+        for name, v in data["variants"].items()
+    ]
     return (
         "## DLO-WSL\n\n`python -m tests.benchmarks.bench_tracked --textures TEXTURES.npz`: "
         f"{data['scenes']} rendered scenes of 2 cables in 10 views with errors of hand, tracker and calibration, and "
@@ -68,7 +114,12 @@ def tracked(data: dict[str, Any]) -> str:
 def clicks(data: dict[str, Any]) -> str:
     found = data["summaries"]
     rows = [
-        ["clicks and drags a cable, mean (20 where it is never reached)", "≤ 6", "≤ 3", *_each(found, "mean")],
+        [
+            "clicks and drags a cable, mean (20 where it is never reached)",
+            "≤ 6",
+            "≤ 3",
+            *_each(found, "mean"),
+        ],
         ["the same, median", "", "", *_each(found, "median")],
         ["cables within 3, %", "≥ 75", "≥ 85", *_each(found, "within_3_percent")],
         ["cables within 6, %", "≥ 92", "≥ 97", *_each(found, "within_6_percent")],
@@ -96,7 +147,18 @@ def clicks(data: dict[str, Any]) -> str:
         "dragged all along was added with labels like these in mind, so all columns are figures of development. The "
         "labels of the first category lie .8 px (median of 39 cables) above the pictures' own steepest steps, those "
         "of the others .2 and .3. RITM took about 40 clicks in the thesis's test.\n\n"
-        + table(["", "floor", "aim", "clicked", "corrected", "clicked, not tuned on", "corrected, not tuned on"], rows)
+        + table(
+            [
+                "",
+                "floor",
+                "aim",
+                "clicked",
+                "corrected",
+                "clicked, not tuned on",
+                "corrected, not tuned on",
+            ],
+            rows,
+        )
     )
 
 
@@ -129,10 +191,19 @@ def clicks_rendered_shaken(data: dict[str, Any]) -> str:
 
 def _short(data: dict[str, Any]) -> str:
     found = data["summaries"]
-    texts = {"mean": "mean", "within_3_percent": "within 3, %", "within_6_percent": "within 6, %",
-             "never_percent": "never, %"}  # fmt: skip
-    rows = [["cables", *_each(found, "cables")], *([text, *_each(found, name)] for name, text in texts.items())]
-    return table(["", "clicked", "corrected", "clicked, not tuned on", "corrected, not tuned on"], rows)
+    texts = {
+        "mean": "mean",
+        "within_3_percent": "within 3, %",
+        "within_6_percent": "within 6, %",
+        "never_percent": "never, %",
+    }
+    rows = [
+        ["cables", *_each(found, "cables")],
+        *([text, *_each(found, name)] for name, text in texts.items()),
+    ]
+    return table(
+        ["", "clicked", "corrected", "clicked, not tuned on", "corrected, not tuned on"], rows
+    )
 
 
 def _each(found: dict[str, Any], name: str) -> list[Any]:
@@ -143,16 +214,23 @@ def pages(data: dict[str, Any]) -> str:
     """What a large picture costs on the label bench."""
     texts = {
         "open": ("from choosing the file until a click counts", "≤ 2000", "≤ 1000"),
-        "click": ("from the key that ends a line of two clicks until its outline is drawn", "≤ 150", "≤ 50"),
+        "click": (
+            "from the key that ends a line of two clicks until its outline is drawn",
+            "≤ 150",
+            "≤ 50",
+        ),
         "drag": ("from the end of a drag at an edge until the outline is drawn", "≤ 150", "≤ 50"),
         "zoom": ("a turn of the wheel until the frame is drawn", "", ""),
     }
-    rows = [[*text, data["median_ms"][name], _listed(data["ms"][name])] for name, text in texts.items()]
+    rows = [
+        [*text, data["median_ms"][name], _listed(data["ms"][name])] for name, text in texts.items()
+    ]
     return (
         "## 12 megapixels on the label bench, ms\n\n`python -m tests.benchmarks.bench_pages`: headless Chromium "
         "without a graphics card, twelve cables of the service in the picture and one more drawn; medians, and every "
         f"run; load of the machine meanwhile {data['load']} on two cores: the last row, 17 ms where nothing else runs, "
-        "shows how much of all rows is waiting for others.\n\n" + table(["", "floor", "aim", "median", "runs"], rows)
+        "shows how much of all rows is waiting for others.\n\n"
+        + table(["", "floor", "aim", "median", "runs"], rows)
     )
 
 

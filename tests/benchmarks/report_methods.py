@@ -12,9 +12,16 @@ PQ 78, count 86 %, with holes IoU 74 and count 70 %, eroded twice IoU 66, crossi
 
 def methods_section(data: dict[str, Any]) -> str:
     """Quality by method and mask, confidence, parameters, stages."""
-    rows = [[name, wear, *(scores[k] for k in KEYS)] for name, by in data["ewd"].items() for wear, scores in by.items()]
+    rows = [
+        [name, wear, *(scores[k] for k in KEYS)]
+        for name, by in data["ewd"].items()
+        for wear, scores in by.items()
+    ]
     rows += [[name, "sbhc", *(scores[k] for k in KEYS)] for name, scores in data["sbhc"].items()]
-    rows += [[name, "sbhc closed gray", *(s[k] for k in KEYS)] for name, s in data["sbhc_closed_gray"].items()]
+    rows += [
+        [name, "sbhc closed gray", *(s[k] for k in KEYS)]
+        for name, s in data["sbhc_closed_gray"].items()
+    ]
     parts = [
         "## Instance methods on the same masks\n\n`python -m tests.benchmarks.bench_methods`; its head says how the "
         f"masks are worn. {_FLOORS}\n\n" + _table(["method", "masks", *KEYS], rows),
@@ -25,7 +32,8 @@ def methods_section(data: dict[str, Any]) -> str:
         ),
         "\nStages, median ms (wall clock):\n\n"
         + _table(
-            ["method", "stages"], [[n, ", ".join(f"{k} {v}" for k, v in s.items())] for n, s in data["stages"].items()]
+            ["method", "stages"],
+            [[n, ", ".join(f"{k} {v}" for k, v in s.items())] for n, s in data["stages"].items()],
         ),
         "\nTen worst of each by strict IoU, and what is wrong there:\n\n"
         + _table(
@@ -38,8 +46,9 @@ def methods_section(data: dict[str, Any]) -> str:
             "\nRT-DLO, IoU by `neighbors sampling_ratio` (Table 3.5): "
             + ", ".join(f"{k}: {v}" for k, v in data["rt_dlo_parameters"].items())
             + ".\n\nAriadne+, IoU by superpixels (Fig. 3.23): "
-            + ", ".join(f"{k}: {v}" for k, v in data["ariadne_superpixels"].items()) + ".\n"
-        )  # fmt: skip
+            + ", ".join(f"{k}: {v}" for k, v in data["ariadne_superpixels"].items())
+            + ".\n"
+        )
     return "".join(parts)
 
 
@@ -47,10 +56,16 @@ def masks_section(data: dict[str, Any]) -> str:
     """The methods on masks of several kinds, and by the number of crossings."""
     header = ["method", "masks", "eroded", "iou", "iou_strict", "pq", "count", "ms"]
     crossed = [
-        [r["method"], r["crossings"], r["pictures"], r["iou"], r["ms"],
-         ", ".join(f"{part} {ms}" for part, ms in r["stages"].items())]
+        [
+            r["method"],
+            r["crossings"],
+            r["pictures"],
+            r["iou"],
+            r["ms"],
+            ", ".join(f"{part} {ms}" for part, ms in r["stages"].items()),
+        ]
         for r in data["methods"]
-    ]  # fmt: skip
+    ]
     counts = sorted({r["superpixels"] for r in data["superpixels"]})
     numbers = sorted({r["crossings"] for r in data["superpixels"]})
     found = {(r["crossings"], r["superpixels"]): r["iou"] for r in data["superpixels"]}
@@ -62,7 +77,9 @@ def masks_section(data: dict[str, Any]) -> str:
         + "\nBy the number of true crossings (3: three and more; as Tables 3.3 and 3.4), median ms of one thread:\n\n"
         + _table(["method", "crossings", "pictures", "iou", "ms", "stages"], crossed)
         + "\nAriadne+, IoU by superpixels and crossings (Fig. 3.23):\n\n"
-        + _table(["crossings", *map(str, counts)], [[n, *(found[n, c] for c in counts)] for n in numbers])
+        + _table(
+            ["crossings", *map(str, counts)], [[n, *(found[n, c] for c in counts)] for n in numbers]
+        )
     )
 
 

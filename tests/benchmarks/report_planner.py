@@ -16,14 +16,28 @@ def planner(data: dict) -> str:
         "mujoco_stiff": "MuJoCo, ropes eight times as stiff",
     }
     rows = [
-        [title, choice, part["tasks"], *(part[key] for key in _TASKS), part.get("calibration_error", ""), _ms(part)]
+        [
+            title,
+            choice,
+            part["tasks"],
+            *(part[key] for key in _TASKS),
+            part.get("calibration_error", ""),
+            _ms(part),
+        ]
         for key, title in tables.items()
         for choice, part in data.get(key, {}).items()
     ]
     errors = [
-        [title, *(data[key]["default"]["prediction_mm"][name] for name in ("mid_range", "online", "best"))]
-        for key, title in tables.items() if "prediction_mm" in data.get(key, {}).get("default", {})
-    ]  # fmt: skip
+        [
+            title,
+            *(
+                data[key]["default"]["prediction_mm"][name]
+                for name in ("mid_range", "online", "best")
+            ),
+        ]
+        for key, title in tables.items()
+        if "prediction_mm" in data.get(key, {}).get("default", {})
+    ]
     return (
         "## Planner\n\n`python -m tests.benchmarks.bench_planner`. Network on "
         f"{held['samples']} held-out simulations: {held['error_percent']} % of the mean displacement of "
@@ -33,7 +47,10 @@ def planner(data: dict) -> str:
         f"finely as the estimator does: k_b within 25 % for {par['k_b_within_25_percent']} % (floor 80, aim 95), "
         f"k_b / k_d for {par['ratio_within_25_percent']} %; stated 90 % intervals cover "
         f"{par['stated_90_percent_covers']} %.\n\n"
-        + table(["processor ms, one thread", "median"], [[k.replace("_", " "), v] for k, v in ms.items()])
+        + table(
+            ["processor ms, one thread", "median"],
+            [[k.replace("_", " "), v] for k, v in ms.items()],
+        )
         + "\nFloors: 150 ms an action (aim 40; released code 1100 to 1400), 500 ms a fit (aim 100; 5900 to 7500).\n\n"
         "Tasks U, A, S, I × three ropes × two surfaces, hidden parameters, at most ten actions, reached below 10 mm. "
         "Floors: 90 % in the own simulator, 50 % and a median of at most 10 mm in the independent one; aims 98 % in 6 "
@@ -79,16 +96,23 @@ def _held(held: dict[str, int], near: dict[str, int]) -> str:
     return (
         f"\nLaid down in the target's very shape and let go, the rope stays within 10 mm in {counts}: friction does "
         "not hold it in the others. "
-        + (f"Statics find a shape within 10 mm that friction holds at most in {nearest} "
-           "(`tests.benchmarks.held_shapes`, friction in all directions as MuJoCo has it along diagonals): no gripper "
-           "that lets go reaches more. " if near else "")
+        + (
+            f"Statics find a shape within 10 mm that friction holds at most in {nearest} "
+            "(`tests.benchmarks.held_shapes`, friction in all directions as MuJoCo has it along diagonals): no gripper "
+            "that lets go reaches more. "
+            if near
+            else ""
+        )
         + "The calibration error is that of the stated probability of at least half of the expected gain (floor 0.10); "
         "how much earlier forecasts count in it was chosen on these tasks.\n"
-    )  # fmt: skip
+    )
 
 
 def obstacles(data: dict) -> str:
-    rows = [[choice, p["scenes"], p["reached"], p["median_actions"] or "", p["ms"] or ""] for choice, p in data.items()]
+    rows = [
+        [choice, p["scenes"], p["reached"], p["median_actions"] or "", p["ms"] or ""]
+        for choice, p in data.items()
+    ]
     return (
         "## Shapes behind pegs\n\n`python -m tests.benchmarks.bench_obstacles`: a U, an S or an A behind one or two "
         "pegs in MuJoCo, which a rope that goes straight to its place would have to pass through; the three ropes, "
@@ -99,7 +123,9 @@ def obstacles(data: dict) -> str:
 
 def hard(data: dict) -> str:
     total = {key: sum(part[key] for part in data.values()) for key in ("tasks", "default", "rule")}
-    rows = [[kind, p["tasks"], p["default"], p["rule"]] for kind, p in [*data.items(), ("all", total)]]
+    rows = [
+        [kind, p["tasks"], p["default"], p["rule"]] for kind, p in [*data.items(), ("all", total)]
+    ]
     margin = 100 * (total["default"] - total["rule"]) / total["tasks"]
     return (
         "## Hard tasks\n\n`python -m tests.benchmarks.hard_tasks`, from the tables above, all in MuJoCo. "
@@ -111,7 +137,14 @@ def hard(data: dict) -> str:
 def fixtures(data: dict) -> str:
     titles = {"pegs": "2 or 3 pegs", "clips": "2 or 3 clips", "mixed": "a peg, a clip and an edge"}
     rows = [
-        [titles[what], choice, part["scenes"], part["solved"], part["median_actions"] or "", part["ms"] or ""]
+        [
+            titles[what],
+            choice,
+            part["scenes"],
+            part["solved"],
+            part["median_actions"] or "",
+            part["ms"] or "",
+        ]
         for what, choices in data.items()
         for choice, part in choices.items()
     ]
@@ -123,21 +156,51 @@ def fixtures(data: dict) -> str:
         "at most 15 actions. Solved: every peg on its side with at most 20 mm of room, every clip filled, in order. "
         "Without a motion none is solved. Floor 70 % of 40 scenes, aim 90 %; "
         f"solved {100 * share:.0f} %.\n\n"
-        + table(["scenes", "choice", "number", "solved", "median actions", "processor ms an action"], rows)
+        + table(
+            ["scenes", "choice", "number", "solved", "median actions", "processor ms an action"],
+            rows,
+        )
     )
 
 
 def dynamics_networks(data: dict) -> str:
-    keys = ("without_fixed", "without_varied", "mid_range", "parameters_same", "parameters_others", "true_parameters")
+    keys = (
+        "without_fixed",
+        "without_varied",
+        "mid_range",
+        "parameters_same",
+        "parameters_others",
+        "true_parameters",
+    )
     rows = [
-        [name, e["weights"], *(e[key] for key in keys), e["ms"]["forward"], e["ms"]["forward_backward"]]
+        [
+            name,
+            e["weights"],
+            *(e[key] for key in keys),
+            e["ms"]["forward"],
+            e["ms"]["forward_backward"],
+        ]
         for name, e in data["networks"].items()
     ]
     weights = [
-        [name, *(e[k] for k in ("parameters_same", "parameters_others", "weights_same", "weights_others"))]
+        [
+            name,
+            *(
+                e[k]
+                for k in ("parameters_same", "parameters_others", "weights_same", "weights_others")
+            ),
+        ]
         for name, e in data["networks"].items()
     ]
-    header = ["network", "weights", "no params (fixed)", "no params (varied)", "mid-range", "fitted (*)", "fitted (**)"]
+    header = [
+        "network",
+        "weights",
+        "no params (fixed)",
+        "no params (varied)",
+        "mid-range",
+        "fitted (*)",
+        "fitted (**)",
+    ]
     return (
         "## Dynamics networks compared (Fig. 5.9, Fig. 5.10)\n\n`python -m models.training.dynamics.compare`: "
         f"{data['minutes']:g} processor minutes of training each; mean prediction error in mm on {data['ropes']} ropes "
@@ -145,7 +208,9 @@ def dynamics_networks(data: dict) -> str:
         "conditioning 30 % below no parameters.\n\n"
         + table([*header, "true params", "forward ms", "with gradient ms"], rows)
         + "\nFitting the two parameters against fitting all weights:\n\n"
-        + table(["network", "parameters (*)", "parameters (**)", "weights (*)", "weights (**)"], weights)
+        + table(
+            ["network", "parameters (*)", "parameters (**)", "weights (*)", "weights (**)"], weights
+        )
     )
 
 

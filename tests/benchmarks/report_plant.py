@@ -38,7 +38,14 @@ def throughput_section(data: dict[str, Any]) -> str:
             f"{rounds}).\n\n"
             + table(
                 ["processes", "bare, jobs per s", "service, jobs per s", "%"],
-                [[rates["processes"], rates["bare_per_s"], rates["service_per_s"], rates["percent"]]],
+                [
+                    [
+                        rates["processes"],
+                        rates["bare_per_s"],
+                        rates["service_per_s"],
+                        rates["percent"],
+                    ]
+                ],
             )
         )
         if "processor_percent" in rates:
@@ -65,14 +72,24 @@ def throughput_section(data: dict[str, Any]) -> str:
 def hosts_section(data: dict[str, Any]) -> str:
     """Several hosts, and what one cable less does."""
     rows = [
-        [name.replace("_", " "), row["jobs"], row["bad"], row["taken up again"], row["s"], row.get("back after s", "")]
+        [
+            name.replace("_", " "),
+            row["jobs"],
+            row["bad"],
+            row["taken up again"],
+            row["s"],
+            row.get("back after s", ""),
+        ]
         for name, row in data.items()
         if name not in ("rate", "timed")
     ]
     text = (
         "## Several hosts\n\n`python -m tests.rehearsal.hosts`: `deploy/three-hosts.yaml` on network namespaces with "
         "folders of their own, an S3 server, two replicas of the service behind a plain proxy, two hosts with a worker "
-        "each.\n\n" + table(["what", "jobs", "lost, doubled or wrong", "taken up again", "s", "back after s"], rows)
+        "each.\n\n"
+        + table(
+            ["what", "jobs", "lost, doubled or wrong", "taken up again", "s", "back after s"], rows
+        )
     )
     compared = {
         "timed": "a picture from the bucket and a wait of {wait_ms} ms, as if the processor of another machine worked",
@@ -92,10 +109,17 @@ def hosts_section(data: dict[str, Any]) -> str:
 def fuzz_section(data: dict[str, Any]) -> str:
     """What became of generated and damaged requests."""
     rows = [
-        [name, sum(ended.values()), ended.get("broken", 0),
-         ", ".join(f"{what} {count}" for what, count in sorted(ended.items(), key=lambda one: -one[1])[:6])]
+        [
+            name,
+            sum(ended.values()),
+            ended.get("broken", 0),
+            ", ".join(
+                f"{what} {count}"
+                for what, count in sorted(ended.items(), key=lambda one: -one[1])[:6]
+            ),
+        ]
         for name, ended in data["parts"].items()
-    ]  # fmt: skip
+    ]
     return (
         f"## Odd requests\n\n`python -m tests.fuzz`, seeds {data['seeds']}. Broken: a 5xx, an internal error, NaN, an "
         "answer that its contract does not allow, or a worker that dies. Floor: 0.\n\n"
@@ -117,22 +141,41 @@ def bridge_section(data: dict[str, Any]) -> str:
 def load_section(data: dict[str, Any]) -> str:
     """Open-loop load, and what memory did meanwhile."""
     rows = [
-        [kind, rate["per_s"], rate["jobs"], rate["refused"], rate["lost"], rate["failed"], rate["p50_ms"],
-         rate["p95_ms"], rate["worst_ms"]]
+        [
+            kind,
+            rate["per_s"],
+            rate["jobs"],
+            rate["refused"],
+            rate["lost"],
+            rate["failed"],
+            rate["p50_ms"],
+            rate["p95_ms"],
+            rate["worst_ms"],
+        ]
         for kind, part in data.items()
         for rate in part["rates"]
-    ]  # fmt: skip
+    ]
     text = (
         "## Jobs at a rate\n\n`python -m tests.load`: jobs are sent when they are due, whatever the answers do; ms "
         "from due to ended. One worker.\n\n"
-        + table(["kind", "per s", "jobs", "refused", "lost", "failed", "p50 ms", "p95 ms", "worst ms"], rows)
+        + table(
+            ["kind", "per s", "jobs", "refused", "lost", "failed", "p50 ms", "p95 ms", "worst ms"],
+            rows,
+        )
     )
     soaks = [
-        [kind, soak["seconds"], soak["jobs"], soak["lost"] + soak["failed"],
-         ", ".join(f"{part} {percent:+.1f} %" for part, percent in soak["grown_percent"].items())]
+        [
+            kind,
+            soak["seconds"],
+            soak["jobs"],
+            soak["lost"] + soak["failed"],
+            ", ".join(
+                f"{part} {percent:+.1f} %" for part, percent in soak["grown_percent"].items()
+            ),
+        ]
         for kind, one in data.items()
         if (soak := one.get("soak"))
-    ]  # fmt: skip
+    ]
     if soaks:
         text += "\nSoak at half the rate that was kept:\n\n"
         text += table(["kind", "s", "jobs", "lost or failed", "memory"], soaks)
@@ -142,16 +185,28 @@ def load_section(data: dict[str, Any]) -> str:
 def faults_section(data: dict[str, Any]) -> str:
     """What became of the jobs under each fault."""
     rows = [
-        [name, row.get("jobs", ""), row.get("faults", ""), row.get("lost", ""), row.get("doubled", ""),
-         row.get("wrong", ""), row.get("failed", ""), row.get("worst_recovery_s", ""), row.get("load", ""),
-         _fault_note(row)]
+        [
+            name,
+            row.get("jobs", ""),
+            row.get("faults", ""),
+            row.get("lost", ""),
+            row.get("doubled", ""),
+            row.get("wrong", ""),
+            row.get("failed", ""),
+            row.get("worst_recovery_s", ""),
+            row.get("load", ""),
+            _fault_note(row),
+        ]
         for name, row in data.items()
-    ]  # fmt: skip
+    ]
     return (
         "## Faults\n\n`python -m tests.faults`: real processes, each fault on a service of its own. Seconds: from the "
         "fault until a job sent right after it had ended, the slowest; load: how many programs wanted the two cores "
         "(floor: 8 s where none else does). Floor: nothing lost, doubled or wrong.\n\n"
-        + table(["fault", "jobs", "faults", "lost", "doubled", "wrong", "failed", "s", "load", "note"], rows)
+        + table(
+            ["fault", "jobs", "faults", "lost", "doubled", "wrong", "failed", "s", "load", "note"],
+            rows,
+        )
     )
 
 
@@ -184,5 +239,8 @@ def large_section(data: dict[str, Any]) -> str:
         "## A picture of 12 megapixels\n\n`python -m tests.benchmarks.bench_large`: processor seconds of a default "
         f"`instances` request against `files: []`, in turn, {data['rounds']} rounds; the ratio is the median of the "
         "rounds' (floor: 1.15, aim 1.05).\n\n"
-        + table(["default s", "without files s", "ratio"], [[data["default_s"], data["no_files_s"], data["ratio"]]])
+        + table(
+            ["default s", "without files s", "ratio"],
+            [[data["default_s"], data["no_files_s"], data["ratio"]]],
+        )
     )

@@ -31,21 +31,54 @@ def _asked(data: dict[str, Any]) -> list[list[Any]]:
     get = _Getter(data)
     gain = get.relative("sections", "optimised bz", "diameter 3.5 mm")
     return [
-        ["thesis protocol, whole cables, mean error mm", 0.82, 0.41, 0.821, get("scans", "b + z", "error_mm")],
+        [
+            "thesis protocol, whole cables, mean error mm",
+            0.82,
+            0.41,
+            0.821,
+            get("scans", "b + z", "error_mm"),
+        ],
         ["… reprojection px", 0.73, 0.45, 0.731, get("scans", "b + z", "reprojection_px")],
-        ["… one section, fixed poses, mean error mm", "", "", "", get("sections", "diameter 3.5 mm", "error_mm")],
-        ["error / (Z²σ/(f·b)), exact centerlines, 0.5 px", 1.0, 0.6, "", get("exact", "spline_bundle", "in_units")],
+        [
+            "… one section, fixed poses, mean error mm",
+            "",
+            "",
+            "",
+            get("sections", "diameter 3.5 mm", "error_mm"),
+        ],
+        [
+            "error / (Z²σ/(f·b)), exact centerlines, 0.5 px",
+            1.0,
+            0.6,
+            "",
+            get("exact", "spline_bundle", "in_units"),
+        ],
         ["baseline and distance optimised against fixed", "−25 %", "−35 %", "−29 %", gain],
-        ["matching and triangulation, 3 views, 20 points, ms", 15, 5, "93–148",
-         get("timings", "matching and triangulation, 20 points", "median_ms")],
-        ["five crossing cables of one color followed, centerlines with noise", 0.95, 0.99, "",
-         get("identical", "exact centerlines, 0.5 px noise", "share")],
+        [
+            "matching and triangulation, 3 views, 20 points, ms",
+            15,
+            5,
+            "93–148",
+            get("timings", "matching and triangulation, 20 points", "median_ms"),
+        ],
+        [
+            "five crossing cables of one color followed, centerlines with noise",
+            0.95,
+            0.99,
+            "",
+            get("identical", "exact centerlines, 0.5 px noise", "share"),
+        ],
         ["… from pictures", 0.95, 0.99, "", get("identical", "pictures", "share")],
-        ["90 % ellipsoids cover, pictures", "0.85–0.95", "0.88–0.92", "",
-         get("sections", "diameter 3.5 mm", "coverage")],
+        [
+            "90 % ellipsoids cover, pictures",
+            "0.85–0.95",
+            "0.88–0.92",
+            "",
+            get("sections", "diameter 3.5 mm", "coverage"),
+        ],
         ["… all sections above", "", "", "", get.mean("sections", "coverage")],
         ["… exact centerlines with noise", "", "", "", get("exact", "spline_bundle", "coverage")],
-    ]  # fmt: skip
+    ]
 
 
 class _Getter:
@@ -65,7 +98,9 @@ class _Getter:
 
 
 def _rows(values: dict[str, dict[str, Any]], columns: tuple[str, ...]) -> str:
-    return table(["", *columns], [[name, *(row.get(c, "") for c in columns)] for name, row in values.items()])
+    return table(
+        ["", *columns], [[name, *(row.get(c, "") for c in columns)] for name, row in values.items()]
+    )
 
 
 def _exact(part: dict[str, Any]) -> str:
@@ -77,14 +112,24 @@ def _exact(part: dict[str, Any]) -> str:
 def _sections(part: dict[str, Any]) -> str:
     return (
         "### One section, pictures to curve\n\nTen cables; `optimised` is a second look from the poses of `next_view` "
-        "(not nearer than 0.15 m, baseline up to 0.15 m).\n\n" + _rows(part, (*_ERRORS, "radius_off"))
+        "(not nearer than 0.15 m, baseline up to 0.15 m).\n\n"
+        + _rows(part, (*_ERRORS, "radius_off"))
     )
 
 
 def _scans(part: dict[str, Any]) -> str:
     columns = (
-        "n", "error_mm", "q1_mm", "q3_mm", "missing_mm", "reprojection_px", "sections", "failed", "whole", "thicker",
-    )  # fmt: skip
+        "n",
+        "error_mm",
+        "q1_mm",
+        "q3_mm",
+        "missing_mm",
+        "reprojection_px",
+        "sections",
+        "failed",
+        "whole",
+        "thicker",
+    )
     return (
         "### Whole cables of 0.8 m with `Scan`\n\nOne parameter at a time around the defaults of section 4.6.1 (3.5 "
         "mm, 3 views, 50 % overlap). `q1_mm`, `q3_mm`: quartiles over all points (Fig. 4.7); `missing_mm`: mean "
@@ -105,10 +150,9 @@ def _identical(part: dict[str, Any]) -> str:
 
 
 def _rigs(part: dict[str, Any]) -> str:
-    return (
-        "### Other camera poses\n\n`dlo3ds_fails`: refused, or more than 5 mm off.\n\n"
-        + _rows(part, ("n", "error_mm", "stated_mm", "coverage", "dlo3ds_fails"))
-    )  # fmt: skip
+    return "### Other camera poses\n\n`dlo3ds_fails`: refused, or more than 5 mm off.\n\n" + _rows(
+        part, ("n", "error_mm", "stated_mm", "coverage", "dlo3ds_fails")
+    )
 
 
 def _stereo(part: dict[str, Any]) -> str:

@@ -15,7 +15,13 @@ def tracking(data: dict[str, Any]) -> str:
     ]
     ours = {kind: methods["ours"] for kind, methods in data["sets"].items()}
     own = [
-        [kind, *_spread(m, "drift_widths"), _right(m) if kind == "covered" else "–", m["ms"], m["instances_ms"]]
+        [
+            kind,
+            *_spread(m, "drift_widths"),
+            _right(m) if kind == "covered" else "–",
+            m["ms"],
+            m["instances_ms"],
+        ]
         for kind, m in ours.items()
     ]
     seeds = ", ".join(
@@ -30,31 +36,53 @@ def tracking(data: dict[str, Any]) -> str:
         "where F1 of its points in view is above one half. Switches as CLEAR MOT counts them: a cable is found with "
         "another id than the last time; an id that is still on it is kept. ±: standard deviation between clips. "
         "Floors: IDF1 90 and one switch a clip; 85 % right after cover; drift 2 widths; 8 ms a frame beside the "
-        "instances.\n\n" + table(["set", "method", "IDF1", "worst clip", "switches a clip", "worst clip"], rows)
+        "instances.\n\n"
+        + table(["set", "method", "IDF1", "worst clip", "switches a clip", "worst clip"], rows)
         + "\n"
         + table(
-            ["set", "drift, widths", "worst clip", "right after cover %", "ms a frame", "instances, ms"], own
+            [
+                "set",
+                "drift, widths",
+                "worst clip",
+                "right after cover %",
+                "ms a frame",
+                "instances, ms",
+            ],
+            own,
         )
         + "\n"
         + _stress(data.get("stress", {}))
         + _labels(data.get("labels", []))
-    )  # fmt: skip
+    )
 
 
 def _stress(data: dict[str, dict[str, dict[str, float]]]) -> str:
     if not data:
         return ""
     rows = [
-        [_STRESSED[name], value, *_spread(m, "idf1"), *_spread(m, "switches"), f"{m['drift_widths']:.2f}",
-         "–" if name == "speed" else _right(m)]
+        [
+            _STRESSED[name],
+            value,
+            *_spread(m, "idf1"),
+            *_spread(m, "switches"),
+            f"{m['drift_widths']:.2f}",
+            "–" if name == "speed" else _right(m),
+        ]
         for name, values in data.items()
         for value, m in values.items()
-    ]  # fmt: skip
-    columns = ["IDF1", "worst clip", "switches a clip", "worst clip", "drift, widths", "right after cover %"]
+    ]
+    columns = [
+        "IDF1",
+        "worst clip",
+        "switches a clip",
+        "worst clip",
+        "drift, widths",
+        "right after cover %",
+    ]
     return (
         "\nMade harder, the same cables each time (the first two clips of `moving` and of `covered`):\n\n"
         + table(["what", "how much", *columns], rows)
-    )  # fmt: skip
+    )
 
 
 _STRESSED = {
@@ -70,7 +98,9 @@ def _spread(scores: dict[str, float], name: str) -> tuple[str, float]:
 
 
 def _right(scores: dict[str, float]) -> str:
-    return "{:.1f} ± {:.1f}".format(*(100 * scores[f"right_after_cover{end}"] for end in ("", "_sd")))
+    return "{:.1f} ± {:.1f}".format(
+        *(100 * scores[f"right_after_cover{end}"] for end in ("", "_sd"))
+    )
 
 
 def _labels(clips: list[dict[str, float]]) -> str:
@@ -90,19 +120,26 @@ _LABELS = {"iou": "mean IoU", "last": "mean IoU, last ten frames"}
 
 def depth(data: dict[str, Any]) -> str:
     names = {
-        "error": "centerline error, mm, mean", "error_p90": "the same, 90th percentile",
-        "raw": "baseline: depth of the pixel, mm, mean", "inside": "stated 90 % ellipses cover (share)",
+        "error": "centerline error, mm, mean",
+        "error_p90": "the same, 90th percentile",
+        "raw": "baseline: depth of the pixel, mm, mean",
+        "inside": "stated 90 % ellipses cover (share)",
         "astray": "points of instances that went on along another cable, left out above (share)",
-        "radius": "radius, error as a share", "order": "order at crossings right (share)",
-        "dice": "foreground by height alone, Dice", "table_deg": "table, degrees off", "table_mm": "table, mm off",
+        "radius": "radius, error as a share",
+        "order": "order at crossings right (share)",
+        "dice": "foreground by height alone, Dice",
+        "table_deg": "table, degrees off",
+        "table_mm": "table, mm off",
         "ms": "ms a cable",
-    }  # fmt: skip
+    }
     return (
         f"## Depth\n\n`python -m tests.benchmarks.bench_depth`: {data['scenes']} scenes{_unseen(data)} of three "
         f"cables of 3.5 mm on a table at 0.6 m, noise {data['sigma_mm']} mm alike in neighboring pixels, holes, flying "
         f"pixels; true masks; {data['points']} points, {data['crossings']} crossings. Floors: error 1.5 mm, "
         "cover 0.85 to 0.95.\n\n"
-        + table(["measured", ""], [[text, data[name]] for name, text in names.items() if name in data])
+        + table(
+            ["measured", ""], [[text, data[name]] for name, text in names.items() if name in data]
+        )
     )
 
 
@@ -112,9 +149,12 @@ def _unseen(data: dict[str, Any]) -> str:
 
 def harness_depth(data: dict[str, Any]) -> str:
     names = {
-        "branch_f1": "branch-points F1", "crossing_f1": "crossings F1", "counts_right": "both counts right (share)",
-        "dice": "foreground Dice", "shadow_taken": "share of the shadows taken for cables",
-    }  # fmt: skip
+        "branch_f1": "branch-points F1",
+        "crossing_f1": "crossings F1",
+        "counts_right": "both counts right (share)",
+        "dice": "foreground Dice",
+        "shadow_taken": "share of the shadows taken for cables",
+    }
     rows = [[way, *(scores[name] for name in names)] for way, scores in data["ways"].items()]
     return (
         f"## Harnesses in color and depth\n\n`python -m tests.benchmarks.bench_harness_depth`: {data['scenes']} "
@@ -122,7 +162,7 @@ def harness_depth(data: dict[str, Any]) -> str:
         f"{data['sigma_mm']} mm alike in neighboring pixels, holes, flying pixels; through the service's stage. Floors "
         "with color and depth: branch-points 0.93, crossings 0.95.\n\n"
         + table(["from", *names.values()], rows)
-    )  # fmt: skip
+    )
 
 
 SECTIONS = {"tracking": tracking, "depth": depth, "harness_depth": harness_depth}

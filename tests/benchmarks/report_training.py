@@ -20,18 +20,28 @@ def _setting(data: dict) -> str:
 
 def synthesis(data: dict) -> str:
     rows = [
-        [size, e["images_per_second"], e["jpeg_round_trips"], "yes" if e["same_seed_same_bytes"] else "NO"]
+        [
+            size,
+            e["images_per_second"],
+            e["jpeg_round_trips"],
+            "yes" if e["same_seed_same_bytes"] else "NO",
+        ]
         for size, e in data["sizes"].items()
     ]
     return (
         "## Rendering labelled pictures\n\n`python -m tests.benchmarks.bench_synthesis`: one core, processor time; "
         "the time of the same pictures through a JPEG encoder and decoder is the unit of the third column.\n\n"
-        + table(["size", "pictures a second", "JPEG round trips a picture", "same seed, same bytes"], rows)
+        + table(
+            ["size", "pictures a second", "JPEG round trips a picture", "same seed, same bytes"],
+            rows,
+        )
     )
 
 
 def chroma_key(data: dict) -> str:
-    rows = [[name, r["n"], r["dice"], r["worst"], r["warned"]] for name, r in data["recordings"].items()]
+    rows = [
+        [name, r["n"], r["dice"], r["worst"], r["warned"]] for name, r in data["recordings"].items()
+    ]
     return (
         "## Chroma key on real pictures\n\n`python -m tests.benchmarks.bench_chroma_key`: the keyed masks of `bwh` (a "
         f"glossy green mat under lamps), ranges found by themselves: Dice {data['dice']} (floor 83). Before highlights "
@@ -54,18 +64,22 @@ def compare(data: dict) -> str:
     return (
         "## Chroma key against rendered data (as Table 2.1)\n\n`python -m models.training.foreground.mixture compare`: "
         f"the compact network on 810 pictures of either kind, {_setting(data)}. Both kinds are made here: `chroma` is "
-        "keyed from 90 recorded pictures before a rendered screen.\n\n" + table(["data", "runs", *kinds], rows)
+        "keyed from 90 recorded pictures before a rendered screen.\n\n"
+        + table(["data", "runs", *kinds], rows)
     )
 
 
 def networks(data: dict) -> str:
     rows = [
         [
-            key.rsplit("_run", 1)[0], round(r["parameters"] / 1e6, 2), r["pictures"],
-            data["settings"]["minutes_per_run"] if r["pictures"] else 0, *r["dice"].values(),
+            key.rsplit("_run", 1)[0],
+            round(r["parameters"] / 1e6, 2),
+            r["pictures"],
+            data["settings"]["minutes_per_run"] if r["pictures"] else 0,
+            *r["dice"].values(),
         ]
         for key, r in data["runs"].items()
-    ]  # fmt: skip
+    ]
     kinds = list(next(iter(data["runs"].values()))["dice"])
     return (
         "## Networks on equal terms, at reduced size\n\n`python -m models.training.foreground.mixture networks`: all "
@@ -85,7 +99,10 @@ def mixture(data: dict) -> str:
         f"--scale {data['settings']['scale']:g} --runs {runs}`: the counts of the table times that scale, real ones "
         f"are {real}; {_setting(data)} and on photographs of that kind, mean ± standard deviation over {runs} runs "
         "with other pictures.\n\n"
-        + "\n\n".join(f"{name}:\n\n```\n{factorial_table(data['runs'], key)}\n```" for name, key in tables.items())
+        + "\n\n".join(
+            f"{name}:\n\n```\n{factorial_table(data['runs'], key)}\n```"
+            for name, key in tables.items()
+        )
         + "\n"
     )
 

@@ -1,4 +1,5 @@
-"""Ropes to try the planner on: the thesis's three, in the own simulator and in one that no network has seen."""
+"""Ropes to try the planner on: the thesis's three, in the own simulator and in one that no network
+has seen."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ NODES = 16
 
 @dataclass(frozen=True)
 class RopeKind:
-    """Length m, mass kg, diameter m (thesis 5.7), and what the planner is not told: k_b, and k_d on two surfaces for
-    the own simulator; bending stiffness and friction for the other."""
+    """Length m, mass kg, diameter m (thesis 5.7), and what the planner is not told: k_b, and k_d on
+    two surfaces for the own simulator; bending stiffness and friction for the other."""
 
     name: str
     length: float
@@ -27,7 +28,8 @@ class RopeKind:
     stiffness: float
 
 
-# Mass, length and diameter of black and red as in the thesis; white's k_b is its estimate there. Stiffness N m^2.
+# Mass, length and diameter of black and red as in the thesis; white's k_b is its estimate there.
+# Stiffness N m^2.
 ROPES = (
     RopeKind("white", 0.46, 0.04, 0.010, 0.08, 6e-5),
     RopeKind("black", 0.42, 0.05, 0.014, 0.40, 2e-4),
@@ -77,17 +79,25 @@ class OwnTable:
 
 
 class MujocoTable:
-    """A chain of capsules with bending springs on a plane with friction, moved at 0.1 m/s and then left alone."""
+    """A chain of capsules with bending springs on a plane with friction, moved at 0.1 m/s and then
+    left alone."""
 
     def __init__(
-        self, kind: RopeKind, surface: str, stiffer: float = 1.0, nodes: int = NODES, fixtures: str = ""
+        self,
+        kind: RopeKind,
+        surface: str,
+        stiffer: float = 1.0,
+        nodes: int = NODES,
+        fixtures: str = "",
     ) -> None:
         """``fixtures``: geoms that stand on the table."""
         import mujoco
 
         self._mj = mujoco
         self._nodes = nodes
-        self._model = mujoco.MjModel.from_xml_string(_xml(kind, SURFACES[surface][1], stiffer, nodes, fixtures))
+        self._model = mujoco.MjModel.from_xml_string(
+            _xml(kind, SURFACES[surface][1], stiffer, nodes, fixtures)
+        )
         self._data = mujoco.MjData(self._model)
         self._edge_length = kind.length / (nodes - 1)
         mujoco.mj_forward(self._model, self._data)
@@ -113,14 +123,16 @@ class MujocoTable:
     def stand(self, name: str, there: bool) -> None:
         """Whether the rope meets the geoms whose names begin with ``name`` from now on.
 
-        They are made solid: MuJoCo never looks again at geoms that are not so when the model is compiled.
+        They are made solid: MuJoCo never looks again at geoms that are not so when the model is
+        compiled.
         """
         for k in range(self._model.ngeom):
             if self._model.geom(k).name.startswith(name):
                 self._model.geom_contype[k] = self._model.geom_conaffinity[k] = int(there)
 
     def act(self, edge: int, move: np.ndarray, arrived: Callable[[], None] = lambda: None) -> None:
-        """The edge is welded to a mocap body, lifted by nothing, dragged and turned, let go after ``arrived``."""
+        """The edge is welded to a mocap body, lifted by nothing, dragged and turned, let go after
+        ``arrived``."""
         body = self._data.body(f"b{edge}")
         start, heading = body.xpos.copy(), np.arctan2(body.xmat[3], body.xmat[0])
         middle = start[:2] + self._edge_length / 2 * np.array([np.cos(heading), np.sin(heading)])
@@ -167,9 +179,10 @@ def _xml(kind: RopeKind, friction: float, stiffer: float, nodes: int, fixtures: 
     inner = ""
     for k in reversed(range(nodes - 1)):
         joint = (
-            '<freejoint/>' if k == 0
+            "<freejoint/>"
+            if k == 0
             else f'<joint type="hinge" axis="0 0 1" stiffness="{spring}" damping="{spring * 0.02}"/>'
-        )  # fmt: skip
+        )
         place = f"{-kind.length / 2} 0 {radius}" if k == 0 else f"{edge} 0 0"
         inner = (
             f'<body name="b{k}" pos="{place}">{joint}<geom type="capsule" fromto="0 0 0 {edge} 0 0" '

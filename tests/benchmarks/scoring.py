@@ -1,6 +1,7 @@
 """Scores of predicted instances against true label images, by the project's frozen definition.
 
-Per image, predicted and true instances are matched one to one so that the sum of IoU is largest (Hungarian):
+Per image, predicted and true instances are matched one to one so that the sum of IoU is largest
+(Hungarian):
 
     iou         sum of matched IoU / true instances
     iou_strict  the same sum / max(true, predicted): extra instances cost
@@ -27,7 +28,9 @@ def score_labels(predicted: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """Scores of one image; ``predicted`` and ``true``: ``(H, W)`` integers, 0 = background."""
     if predicted.shape != true.shape:
         size = true.shape[::-1]
-        predicted = cv2.resize(predicted.astype(np.float64), size, interpolation=cv2.INTER_NEAREST).astype(np.int64)
+        predicted = cv2.resize(
+            predicted.astype(np.float64), size, interpolation=cv2.INTER_NEAREST
+        ).astype(np.int64)
     iou, dice = _overlaps(predicted, true)
     n_true, n_predicted = iou.shape
     rows, columns = linear_sum_assignment(-iou)
@@ -50,7 +53,9 @@ def _overlaps(predicted: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.n
     true_ids, true_index = np.unique(true, return_inverse=True)
     predicted_ids, predicted_index = np.unique(predicted, return_inverse=True)
     shape = (len(true_ids), len(predicted_ids))
-    table = np.bincount(true_index.ravel() * shape[1] + predicted_index.ravel(), minlength=shape[0] * shape[1])
+    table = np.bincount(
+        true_index.ravel() * shape[1] + predicted_index.ravel(), minlength=shape[0] * shape[1]
+    )
     table = table.reshape(shape).astype(float)
     areas = table.sum(axis=1, keepdims=True) + table.sum(axis=0, keepdims=True)
     shared = table[true_ids != 0][:, predicted_ids != 0]
@@ -70,8 +75,8 @@ class LabelCrossing:
 def crossings_in_labels(true: np.ndarray, *, least_area: int = 30) -> list[LabelCrossing]:
     """Places where one instance's pixels interrupt another instance: the upper DLO owns the pixels.
 
-    An instance's parts are compared pairwise; two parts with one other instance between their nearest points
-    are a crossing. Self-crossings do not show in labels.
+    An instance's parts are compared pairwise; two parts with one other instance between their
+    nearest points are a crossing. Self-crossings do not show in labels.
     """
     found = []
     for under in np.unique(true[true > 0]):
@@ -85,7 +90,9 @@ def crossings_in_labels(true: np.ndarray, *, least_area: int = 30) -> list[Label
     return found
 
 
-def _between(a_xy: np.ndarray, b_xy: np.ndarray, true: np.ndarray, under: int) -> LabelCrossing | None:
+def _between(
+    a_xy: np.ndarray, b_xy: np.ndarray, true: np.ndarray, under: int
+) -> LabelCrossing | None:
     apart, nearest = cKDTree(b_xy).query(a_xy)
     first = int(np.argmin(apart))
     start, stop = a_xy[first], b_xy[nearest[first]]
@@ -100,7 +107,8 @@ def _between(a_xy: np.ndarray, b_xy: np.ndarray, true: np.ndarray, under: int) -
 
 @dataclass(frozen=True, eq=False)
 class FoundCrossing:
-    """A predicted crossing of two instances, their ids in the predicted labels, and the order's score."""
+    """A predicted crossing of two instances, their ids in the predicted labels, and the order's
+    score."""
 
     xy: np.ndarray
     over: int
@@ -114,9 +122,13 @@ def _main_label(owners: np.ndarray) -> int:
 
 
 def score_crossings(
-    found: list[FoundCrossing], true_crossings: list[LabelCrossing], predicted: np.ndarray, true: np.ndarray
+    found: list[FoundCrossing],
+    true_crossings: list[LabelCrossing],
+    predicted: np.ndarray,
+    true: np.ndarray,
 ) -> dict[str, object]:
-    """Counts of one image: true, predicted, found within 15 px; ``orders``: (score, right) of each found.
+    """Counts of one image: true, predicted, found within 15 px; ``orders``: (score, right) of each
+    found.
 
     Predicted ids become true ids by the largest overlap.
     """
@@ -128,4 +140,9 @@ def score_crossings(
             left.remove(near[0])
             right = name.get(near[0].over) == truth.over and name.get(near[0].under) == truth.under
             orders.append((near[0].score, right))
-    return {"true": len(true_crossings), "predicted": len(found), "found": len(orders), "orders": orders}
+    return {
+        "true": len(true_crossings),
+        "predicted": len(found),
+        "found": len(orders),
+        "orders": orders,
+    }

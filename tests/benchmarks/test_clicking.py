@@ -1,4 +1,5 @@
-"""The simulated person, on masks with known answers, and the page's outline in node on drawn pictures."""
+"""The simulated person, on masks with known answers, and the page's outline in node on drawn
+pictures."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ def bar(top: int, bottom: int, left: int = 0, right: int = 200) -> BoolArray:
 
 
 def test_the_true_line_runs_from_end_to_end_over_what_lies_on_top() -> None:
-    """Before, a cable below two others was clicked on one of its pieces only, and could never be reached."""
+    """Before, a cable below two others was clicked on one of its pieces only, and could never be
+    reached."""
     mask = bar(50, 61, 20, 180)
     mask[:, 60:90] = mask[:, 120:150] = False
     line = true_line(mask)
@@ -63,7 +65,13 @@ def test_the_person_clicks_where_the_outline_left_the_cable() -> None:
 def test_the_person_stops_where_nothing_is_off() -> None:
     person = Person(bar(50, 61), NOTHING)
     line = [[x, 55.0] for x in range(200)]
-    drawn = {"line": line, "low": [-5.5] * 200, "high": [5.5] * 200, "normals": [[0, 1]] * 200, "mask": person.mask}
+    drawn = {
+        "line": line,
+        "low": [-5.5] * 200,
+        "high": [5.5] * 200,
+        "normals": [[0, 1]] * 200,
+        "mask": person.mask,
+    }
     assert not person.act(drawn)
 
 
@@ -82,12 +90,16 @@ def wave(width_from: float, width_to: float) -> tuple[BoolArray, FloatArray]:
     y = 60 + 25 * np.sin(x / 35)
     away = np.full(SIZE, np.inf)
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
-    for (cx, cy), width in zip(np.stack([x, y], 1), np.linspace(width_from, width_to, 400), strict=True):
+    for (cx, cy), width in zip(
+        np.stack([x, y], 1), np.linspace(width_from, width_to, 400), strict=True
+    ):
         away = np.minimum(away, np.hypot(columns - cx, rows - cy) / (width / 2))
     return away <= 1, np.stack([x, y], 1)
 
 
-def request(tmp_path: Path, mask: BoolArray, seen: BoolArray, rng: np.random.Generator) -> dict[str, object]:
+def request(
+    tmp_path: Path, mask: BoolArray, seen: BoolArray, rng: np.random.Generator
+) -> dict[str, object]:
     """A red cable where ``mask`` is, on gray noise; the network has ``seen`` something else."""
     picture = rng.normal(120, 12, (*SIZE, 3))
     picture[mask] = np.array([180, 50, 40]) + rng.normal(0, 6, (int(mask.sum()), 1))
@@ -99,20 +111,27 @@ def request(tmp_path: Path, mask: BoolArray, seen: BoolArray, rng: np.random.Gen
     return {**files, "width": SIZE[1], "height": SIZE[0]}
 
 
-def test_the_outline_follows_the_picture_and_its_width_the_cable(page: Page, tmp_path: Path) -> None:
-    """The network's mask is two pixels too thin on either side, and says nothing of the perspective."""
+def test_the_outline_follows_the_picture_and_its_width_the_cable(
+    page: Page, tmp_path: Path
+) -> None:
+    """The network's mask is two pixels too thin on either side, and says nothing of the
+    perspective."""
     mask, line = wave(9, 16)
     thin, _ = wave(6, 6)
     ends = {"clicks": [line[0].tolist(), line[-1].tolist()], "pulls": []}
     drawn = page.draw({**request(tmp_path, mask, thin, np.random.default_rng(1)), **ends})
-    assert overlap(drawn["mask"], mask, NOTHING) > 0.93  # it lies 0.35 px outside of the drawn edge, as people label
+    assert (
+        overlap(drawn["mask"], mask, NOTHING) > 0.93
+    )  # it lies 0.35 px outside of the drawn edge, as people label
     assert overlap(thin, mask, NOTHING) < 0.6
     width = 2 * np.array(drawn["high"])
     assert width[20] == pytest.approx(9.5, abs=1.2)
     assert width[-20] == pytest.approx(15.5, abs=1.2)
 
 
-def test_what_the_network_missed_is_found_by_the_color_of_the_clicks(page: Page, tmp_path: Path) -> None:
+def test_what_the_network_missed_is_found_by_the_color_of_the_clicks(
+    page: Page, tmp_path: Path
+) -> None:
     mask, line = wave(10, 10)
     ends = {"clicks": [line[2].tolist(), line[-3].tolist()], "pulls": []}
     drawn = page.draw({**request(tmp_path, mask, NOTHING, np.random.default_rng(2)), **ends})
@@ -120,7 +139,8 @@ def test_what_the_network_missed_is_found_by_the_color_of_the_clicks(page: Page,
 
 
 def pulled_in_the_middle(page: Page, folder: Path) -> tuple[dict, dict, int, np.ndarray]:
-    """What is drawn before and after the upper edge was pulled out by a pixel, at which cut, and to where."""
+    """What is drawn before and after the upper edge was pulled out by a pixel, at which cut, and to
+    where."""
     mask, line = wave(10, 10)
     question = request(folder, mask, mask, np.random.default_rng(3))
     ends = {"clicks": [line[0].tolist(), line[-1].tolist()]}
@@ -132,35 +152,51 @@ def pulled_in_the_middle(page: Page, folder: Path) -> tuple[dict, dict, int, np.
 
 def test_a_pulled_edge_passes_where_it_was_pulled_to(page: Page, tmp_path: Path) -> None:
     free, pulled, i, at = pulled_in_the_middle(page, tmp_path)
-    upper = np.array(pulled["line"]) + np.array(pulled["high"])[:, None] * np.array(pulled["normals"])
+    upper = np.array(pulled["line"]) + np.array(pulled["high"])[:, None] * np.array(
+        pulled["normals"]
+    )
     assert np.linalg.norm(upper - at, axis=1).min() < 0.75
-    lower = [np.array(d["line"])[i] + d["low"][i] * np.array(d["normals"])[i] for d in (free, pulled)]
+    lower = [
+        np.array(d["line"])[i] + d["low"][i] * np.array(d["normals"])[i] for d in (free, pulled)
+    ]
     assert np.linalg.norm(lower[0] - lower[1]) < 0.75, "the other edge stays"
 
 
-def test_a_pull_moves_the_far_ends_of_the_edge_by_less_than_half(page: Page, tmp_path: Path) -> None:
-    """A person pulls where it is worst: six tenths of that on the whole edge spoiled what was right elsewhere."""
+def test_a_pull_moves_the_far_ends_of_the_edge_by_less_than_half(
+    page: Page, tmp_path: Path
+) -> None:
+    """A person pulls where it is worst: six tenths of that on the whole edge spoiled what was right
+    elsewhere."""
     free, pulled, i, _ = pulled_in_the_middle(page, tmp_path)
     moved = np.array(pulled["high"]) - pulled["low"] - (np.array(free["high"]) - free["low"])
     assert moved[i] == pytest.approx(1.0, abs=0.3)
     assert 0.2 < np.mean([*moved[:8], *moved[-8:]]) < 0.45
 
 
-def test_what_moves_the_whole_cable_comes_after_what_the_picture_shows(page: Page, tmp_path: Path) -> None:
-    """An outline goes back to the picture's edges, wherever its clicks are: nobody could move it."""
+def test_what_moves_the_whole_cable_comes_after_what_the_picture_shows(
+    page: Page, tmp_path: Path
+) -> None:
+    """An outline goes back to the picture's edges, wherever its clicks are: nobody could move
+    it."""
     mask, line = wave(10, 10)
     question = request(tmp_path, mask, mask, np.random.default_rng(3))
     by, wider = np.array([1.5, -3.0]), 0.75
     free = page.draw({**question, "clicks": line[[0, -1]].tolist(), "pulls": []})
-    moved = page.draw({**question, "clicks": free["clicks"], "whole": {"by": by.tolist(), "wider": 0.0}})
-    wide = page.draw({**question, "clicks": moved["clicks"], "whole": {"by": [0, 0], "wider": wider}})
+    moved = page.draw(
+        {**question, "clicks": free["clicks"], "whole": {"by": by.tolist(), "wider": 0.0}}
+    )
+    wide = page.draw(
+        {**question, "clicks": moved["clicks"], "whole": {"by": [0, 0], "wider": wider}}
+    )
     assert np.allclose(np.array(wide["line"]), np.array(free["line"]) + by)
     assert np.allclose(wide["high"], np.array(free["high"]) + wider)
     assert np.allclose(wide["low"], np.array(free["low"]) - wider)
     again = page.draw({**question, "clicks": wide["clicks"], "pulls": wide["pulls"]})
     assert np.allclose(again["line"], wide["line"])
     assert np.allclose(again["high"], wide["high"])
-    low = page.draw({**question, "clicks": wide["clicks"], "whole": {"by": [0, 0], "wider": wider, "side": -1}})
+    low = page.draw(
+        {**question, "clicks": wide["clicks"], "whole": {"by": [0, 0], "wider": wider, "side": -1}}
+    )
     assert np.allclose(low["low"], np.array(wide["low"]) - wider)
     assert np.allclose(low["high"], wide["high"]), "the other edge stays"
     page.draw({**question, "clicks": wide["clicks"], "pulls": wide["pulls"]})
@@ -168,20 +204,28 @@ def test_what_moves_the_whole_cable_comes_after_what_the_picture_shows(page: Pag
     at = np.array(wide["line"][i]) + (wide["high"][i] + 1.0) * np.array(wide["normals"][i])
     pulls = [*wide["pulls"], {"at": at.tolist(), "side": 1}]
     pulled = page.draw({**question, "clicks": wide["clicks"], "pulls": pulls})
-    upper = np.array(pulled["line"]) + np.array(pulled["high"])[:, None] * np.array(pulled["normals"])
-    assert np.linalg.norm(upper - at, axis=1).min() < 0.75, "a pull that comes later is meant where it was made"
+    upper = np.array(pulled["line"]) + np.array(pulled["high"])[:, None] * np.array(
+        pulled["normals"]
+    )
+    assert np.linalg.norm(upper - at, axis=1).min() < 0.75, (
+        "a pull that comes later is meant where it was made"
+    )
 
 
 def test_a_cable_of_the_service_is_moved_as_it_is_shown(page: Page, tmp_path: Path) -> None:
     mask, line = wave(10, 10)
     question = request(tmp_path, mask, mask, np.random.default_rng(6))
     given = page.draw({**question, "instance": found(line)})
-    moved = page.draw({**question, "clicks": given["clicks"], "whole": {"by": [2, 0], "wider": 0.0}})
+    moved = page.draw(
+        {**question, "clicks": given["clicks"], "whole": {"by": [2, 0], "wider": 0.0}}
+    )
     assert np.allclose(np.array(moved["line"]), np.array(given["line"]) + np.array([2, 0]))
     assert moved["pulls"] == [], "an outline that is found later begins with the picture"
 
 
-def test_the_person_drags_the_whole_cable_where_it_is_off_alike_all_along(page: Page, tmp_path: Path) -> None:
+def test_the_person_drags_the_whole_cable_where_it_is_off_alike_all_along(
+    page: Page, tmp_path: Path
+) -> None:
     mask, _ = wave(10, 10)
     label = np.roll(mask, (-2, 1), (0, 1))
     person = Person(label, NOTHING)
@@ -225,19 +269,28 @@ def found(line: FloatArray) -> dict[str, object]:
     return {"centerline_xy": line[::4].tolist(), "width_px": 10.0}
 
 
-def test_an_end_that_is_dragged_back_takes_the_clicks_with_it_that_it_passes(page: Page, tmp_path: Path) -> None:
+def test_an_end_that_is_dragged_back_takes_the_clicks_with_it_that_it_passes(
+    page: Page, tmp_path: Path
+) -> None:
     """They were kept: the line went back from the new end to them."""
     mask, line = wave(10, 10)
     question = request(tmp_path, mask, mask, np.random.default_rng(5))
     first = page.draw({**question, "clicks": line[[0, 100, 200, -1]].tolist(), "pulls": []})
     to = line[300].tolist()
-    drawn = page.draw({**question, "clicks": first["clicks"], "pulls": [], "moved": {"index": 0, "to": to}})
+    drawn = page.draw(
+        {**question, "clicks": first["clicks"], "pulls": [], "moved": {"index": 0, "to": to}}
+    )
     assert drawn["clicks"] == [to, line[-1].tolist()]
     assert not drawn["mask"][:, :140].any()
     assert overlap(drawn["mask"][:, 155:], mask[:, 155:], NOTHING[:, 155:]) > 0.8
     page.draw({**question, "clicks": first["clicks"], "pulls": []})
     other = page.draw(
-        {**question, "clicks": first["clicks"], "pulls": [], "moved": {"index": len(first["line"]) - 1, "to": to}}
+        {
+            **question,
+            "clicks": first["clicks"],
+            "pulls": [],
+            "moved": {"index": len(first["line"]) - 1, "to": to},
+        }
     )
     assert other["clicks"] == [*first["clicks"][:-1], to]
 
@@ -264,16 +317,25 @@ def test_what_the_service_found_right_needs_nothing(page: Page, tmp_path: Path) 
     item = SimpleNamespace(centerline_xy=line[::4], width_px=10.0)
     scene = SimpleNamespace(instances=[item], labels=mask.astype(np.uint8))
     assert corrected(page, question, Person(mask, NOTHING), scene, (5, [0.2])) == (0, [1.0])
-    piece = SimpleNamespace(instances=[item, item], labels=np.where(np.arange(SIZE[1]) < 190, mask, 2 * mask))
-    assert corrected(page, question, Person(mask, NOTHING), piece, (5, [0.2]))[0] == 1, "the piece is removed"
+    piece = SimpleNamespace(
+        instances=[item, item], labels=np.where(np.arange(SIZE[1]) < 190, mask, 2 * mask)
+    )
+    assert corrected(page, question, Person(mask, NOTHING), piece, (5, [0.2]))[0] == 1, (
+        "the piece is removed"
+    )
     small = SimpleNamespace(instances=[item], labels=np.where(np.arange(SIZE[1]) < 80, mask, 0))
-    assert corrected(page, question, Person(mask, NOTHING), small, (5, [0.2])) == (6, [0.2]), "drawn anew"
+    assert corrected(page, question, Person(mask, NOTHING), small, (5, [0.2])) == (6, [0.2]), (
+        "drawn anew"
+    )
 
 
 def test_the_same_wishes_come_true_in_the_loop(page: Page, tmp_path: Path) -> None:
-    """A person who wants the label two pixels wider than the picture shows it gets it in a few drags."""
+    """A person who wants the label two pixels wider than the picture shows it gets it in a few
+    drags."""
     mask, _ = wave(12, 12)
     wider, _ = wave(16, 16)
-    count, ious = needed(page, request(tmp_path, mask, mask, np.random.default_rng(4)), Person(wider, NOTHING))
+    count, ious = needed(
+        page, request(tmp_path, mask, mask, np.random.default_rng(4)), Person(wider, NOTHING)
+    )
     assert ious[0] < 0.9
     assert count <= 5

@@ -1,4 +1,5 @@
-"""The benchmarks' command lines: each is a module that loads, with the options that ``make bench`` gives it."""
+"""The benchmarks' command lines: each is a module that loads, with the options that ``make bench``
+gives it."""
 
 from pathlib import Path
 

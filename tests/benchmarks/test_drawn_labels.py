@@ -24,7 +24,9 @@ def drawn(hand: Hand, seed: int = 0) -> np.ndarray:
 
 
 def test_a_hand_that_never_errs_draws_what_is_there_and_pixels_that_are_cable_in_part() -> None:
-    assert (np.abs(drawn(STILL)) == bars()).all(), f"an edge between pixels is {RIM_PX} px further out"
+    assert (np.abs(drawn(STILL)) == bars()).all(), (
+        f"an edge between pixels is {RIM_PX} px further out"
+    )
 
 
 def test_a_stub_is_another_cable_but_is_not_measured() -> None:

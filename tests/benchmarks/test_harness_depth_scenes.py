@@ -9,14 +9,18 @@ from models.synthesis.depth_sensor import SensorParams
 from models.synthesis.harness import HarnessParams
 from tests.benchmarks.harness_depth_scenes import HarnessScene, harness_scene
 
-PARAMS = HarnessParams(size=(160, 240), branch_points=(1, 2), harnesses=(1, 1), cables=(0, 0), crossings=(1, 3))
+PARAMS = HarnessParams(
+    size=(160, 240), branch_points=(1, 2), harnesses=(1, 1), cables=(0, 0), crossings=(1, 3)
+)
 
 
 @pytest.fixture(scope="module")
 def scene() -> HarnessScene:
     sensor = SensorParams(sigma_m=1e-6, holes=0.0, flying=0.0, shadow=0.0, step_m=1e-6)
     return next(
-        s for k in range(20) if (s := harness_scene(np.random.default_rng(k), PARAMS, sensor)).harness.crossings
+        s
+        for k in range(20)
+        if (s := harness_scene(np.random.default_rng(k), PARAMS, sensor)).harness.crossings
     )
 
 

@@ -53,4 +53,8 @@ def test_an_empty_answer_finds_nothing_and_says_nothing_of_what_is_right() -> No
     strokes, labels = drawn()
     share = score_photograph(np.zeros_like(labels, bool), strokes, labels)
     assert share == Share(0.0, None, 0.0)
-    assert mean_shares([share, Share(1.0, 0.8, 0.5)]) == {"found": 50.0, "right": 80.0, "dice": 25.0}
+    assert mean_shares([share, Share(1.0, 0.8, 0.5)]) == {
+        "found": 50.0,
+        "right": 80.0,
+        "dice": 25.0,
+    }

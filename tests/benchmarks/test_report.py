@@ -24,9 +24,18 @@ def test_what_was_not_measured_again_keeps_its_section(tmp_path: Path) -> None:
 def test_what_a_plant_asks_for_is_reported_with_its_figures(tmp_path: Path) -> None:
     found = {
         "throughput": {
-            "throughput": {"jobs": 240, "processes": 2, "bare_per_s": 20.0, "service_per_s": 19.2, "percent": 96.1,
-                           "rounds_percent": [95.0, 96.1]},
-            "memory": {"limit_mb": 1000, "cases": {"at rest": {"api": 120.4, "worker 0": 400.2, "answered": ""}}},
+            "throughput": {
+                "jobs": 240,
+                "processes": 2,
+                "bare_per_s": 20.0,
+                "service_per_s": 19.2,
+                "percent": 96.1,
+                "rounds_percent": [95.0, 96.1],
+            },
+            "memory": {
+                "limit_mb": 1000,
+                "cases": {"at rest": {"api": 120.4, "worker 0": 400.2, "answered": ""}},
+            },
         },
         "hosts": {
             "spread": {"jobs": 12, "bad": 0, "taken up again": 0, "s": 9.5},
@@ -34,14 +43,17 @@ def test_what_a_plant_asks_for_is_reported_with_its_figures(tmp_path: Path) -> N
             "timed": {"jobs": 90, "wait_ms": 150, "one": 6.5, "two": 12.9, "ratio": 1.98, "bad": 0},
         },
         "fuzz": {"parts": {"pictures": {"refused 422": 90, "succeeded": 10}}, "seeds": [1, 2]},
-    }  # fmt: skip
+    }
     for name, data in found.items():
         (tmp_path / f"{name}.json").write_text(json.dumps(data))
     write_report(tmp_path, tmp_path / "RESULTS.md")
     report = (tmp_path / "RESULTS.md").read_text()
     for part in (
-        "| 2 | 20.0 | 19.2 | 96.1 |", "| at rest | 120 | 400 |  |", "| spread | 12 | 0 |",
-        "| 100 | 8.0 | 15.0 | 1.88 |", "a wait of 150 ms",
+        "| 2 | 20.0 | 19.2 | 96.1 |",
+        "| at rest | 120 | 400 |  |",
+        "| spread | 12 | 0 |",
+        "| 100 | 8.0 | 15.0 | 1.88 |",
+        "a wait of 150 ms",
         "| pictures | 100 | 0 | refused 422 90, succeeded 10 |",
-    ):  # fmt: skip
+    ):
         assert part in report

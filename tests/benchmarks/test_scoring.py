@@ -5,13 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.benchmarks.scoring import FoundCrossing, crossings_in_labels, score_crossings, score_labels
+from tests.benchmarks.scoring import (
+    FoundCrossing,
+    crossings_in_labels,
+    score_crossings,
+    score_labels,
+)
 
 
 def test_identical_labels_with_other_ids_are_perfect():
     true = np.array([[1, 1, 0, 2, 2, 2]])
     predicted = np.array([[7, 7, 0, 3, 3, 3]])
-    assert score_labels(predicted, true) == dict.fromkeys(("iou", "iou_strict", "dice", "pq", "count", "sem_dice"), 1.0)
+    assert score_labels(predicted, true) == dict.fromkeys(
+        ("iou", "iou_strict", "dice", "pq", "count", "sem_dice"), 1.0
+    )
 
 
 def test_an_extra_instance_costs_only_strict_scores():

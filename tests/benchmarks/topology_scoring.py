@@ -28,7 +28,8 @@ class Tally:
 
     @property
     def accuracy(self) -> float:
-        """Found over found, false and missed together: the ratio of thesis Table 6.1 (93 of 93 + 7 + 6)."""
+        """Found over found, false and missed together: the ratio of thesis Table 6.1 (93 of 93 + 7
+        + 6)."""
         return self.found / max(self.found + self.false + self.missed, 1)
 
     @property

@@ -1,7 +1,8 @@
-"""Scenes with a known answer for DLO-WSL: rendered views, a pen's clicks with the errors of a hand and of calibration.
+"""Scenes with a known answer for DLO-WSL: rendered views, a pen's clicks with the errors of a hand
+and of calibration.
 
-The uncorrected projection is about as wrong as in the thesis's user test (IoU 36.9, SD 12.5): the errors below are set
-for that on 16 scenes (seeds below 50).
+The uncorrected projection is about as wrong as in the thesis's user test (IoU 36.9, SD 12.5): the
+errors below are set for that on 16 scenes (seeds below 50).
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from models.tracked_labels.trajectory import Ellipsoid, ellipsoid_poses
 
 @dataclass(frozen=True)
 class Errors:
-    """Standard deviations: ``hand_m`` of a click, ``tracker_m`` and ``tracker_rad`` of the tracker's frame in the
-    robot's, ``eye_m`` and ``eye_rad`` of the camera on the flange (one error for a session each)."""
+    """Standard deviations: ``hand_m`` of a click, ``tracker_m`` and ``tracker_rad`` of the
+    tracker's frame in the robot's, ``eye_m`` and ``eye_rad`` of the camera on the flange (one error
+    for a session each)."""
 
     hand_m: float = 0.0035
     tracker_m: float = 0.0042
@@ -30,7 +32,8 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class TrackedScene:
-    """What DLO-WSL is given (``images``, believed ``cameras``, ``strokes_m``, ``thickness_m``) and the true ``ids``."""
+    """What DLO-WSL is given (``images``, believed ``cameras``, ``strokes_m``, ``thickness_m``) and
+    the true ``ids``."""
 
     images: list[ByteArray]
     cameras: list[Camera]
@@ -55,7 +58,10 @@ def tracked_scene(
     intrinsics = Intrinsics(640, 480, 620.0, 620.0, 319.5, 239.5)
     true = [Camera(intrinsics, pose) for pose in ellipsoid_poses(ellipsoid, 2, views // 2)]
     seen = [render(scene, camera, rng) for camera in true]
-    eye, tracker = _error(rng, errors.eye_m, errors.eye_rad), _error(rng, errors.tracker_m, errors.tracker_rad)
+    eye, tracker = (
+        _error(rng, errors.eye_m, errors.eye_rad),
+        _error(rng, errors.tracker_m, errors.tracker_rad),
+    )
     strokes = [_clicked(rng, cable.points_m, clicks, tracker, errors.hand_m) for cable in made]
     believed = [replace(camera, T_world_camera=camera.T_world_camera @ eye) for camera in true]
     thick = [2 * cable.radius_m for cable in made]
@@ -65,9 +71,15 @@ def tracked_scene(
 def _cable(rng: np.random.Generator, k: int, cables: int) -> Cable3D:
     line = random_cable(rng, float(rng.uniform(0.32, 0.42)), bend=1.6, rise_m=0.03)
     angle = np.pi * (k + rng.uniform(-0.25, 0.25)) / cables
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
     place = np.array([*rng.uniform(-0.04, 0.04, 2), 0.012 * k])
-    return Cable3D(line @ turn.T + place, float(rng.uniform(0.004, 0.007)), tuple(rng.uniform(0.05, 0.95, 3).tolist()))
+    return Cable3D(
+        line @ turn.T + place,
+        float(rng.uniform(0.004, 0.007)),
+        tuple(rng.uniform(0.05, 0.95, 3).tolist()),
+    )
 
 
 def _clicked(

@@ -1,8 +1,9 @@
 """The clips of the tracking bench with their truth and their instances, kept in a folder.
 
-Strategy: rendering a clip takes longer than finding its instances, and this longer than tracking them, so the first two
-are done once, and kept in a file each. A file is named by a digest of the parameters and of the code it came from:
-after a change of the instances the pictures are still there, after one of the tracker both are.
+Strategy: rendering a clip takes longer than finding its instances, and this longer than tracking
+them, so the first two are done once, and kept in a file each. A file is named by a digest of the
+parameters and of the code it came from: after a change of the instances the pictures are still
+there, after one of the tracker both are.
 """
 
 from __future__ import annotations
@@ -34,14 +35,15 @@ _JPEG_QUALITY = 92
 TUNING, REPORTED = 47, 81
 """What the seeds of either set begin with: no constant is chosen on a reported clip."""
 STRESS = {"speed": (0.5, 1.0, 1.5, 3.0), "share": (0.2, 0.4, 0.6), "hidden": (5, 10, 30, 60)}
-"""Widths a frame at most, the share of all cables that an arm covers, and the frames in which nothing is seen."""
+"""Widths a frame at most, the share of all cables that an arm covers, and the frames in which
+nothing is seen."""
 
 
 @dataclass(frozen=True)
 class ClipKind:
-    """``params`` of its clips, of which no cable is seen in the frames ``hidden`` (start, stop); ``number`` is the
-    second part of its clips' seeds; ``ropes`` whether they move as ropes in MuJoCo do; ``clips`` how many of them
-    make a set."""
+    """``params`` of its clips, of which no cable is seen in the frames ``hidden`` (start, stop);
+    ``number`` is the second part of its clips' seeds; ``ropes`` whether they move as ropes in
+    MuJoCo do; ``clips`` how many of them make a set."""
 
     params: ClipParams
     number: int
@@ -72,7 +74,10 @@ def stress(frames: int) -> dict[str, dict[float, ClipKind]]:
         "share": lambda value: replace(covered, params=replace(covered.params, share=value)),
         "hidden": lambda value: replace(moving, hidden=(half, half + int(value))),
     }
-    return {name: {value: replace(made[name](value), clips=2) for value in values} for name, values in STRESS.items()}
+    return {
+        name: {value: replace(made[name](value), clips=2) for value in values}
+        for name, values in STRESS.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +128,9 @@ def clip(kind: ClipKind, seed: int, tuning: bool, folder: Path = FOLDER) -> Iter
         for stale in folder.glob(f"{pictures.stem}.*.scenes"):
             stale.unlink()
         _write(scenes, (_found(frame) for frame in _read(pictures)))
-    for t, (frame, (scene, labels, seconds)) in enumerate(zip(_read(pictures), _read(scenes), strict=True)):
+    for t, (frame, (scene, labels, seconds)) in enumerate(
+        zip(_read(pictures), _read(scenes), strict=True)
+    ):
         scene = replace(scene, labels=_decoded(labels)[..., 0])
         seen = Seen(frame.jpeg, frame.packed, frame.centerlines, frame.in_view, scene, seconds)
         yield seen.hidden if kind.hidden[0] <= t < kind.hidden[1] else seen
@@ -156,7 +163,11 @@ def _found(frame: Shown) -> tuple[Scene, bytes, float]:
     started = process_time()
     scene = extract(mask, image)
     seconds = process_time() - started
-    return replace(scene, labels=np.zeros((1, 1), np.uint8)), _encoded(scene.labels, ".png"), seconds
+    return (
+        replace(scene, labels=np.zeros((1, 1), np.uint8)),
+        _encoded(scene.labels, ".png"),
+        seconds,
+    )
 
 
 def _encoded(picture: np.ndarray, form: str) -> bytes:
@@ -167,11 +178,15 @@ def _encoded(picture: np.ndarray, form: str) -> bytes:
 
 def _decoded(data: bytes) -> np.ndarray:
     """(H, W, 3) RGB."""
-    return np.ascontiguousarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1])
+    return np.ascontiguousarray(
+        cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    )
 
 
 def _digest(kind: ClipKind, seeds: tuple[int, ...]) -> str:
-    return _of_code(repr((kind.params, seeds, _JPEG_QUALITY)), _RENDERED + (_ROPES if kind.ropes else ()))
+    return _of_code(
+        repr((kind.params, seeds, _JPEG_QUALITY)), _RENDERED + (_ROPES if kind.ropes else ())
+    )
 
 
 @cache

@@ -20,11 +20,14 @@ PLACE = """([x, y]) => {
 
 
 @contextmanager
-def opened(browser: Chromium, service: FakeService, path: str = "", height: int = 900) -> Iterator[Any]:
-    """The page at this path of the service; an error on it or a request to another host fails the test.
+def opened(
+    browser: Chromium, service: FakeService, path: str = "", height: int = 900
+) -> Iterator[Any]:
+    """The page at this path of the service; an error on it or a request to another host fails the
+    test.
 
-    All pages share a context, which takes seconds to make and to close: each service has a port of its own, so what a
-    page keeps is its own too.
+    All pages share a context, which takes seconds to make and to close: each service has a port of
+    its own, so what a page keeps is its own too.
     """
     wrong: list[str] = []
     with served(service.app()) as url:
@@ -32,7 +35,10 @@ def opened(browser: Chromium, service: FakeService, path: str = "", height: int 
         page.set_viewport_size({"width": 1300, "height": height})
         page.set_default_timeout(60_000)
         page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("request", lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url))
+        page.on(
+            "request",
+            lambda request: request.url.startswith((url, "blob:")) or wrong.append(request.url),
+        )
         page.goto(f"{url}/{path}")
         yield page
         browser.put_away(page)

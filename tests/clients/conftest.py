@@ -1,4 +1,5 @@
-"""Both clients behind one synchronous face, so that every test of behavior runs on each of them; a page."""
+"""Both clients behind one synchronous face, so that every test of behavior runs on each of them; a
+page."""
 
 from __future__ import annotations
 
@@ -45,7 +46,9 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Connect]:
     """``connect(handler)``: a client whose network is ``handler``; it retries without pauses."""
     with asyncio.Runner() as runner:
 
-        def make(handler: Handler, url: str = "http://service", retry: RetryPolicy = AT_ONCE, **more: Any) -> Any:
+        def make(
+            handler: Handler, url: str = "http://service", retry: RetryPolicy = AT_ONCE, **more: Any
+        ) -> Any:
             transport = httpx.MockTransport(handler)
             if request.param == "sync":
                 return Client(url, retry=retry, transport=transport, **more)

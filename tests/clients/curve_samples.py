@@ -1,4 +1,5 @@
-"""A reconstruction to test with: a straight cable of 20 cm along y, seen by three cameras, one of them dropped."""
+"""A reconstruction to test with: a straight cable of 20 cm along y, seen by three cameras, one of
+them dropped."""
 
 from __future__ import annotations
 
@@ -31,7 +32,9 @@ def straight(begin: float = -0.1, end: float = 0.1, count: int = 21) -> Curve3D:
         points_m=[(0.0, y, 0.0) for y in at],
         covariance_m2=[(4e-8, 0.0, 0.0, 0.0, 0.0, 1e-6)] * count,
         sigma_m=[1e-3] * count,
-        spline=Spline3(degree=3, knots=[0] * 4 + [1] * 4, control_m=[(0.0, y, 0.0) for y in thirds]),
+        spline=Spline3(
+            degree=3, knots=[0] * 4 + [1] * 4, control_m=[(0.0, y, 0.0) for y in thirds]
+        ),
         radius_m=0.002,
         radius_sigma_m=1e-4,
         length_m=abs(end - begin),
@@ -87,6 +90,9 @@ def next_view(y: float = 0.0) -> NextView:
 
 
 def job() -> Job[ReconstructResult]:
-    files = [FileRef(name=f"overlay_{k}.png", media_type="image/png", bytes=1, sha256=samples.SHA) for k in range(3)]
+    files = [
+        FileRef(name=f"overlay_{k}.png", media_type="image/png", bytes=1, sha256=samples.SHA)
+        for k in range(3)
+    ]
     made = samples.job(kind="reconstruct", result=result(), files=files)
     return Job[ReconstructResult].model_validate(made.model_dump())

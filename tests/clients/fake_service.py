@@ -1,4 +1,5 @@
-"""A small stand-in for the service: serves the viewer's files and answers with what a test prepared."""
+"""A small stand-in for the service: serves the viewer's files and answers with what a test
+prepared."""
 
 from __future__ import annotations
 
@@ -46,13 +47,22 @@ class FakeService:
         return Starlette(
             routes=[
                 Route("/", lambda _: HTMLResponse(document("index", "./"))),
-                Route("/viewer/{name}.html", lambda request: HTMLResponse(document(request.path_params["name"]))),
+                Route(
+                    "/viewer/{name}.html",
+                    lambda request: HTMLResponse(document(request.path_params["name"])),
+                ),
                 Route("/v1/models", self._networks),
                 Route("/v1/unsure", lambda _: JSONResponse([{"id": key} for key in self.unsure])),
-                Route("/v1/unsure/{id}", lambda request: Response(self.unsure[request.path_params["id"]])),
+                Route(
+                    "/v1/unsure/{id}",
+                    lambda request: Response(self.unsure[request.path_params["id"]]),
+                ),
                 Route("/v1/label-folders", lambda _: JSONResponse({"folders": []})),
                 Route("/v1/images", self._upload, methods=["POST"]),
-                Route("/v1/images/{id}/preview", lambda _: Response(self.preview, media_type="image/png")),
+                Route(
+                    "/v1/images/{id}/preview",
+                    lambda _: Response(self.preview, media_type="image/png"),
+                ),
                 Route("/v1/jobs", self._submit, methods=["POST"]),
                 Route("/v1/jobs/{id}", self._job),
                 Route("/v1/jobs/{id}", self._cancel, methods=["DELETE"]),
@@ -70,7 +80,9 @@ class FakeService:
         if self.preview is None:
             problem = samples.refused(422, code="invalid_image")
             return Response(problem.model_dump_json(), 422, media_type="application/problem+json")
-        info = ImageInfo(id=digest, sha256=digest, width=samples.WIDTH, height=samples.HEIGHT, bytes=1)
+        info = ImageInfo(
+            id=digest, sha256=digest, width=samples.WIDTH, height=samples.HEIGHT, bytes=1
+        )
         return Response(info.model_dump_json(), 201, media_type="application/json")
 
     async def _submit(self, request: Request) -> Response:
@@ -112,13 +124,23 @@ class FakeService:
         self.requests.append(request.query_params["time_s"])
         states = ("seen", "seen" if len(self.requests) == 1 else "partly_covered")
         cables = [
-            {"id": item.id, "state": state, "certainty": 0.9, "centerline_xy": item.centerline_xy, "covered": []}
+            {
+                "id": item.id,
+                "state": state,
+                "certainty": 0.9,
+                "centerline_xy": item.centerline_xy,
+                "covered": [],
+            }
             for item, state in zip(samples.two_cables().instances, states, strict=True)
         ]
-        return JSONResponse({"frame": len(self.requests), "time_s": 0.0, "cables": cables, "crossings": []})
+        return JSONResponse(
+            {"frame": len(self.requests), "time_s": 0.0, "cables": cables, "crossings": []}
+        )
 
     def _networks(self, _: Request) -> Response:
-        orientation = samples.network().model_copy(update={"name": "orientation", "task": "orientation"})
+        orientation = samples.network().model_copy(
+            update={"name": "orientation", "task": "orientation"}
+        )
         networks = [samples.network(), orientation]
         return JSONResponse([network.model_dump(mode="json") for network in networks])
 

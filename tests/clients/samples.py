@@ -39,7 +39,12 @@ def job(state: JobState = JobState.SUCCEEDED, **fields: Any) -> AnyJob:
     """A job; one that succeeded has held a worker, unless ``fields`` say otherwise."""
     if state is JobState.SUCCEEDED:
         fields = {"result": NoopResult(held_s=0.0)} | fields
-    defaults = {"id": JOB_ID, "kind": "noop", "priority": "interactive", "created_at": datetime.now(UTC)}
+    defaults = {
+        "id": JOB_ID,
+        "kind": "noop",
+        "priority": "interactive",
+        "created_at": datetime.now(UTC),
+    }
     return AnyJob(**(defaults | {"state": state, "progress": float(state.final)} | fields))
 
 
@@ -119,7 +124,8 @@ def _straight(number: int, start: Point, end: Point, ends: list[Any]) -> Instanc
 
 
 def _band(start: Point, end: Point) -> np.ndarray:
-    """The pixels within 3 of a horizontal or vertical segment; the horizontal one owns the crossing."""
+    """The pixels within 3 of a horizontal or vertical segment; the horizontal one owns the
+    crossing."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     near = (abs(x - x.clip(start[0], end[0])) <= 3) & (abs(y - y.clip(start[1], end[1])) <= 3)
     return near if start[1] == end[1] else near & (abs(y - 60) > 3)

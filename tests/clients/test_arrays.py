@@ -13,10 +13,9 @@ from dlo_client.pictures import part_of
 from models.geometry.rle import encode
 
 DRAWN = np.array(
-    [[0, 1, 1, 0],
-     [0, 1, 0, 0],
-     [1, 1, 0, 1]], dtype=bool,
-)  # fmt: skip
+    [[0, 1, 1, 0], [0, 1, 0, 0], [1, 1, 0, 1]],
+    dtype=bool,
+)
 
 
 def test_a_mask_of_an_answer_is_an_array() -> None:
@@ -50,7 +49,9 @@ def test_every_mask_comes_back(seed: int) -> None:
     ],
     ids=["other size", "empty", "cut short", "foreign", "not ASCII"],
 )
-def test_runs_that_are_no_mask_are_refused(size: tuple[int, int], counts: str, message: str) -> None:
+def test_runs_that_are_no_mask_are_refused(
+    size: tuple[int, int], counts: str, message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         MaskRLE(size=size, counts=counts).array()
 

@@ -86,7 +86,9 @@ def test_a_lost_submission_is_repeated_under_the_same_key(connect: Connect) -> N
     assert len({request.content for request in script.requests}) == 1
 
 
-def test_every_attempt_has_the_id_of_its_call_and_the_error_has_that_of_the_log(connect: Connect) -> None:
+def test_every_attempt_has_the_id_of_its_call_and_the_error_has_that_of_the_log(
+    connect: Connect,
+) -> None:
     """A failure could not be found in the service's log: nothing that the caller knew was in it."""
     script = Script(LOST, refusal(samples.refused(500), {"X-Request-ID": "in the log"}))
     client = connect(script)
@@ -111,8 +113,12 @@ def test_two_submissions_have_two_keys_unless_the_caller_gives_one(connect: Conn
     assert third == "mine"
 
 
-@pytest.mark.parametrize("lost", [LOST, httpx.ReadTimeout("silence"), httpx.RemoteProtocolError("hung up")])
-def test_what_may_pass_is_tried_a_bounded_number_of_times(connect: Connect, lost: Exception) -> None:
+@pytest.mark.parametrize(
+    "lost", [LOST, httpx.ReadTimeout("silence"), httpx.RemoteProtocolError("hung up")]
+)
+def test_what_may_pass_is_tried_a_bounded_number_of_times(
+    connect: Connect, lost: Exception
+) -> None:
     script = Script(lost)
     with pytest.raises(ConnectionFailed, match="http://service/v1/jobs/abc"):
         connect(script).get("abc")
@@ -153,7 +159,9 @@ def test_what_will_not_pass_is_not_tried_again(connect: Connect, answer: Reply) 
         (507, errors.StorageFull),
     ],
 )
-def test_a_refusal_is_the_error_of_its_status(connect: Connect, status: int, error: type[errors.APIError]) -> None:
+def test_a_refusal_is_the_error_of_its_status(
+    connect: Connect, status: int, error: type[errors.APIError]
+) -> None:
     problem = samples.refused(status, code="some_code")
     with pytest.raises(error) as caught:
         connect(Script(refusal(problem, {"Retry-After": "99"}))).get("abc")
@@ -224,7 +232,9 @@ def test_ready_asks_once(connect: Connect, answer: Reply, ready: bool) -> None:
     assert len(script.requests) == 1
 
 
-def test_address_and_key_come_from_the_environment(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_address_and_key_come_from_the_environment(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("DLO_URL", "http://cell/dlo/")
     monkeypatch.setenv("DLO_API_KEY", "secret")
     script = Script(ok(QUEUED))

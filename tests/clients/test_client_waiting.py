@@ -39,7 +39,9 @@ def test_wait_ends_in_time(connect: Connect) -> None:
 
 
 @pytest.mark.parametrize("timeout", [0.12, 0, 0.0])
-def test_a_run_that_takes_too_long_names_the_time_it_was_given(connect: Connect, timeout: float) -> None:
+def test_a_run_that_takes_too_long_names_the_time_it_was_given(
+    connect: Connect, timeout: float
+) -> None:
     """It named what was left of that time at the last look: "after -0.0159 s"."""
     script = Script(ok(QUEUED, 202), ok(samples.job(JobState.RUNNING)))
     with pytest.raises(WaitTimeout, match=f"after {timeout:g} s$"):
@@ -72,7 +74,9 @@ def test_a_finished_job_needs_no_wait(connect: Connect) -> None:
 def test_run_gives_the_result_and_run_job_the_job(connect: Connect) -> None:
     script = Script(ok(QUEUED, 202), ok(samples.job()))
     assert connect(script).run(NoopRequest(timeout_s=5)) == NoopResult(held_s=0.0)
-    assert connect(Script(ok(samples.job()))).run_job(NoopRequest()).result == NoopResult(held_s=0.0)
+    assert connect(Script(ok(samples.job()))).run_job(NoopRequest()).result == NoopResult(
+        held_s=0.0
+    )
     assert 14 < float(script.requests[0].url.params["wait"]) <= 15
 
 
@@ -91,7 +95,10 @@ def test_run_raises_for_a_cancelled_job(connect: Connect) -> None:
 def test_events_end_with_the_job(connect: Connect) -> None:
     stream = ": ping\n\n" + event(1) + event(2, JobState.SUCCEEDED, 1.0)
     events = list(connect(Script(reply(200, text=stream))).events("abc"))
-    assert [(found.id, found.state) for found in events] == [("1-0", "running"), ("2-0", "succeeded")]
+    assert [(found.id, found.state) for found in events] == [
+        ("1-0", "running"),
+        ("2-0", "succeeded"),
+    ]
 
 
 def test_a_broken_stream_goes_on_after_the_last_event(connect: Connect) -> None:

@@ -93,7 +93,9 @@ def test_a_network_is_not_chosen_for_a_given_mask() -> None:
 @pytest.mark.parametrize("state", list(JobState))
 def test_final_states_are_the_ends(state: JobState) -> None:
     assert state.final == (state.value in {"succeeded", "failed", "cancelled"})
-    assert JobEvent(id="1-0", state=state, progress=0).model_dump(mode="json")["state"] == state.value
+    assert (
+        JobEvent(id="1-0", state=state, progress=0).model_dump(mode="json")["state"] == state.value
+    )
 
 
 def test_values_do_not_change() -> None:

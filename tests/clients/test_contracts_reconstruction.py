@@ -1,4 +1,5 @@
-"""Cameras and requests of the reconstruction: what ROS and OpenCV say is taken, what cannot be right is refused."""
+"""Cameras and requests of the reconstruction: what ROS and OpenCV say is taken, what cannot be
+right is refused."""
 
 from __future__ import annotations
 
@@ -12,9 +13,19 @@ from pydantic import TypeAdapter, ValidationError
 
 INTRINSICS: TypeAdapter[AnyIntrinsics] = TypeAdapter(AnyIntrinsics)
 
-SHORTHAND: dict[str, Any] = {"width": 640, "height": 480, "fx": 601.5, "fy": 602.5, "cx": 318.0, "cy": 241.0}
+SHORTHAND: dict[str, Any] = {
+    "width": 640,
+    "height": 480,
+    "fx": 601.5,
+    "fy": 602.5,
+    "cx": 318.0,
+    "cy": 241.0,
+}
 ROS2: dict[str, Any] = {
-    "header": {"stamp": {"sec": 1764032400, "nanosec": 20000000}, "frame_id": "camera_color_optical_frame"},
+    "header": {
+        "stamp": {"sec": 1764032400, "nanosec": 20000000},
+        "frame_id": "camera_color_optical_frame",
+    },
     "height": 480,
     "width": 640,
     "distortion_model": "plumb_bob",
@@ -34,8 +45,12 @@ def above(x: float, **changes: Any) -> dict[str, Any]:
     return {"intrinsics": SHORTHAND, "T_world_camera": pose} | changes
 
 
-def pose(rotation: np.ndarray, last: tuple[float, ...] = (0, 0, 0, 1), x: float = 0.0) -> list[list[float]]:
-    return [[*map(float, row), t] for row, t in zip(rotation, (x, 0.0, 0.3), strict=True)] + [list(last)]
+def pose(
+    rotation: np.ndarray, last: tuple[float, ...] = (0, 0, 0, 1), x: float = 0.0
+) -> list[list[float]]:
+    return [[*map(float, row), t] for row, t in zip(rotation, (x, 0.0, 0.3), strict=True)] + [
+        list(last)
+    ]
 
 
 def refusal(**fields: Any) -> str:
@@ -108,8 +123,13 @@ def test_opencvs_fisheye_has_a_name_of_its_own():
 
 
 def test_binning_and_the_region_of_interest_are_applied():
-    """Both were passed over: curves 409 mm and 43 mm from where they are. REP 104: all else is of full resolution."""
-    message = ROS2 | {"width": 1280, "height": 960, "k": [1200.0, 0, 639.5, 0, 1210.0, 479.5, 0, 0, 1]}
+    """Both were passed over: curves 409 mm and 43 mm from where they are. REP 104: all else is of
+    full resolution."""
+    message = ROS2 | {
+        "width": 1280,
+        "height": 960,
+        "k": [1200.0, 0, 639.5, 0, 1210.0, 479.5, 0, 0, 1],
+    }
     binned = INTRINSICS.validate_python(message | {"binning_x": 2, "binning_y": 4})
     assert binned.picture_size == (640, 240)
     i = binned.as_taken()
@@ -178,5 +198,7 @@ def test_a_pose_that_is_no_rotation_is_named(bad, said):
 
 
 def test_a_target_in_a_view_that_is_not_there():
-    assert "there are 2 views" in refusal(views=[above(0.0), above(0.05)], target={"view": 2, "xy": [10, 10]})
+    assert "there are 2 views" in refusal(
+        views=[above(0.0), above(0.05)], target={"view": 2, "xy": [10, 10]}
+    )
     assert "xy or instance" in refusal(views=[above(0.0), above(0.05)], target={"view": 0})

@@ -30,7 +30,8 @@ def context(run):
     """nuclio's: ``user_data`` and ``Response``."""
     client = SimpleNamespace(run=run)
     return SimpleNamespace(
-        user_data=SimpleNamespace(client=client), Response=lambda **fields: SimpleNamespace(**fields)
+        user_data=SimpleNamespace(client=client),
+        Response=lambda **fields: SimpleNamespace(**fields),
     )
 
 
@@ -62,7 +63,9 @@ def test_masks_and_centerlines_in_cvat_s_form(function):
 
 
 def test_a_threshold_leaves_out(function):
-    reply = function.handler(context(lambda *_: samples.two_cables()), event(image=PICTURE, threshold=1.0))
+    reply = function.handler(
+        context(lambda *_: samples.two_cables()), event(image=PICTURE, threshold=1.0)
+    )
     assert json.loads(reply.body) == []
 
 
@@ -77,6 +80,9 @@ def test_errors_are_statuses(function):
 def test_the_description_names_the_shapes_that_are_made(function):
     described = yaml.safe_load((FOLDER / "function.yaml").read_text())
     listed = json.loads(described["metadata"]["annotations"]["spec"])
-    made = {(shape["label"], shape["type"]) for shape in function.shapes_of(samples.two_cables().instances[0])}
+    made = {
+        (shape["label"], shape["type"])
+        for shape in function.shapes_of(samples.two_cables().instances[0])
+    }
     assert {(one["name"], one["type"]) for one in listed} == made
     assert described["spec"]["handler"] == "main:handler"

@@ -38,7 +38,12 @@ async def check(client: Client, other: AsyncClient) -> None:
 def _python(*arguments: str) -> subprocess.CompletedProcess[str]:
     root = Path(dlo_client.__file__).parents[1]
     return subprocess.run(
-        [sys.executable, *arguments], check=False, capture_output=True, text=True, timeout=120, cwd=root
+        [sys.executable, *arguments],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=root,
     )
 
 
@@ -65,12 +70,16 @@ def test_contracts_load_no_http_client() -> None:
 
 
 def test_the_sdk_needs_no_command_line_extra() -> None:
-    done = _python("-c", "import sys, dlo_client; dlo_client.Client; sys.exit('typer' in sys.modules)")
+    done = _python(
+        "-c", "import sys, dlo_client; dlo_client.Client; sys.exit('typer' in sys.modules)"
+    )
     assert done.returncode == 0, done.stderr
 
 
 def test_the_command_without_its_extra_says_what_to_install() -> None:
-    program = "import sys; sys.modules['typer'] = None; from dlo_client.commands.cli import main; main()"
+    program = (
+        "import sys; sys.modules['typer'] = None; from dlo_client.commands.cli import main; main()"
+    )
     done = _python("-c", program)
     assert done.returncode == 1
     assert 'pip install "dlo-client[cli]"' in done.stderr

@@ -58,7 +58,10 @@ ARRAYS = {
     "16 bit color": (COLOR * np.uint16(256), COLOR * np.uint16(256)),
     "yes and no": (COLOR[:, :, 0] > 99, 255 * (COLOR[:, :, 0] > 99).astype(np.uint8)),
     "integers": (COLOR.astype(np.int64), COLOR),
-    "large integers": (COLOR[:, :, 0].astype(np.int32) * 200, COLOR[:, :, 0].astype(np.uint16) * 200),
+    "large integers": (
+        COLOR[:, :, 0].astype(np.int32) * 200,
+        COLOR[:, :, 0].astype(np.uint16) * 200,
+    ),
     "floats of 0 to 1": (COLOR / 255, COLOR),
     "half floats": ((COLOR > 99).astype(np.float16), 255 * (COLOR > 99).astype(np.uint8)),
     "tensor": (Tensor(COLOR), COLOR),
@@ -80,7 +83,9 @@ MODES = ("1", "L", "LA", "P", "RGB", "RGBA", "CMYK", "YCbCr", "HSV", "LAB", "I;1
 def test_an_image_of_any_mode_arrives(mode: str) -> None:
     gray = Image.fromarray(COLOR[:, :, 0])
     image = Image.fromarray(COLOR[:, :, 0].astype(np.uint16)) if mode == "I;16" else None
-    image = image or (gray.convert(mode) if mode in ("1", "I") else Image.fromarray(COLOR).convert(mode))
+    image = image or (
+        gray.convert(mode) if mode in ("1", "I") else Image.fromarray(COLOR).convert(mode)
+    )
     assert image.mode == mode
     [part] = parts_of(image, "image")
     with Image.open(io.BytesIO(part.data)) as arrived:
@@ -109,7 +114,11 @@ def test_bytes_paths_and_files_are_sent_as_they_are(tmp_path: Path) -> None:
     data = SAMPLE.read_bytes()
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.write(SAMPLE, "plain.jpg")
-    with SAMPLE.open("rb") as file, zipfile.ZipFile(tmp_path / "a.zip") as archive, archive.open("plain.jpg") as member:
+    with (
+        SAMPLE.open("rb") as file,
+        zipfile.ZipFile(tmp_path / "a.zip") as archive,
+        archive.open("plain.jpg") as member,
+    ):
         given: list[Any] = [
             data,
             bytearray(data),
@@ -128,7 +137,12 @@ def test_bytes_paths_and_files_are_sent_as_they_are(tmp_path: Path) -> None:
 def test_several_come_in_any_sequence_and_none_is_none() -> None:
     assert parts_of(None, "image") == []
     assert parts_of([], "image") == []
-    for several in ([b"a", b"b"], (b"a", b"b"), (data for data in (b"a", b"b")), {b"a": 1, b"b": 2}.keys()):
+    for several in (
+        [b"a", b"b"],
+        (b"a", b"b"),
+        (data for data in (b"a", b"b")),
+        {b"a": 1, b"b": 2}.keys(),
+    ):
         if isinstance(several, list | tuple) or hasattr(several, "send"):
             assert [part.data for part in parts_of(several, "image")] == [b"a", b"b"]
         else:
@@ -215,7 +229,9 @@ def test_pictures_need_neither_numpy_nor_pillow() -> None:
         f"assert parts_of({str(SAMPLE)!r}, 'image')[0].data == parts_of(open({str(SAMPLE)!r}, 'rb'), 'image')[0].data"
     )
     root = Path(dlo_client.__file__).parents[1]
-    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 

@@ -31,7 +31,11 @@ def test_curves_have_covariances_of_their_nodes():
     found = state(curve, nodes=41)
     assert found.points.shape == (1, 41, 3)
     given = curve.covariance_m2[10]
-    expected = [[given[0], given[1], given[2]], [given[1], given[3], given[4]], [given[2], given[4], given[5]]]
+    expected = [
+        [given[0], given[1], given[2]],
+        [given[1], given[3], given[4]],
+        [given[2], given[4], given[5]],
+    ]
     assert found.covariance[0, 20] == pytest.approx(np.array(expected))
     merged = MergeCurvesResult(curve=curve, disagreement_m=0, outliers=0)
     assert (state(merged, nodes=41).points == found.points).all()
@@ -44,7 +48,9 @@ def test_an_empty_scene_has_the_shape_too():
     assert state(empty, nodes=4).points.shape == (0, 4, 2)
 
 
-@pytest.mark.parametrize(("result", "nodes"), [(NoopResult(held_s=0), 4), (samples.two_cables(), 1)])
+@pytest.mark.parametrize(
+    ("result", "nodes"), [(NoopResult(held_s=0), 4), (samples.two_cables(), 1)]
+)
 def test_what_has_no_cables_is_refused(result, nodes):
     with pytest.raises(InvalidArgument):
         state(result, nodes=nodes)

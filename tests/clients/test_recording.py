@@ -1,4 +1,5 @@
-"""A cell's requests in a folder and on another network: kept whole, compared fairly, ended with a verdict."""
+"""A cell's requests in a folder and on another network: kept whole, compared fairly, ended with a
+verdict."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ from tests.clients import samples
 
 
 class Service:
-    """Answers with two cables, or with those that ``change`` makes of them; pictures that are torn fail."""
+    """Answers with two cables, or with those that ``change`` makes of them; pictures that are torn
+    fail."""
 
     def __init__(self, change: Callable[[dict[str, Any]], None] = lambda result: None) -> None:
         self.change = change
@@ -31,7 +33,9 @@ class Service:
     def __call__(self, request: httpx.Request) -> httpx.Response:
         body = request.content
         if b'name="request"' in body:
-            self.requests.append(json.loads(body.split(b'name="request"\r\n\r\n')[1].split(b"\r\n--")[0]))
+            self.requests.append(
+                json.loads(body.split(b'name="request"\r\n\r\n')[1].split(b"\r\n--")[0])
+            )
         if b"torn" in body:
             job = samples.failed(samples.bad_threshold())
             return httpx.Response(200, text=job.model_dump_json())
@@ -61,7 +65,9 @@ def folder(tmp_path: Path) -> Path:
 
 def verdicts(folder: Path, service: Service, **changes: Any) -> list[str]:
     with client(service) as open_client:
-        return [row.verdict for row in replay(open_client, folder, read_recording(folder), changes).rows]
+        return [
+            row.verdict for row in replay(open_client, folder, read_recording(folder), changes).rows
+        ]
 
 
 def one_fewer(result: dict[str, Any]) -> None:
@@ -85,7 +91,12 @@ def test_the_same_answers_are_the_same(folder: Path) -> None:
 
 
 def test_another_answer_is_judged_by_what_became_of_the_one_before(folder: Path) -> None:
-    assert verdicts(folder, Service(one_fewer)) == ["at_risk", "may_be_mended", "changed", "still_fails"]
+    assert verdicts(folder, Service(one_fewer)) == [
+        "at_risk",
+        "may_be_mended",
+        "changed",
+        "still_fails",
+    ]
 
 
 def test_what_fails_now_is_broken_and_what_failed_then_may_work(folder: Path) -> None:
@@ -110,7 +121,10 @@ def test_a_recording_whose_last_line_was_cut_off_is_read(folder: Path) -> None:
 def test_the_last_word_on_an_outcome_counts(folder: Path) -> None:
     first = read_recording(folder)[0]
     note_outcome(folder, first.id, "bad", "it was the wrong cable")
-    assert (read_recording(folder)[0].outcome, read_recording(folder)[0].note) == ("bad", "it was the wrong cable")
+    assert (read_recording(folder)[0].outcome, read_recording(folder)[0].note) == (
+        "bad",
+        "it was the wrong cable",
+    )
 
 
 def test_pictures_that_do_not_go_along_are_not_recorded(tmp_path: Path) -> None:
@@ -143,9 +157,19 @@ def test_answers_of_other_kinds_are_compared_field_by_field() -> None:
 
 @pytest.mark.parametrize(
     ("a", "b", "alike"),
-    [(1, 1.0, 1), (2, 1, 0.5), (0, 1e-12, 1), ("a", "b", 0), (None, 0, 0), (True, 1, 1), ([1, 2], [1], 0),
-     ({"x": 1}, {"y": 1}, 0), ({"x": [4, 1]}, {"x": [4, 2]}, 0.5), (1, -1, 0)],
-)  # fmt: skip
+    [
+        (1, 1.0, 1),
+        (2, 1, 0.5),
+        (0, 1e-12, 1),
+        ("a", "b", 0),
+        (None, 0, 0),
+        (True, 1, 1),
+        ([1, 2], [1], 0),
+        ({"x": 1}, {"y": 1}, 0),
+        ({"x": [4, 1]}, {"x": [4, 2]}, 0.5),
+        (1, -1, 0),
+    ],
+)
 def test_how_alike_values_are(a: Any, b: Any, alike: float) -> None:
     assert alikeness(a, b) == pytest.approx(alike)
 
@@ -153,7 +177,9 @@ def test_how_alike_values_are(a: Any, b: Any, alike: float) -> None:
 @pytest.fixture
 def dlo(tmp_path: Path):
     def run(service: Service, *arguments: object):
-        return CliRunner().invoke(app, [str(a) for a in arguments], obj=httpx.MockTransport(service))
+        return CliRunner().invoke(
+            app, [str(a) for a in arguments], obj=httpx.MockTransport(service)
+        )
 
     return run
 
@@ -161,7 +187,15 @@ def dlo(tmp_path: Path):
 def test_the_commands_record_judge_and_replay(dlo, tmp_path: Path) -> None:
     picture, cell, report = tmp_path / "a.png", tmp_path / "cell", tmp_path / "report.json"
     picture.write_bytes(b"a")
-    done = dlo(Service(), "record", cell, picture, picture, "--request", '{"kind": "instances", "effort": "fast"}')
+    done = dlo(
+        Service(),
+        "record",
+        cell,
+        picture,
+        picture,
+        "--request",
+        '{"kind": "instances", "effort": "fast"}',
+    )
     assert done.exit_code == 0, done.output
     entry = read_recording(cell)[0].id
     assert entry in done.stdout
@@ -182,12 +216,16 @@ def test_bad_words_are_named(dlo, tmp_path: Path) -> None:
     )
     (tmp_path / RECORD).write_text("")
     assert "good or bad" in dlo(Service(), "outcome", tmp_path, "x", "fine").stderr
-    assert "no request of it has the id x" in dlo(Service(), "outcome", tmp_path, "x", "good").stderr
+    assert (
+        "no request of it has the id x" in dlo(Service(), "outcome", tmp_path, "x", "good").stderr
+    )
 
 
 def test_a_request_of_another_version_is_named(tmp_path: Path) -> None:
     (tmp_path / "pictures").mkdir()
-    (tmp_path / RECORD).write_text(json.dumps({"id": "1", "request": {"kind": "noop", "old": 1}, "images": []}) + "\n")
+    (tmp_path / RECORD).write_text(
+        json.dumps({"id": "1", "request": {"kind": "noop", "old": 1}, "images": []}) + "\n"
+    )
     [entry] = read_recording(tmp_path)
     with pytest.raises(RecordingError, match="none for this version"):
         entry.asked()

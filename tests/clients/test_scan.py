@@ -32,7 +32,8 @@ REACH_M = 0.1
 
 
 class Table:
-    """A service over a straight cable along y: a picture shows what lies within 10 cm of its camera."""
+    """A service over a straight cable along y: a picture shows what lies within 10 cm of its
+    camera."""
 
     def __init__(self) -> None:
         self.requests: list = []
@@ -49,19 +50,27 @@ class Table:
                 result = NextViewResult(next_view=curve_samples.next_view(y))
             case MergeCurvesRequest():
                 ys = [p[1] for curve in request.curves for p in curve.points_m]
-                result = MergeCurvesResult(curve=straight(min(ys), max(ys)), disagreement_m=0.0, outliers=0)
+                result = MergeCurvesResult(
+                    curve=straight(min(ys), max(ys)), disagreement_m=0.0, outliers=0
+                )
         return result
 
     def _seen(self, request: ReconstructRequest):
         y = request.views[0].T_world_camera[1][3]
         if self.lost_beyond is not None and abs(y) > self.lost_beyond:
-            raise JobFailed(samples.failed(samples.refused(422)), samples.refused(422, "invalid_views"))
+            raise JobFailed(
+                samples.failed(samples.refused(422)), samples.refused(422, "invalid_views")
+            )
         low, high = max(y - REACH_M, CABLE[0]), min(y + REACH_M, CABLE[1])
         curve = straight(low, high)
-        if request.previous is not None and request.previous.points_m[-1][1] < request.previous.points_m[0][1]:
+        if (
+            request.previous is not None
+            and request.previous.points_m[-1][1] < request.previous.points_m[0][1]
+        ):
             curve = reversed_curve(curve)
         ends = tuple(
-            "free" if abs(point[1]) == CABLE[1] else "border" for point in (curve.points_m[0], curve.points_m[-1])
+            "free" if abs(point[1]) == CABLE[1] else "border"
+            for point in (curve.points_m[0], curve.points_m[-1])
         )
         return curve_samples.result(curve, ends=ends)
 
@@ -197,7 +206,10 @@ def test_the_picture_shows_the_cable_and_its_cameras():
 
 @pytest.fixture
 def cameras(tmp_path: Path) -> list[Path]:
-    views = [{"intrinsics": curve_samples.INTRINSICS.model_dump(), "T_world_camera": pose(x)} for x in (0.0, 0.1)]
+    views = [
+        {"intrinsics": curve_samples.INTRINSICS.model_dump(), "T_world_camera": pose(x)}
+        for x in (0.0, 0.1)
+    ]
     paths = [tmp_path / name for name in ("row.json", "a.png", "b.png")]
     for path, data in zip(paths, (json.dumps(views).encode(), b"a", b"b"), strict=True):
         path.write_bytes(data)
@@ -213,19 +225,36 @@ def test_dlo_reconstruct_saves_curve_and_picture(cameras: list[Path], tmp_path: 
         sent.append(request.read())
         return httpx.Response(200, text=curve_samples.job().model_dump_json())
 
-    arguments = ["reconstruct", *map(str, cameras), "--out", str(tmp_path / "out"), "--target", "0", "320", "240"]
+    arguments = [
+        "reconstruct",
+        *map(str, cameras),
+        "--out",
+        str(tmp_path / "out"),
+        "--target",
+        "0",
+        "320",
+        "240",
+    ]
     done = CliRunner().invoke(app, arguments, obj=httpx.MockTransport(network))
     assert done.exit_code == 0, done.output
-    assert "0.200 m, radius 2.00 mm, standard deviation 1.00 mm; reprojection 0.25 px" in done.stdout
+    assert (
+        "0.200 m, radius 2.00 mm, standard deviation 1.00 mm; reprojection 0.25 px" in done.stdout
+    )
     assert "right: dropped, the DLO was not" in done.stdout
-    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"row.result.json", "row.overlay_0.png", "row.svg"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {
+        "row.result.json",
+        "row.overlay_0.png",
+        "row.svg",
+    }
     assert sent[0].count(b'name="image"') == 2
     assert b'"target":{"view":0,"xy":[320.0,240.0]}' in sent[0]
 
 
 def test_cameras_that_cannot_be_read_are_named(cameras: list[Path]):
     cameras[0].write_text("[{}]")
-    done = CliRunner().invoke(app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None))
+    done = CliRunner().invoke(
+        app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None)
+    )
     assert done.exit_code == 1
     assert "row.json" in done.stderr
 
@@ -234,22 +263,35 @@ def test_cameras_that_cannot_be_read_are_named(cameras: list[Path]):
 def test_dlo_reconstruct_with_too_few_cameras_says_so(cameras: list[Path], count: int):
     """One camera was a traceback of pydantic's: only errors of the client ended in one line."""
     cameras[0].write_text(json.dumps(json.loads(cameras[0].read_text())[:count]))
-    done = CliRunner().invoke(app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None))
+    done = CliRunner().invoke(
+        app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None)
+    )
     assert done.exit_code == 1
-    assert done.stderr == f"error: views: List should have at least 2 items after validation, not {count}\n"
+    assert (
+        done.stderr
+        == f"error: views: List should have at least 2 items after validation, not {count}\n"
+    )
 
 
-@pytest.mark.parametrize(("where", "message"), [("a.png", "No such file"), ("row.json", "No such file")])
-def test_dlo_reconstruct_names_a_file_that_is_not_there(cameras: list[Path], where: str, message: str):
+@pytest.mark.parametrize(
+    ("where", "message"), [("a.png", "No such file"), ("row.json", "No such file")]
+)
+def test_dlo_reconstruct_names_a_file_that_is_not_there(
+    cameras: list[Path], where: str, message: str
+):
     next(path for path in cameras if path.name == where).unlink()
-    done = CliRunner().invoke(app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None))
+    done = CliRunner().invoke(
+        app, ["reconstruct", *map(str, cameras)], obj=httpx.MockTransport(lambda _: None)
+    )
     assert done.exit_code == 1
     assert where in done.stderr
     assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize("arm", ["nothing", "nothing:at_all", ":made", ".here:made", "json:nothing", "json:loads"])
+@pytest.mark.parametrize(
+    "arm", ["nothing", "nothing:at_all", ":made", ".here:made", "json:nothing", "json:loads"]
+)
 def test_dlo_scan_names_an_arm_that_is_none(arm: str, tmp_path: Path):
     done = CliRunner().invoke(app, ["scan", "--arm", arm, "--out", str(tmp_path)])
     assert done.exit_code == 1
@@ -261,13 +303,17 @@ def test_dlo_scan_drives_an_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         "import tests.clients.test_scan\n\n\ndef made():\n    return tests.clients.test_scan.Arm()\n"
     )
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(reconstruction_commands, "Scan", lambda client, arm, options: Scan(Table(), arm, options))
+    monkeypatch.setattr(
+        reconstruction_commands, "Scan", lambda client, arm, options: Scan(Table(), arm, options)
+    )
     out = tmp_path / "out"
     done = CliRunner().invoke(app, ["scan", "--arm", "cell_arm:made", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert "0.800 m" in done.stdout
     assert (out / "scan.svg").read_text().startswith("<svg")
-    assert MergeCurvesResult.model_validate_json((out / "scan.json").read_text()).curve.length_m == pytest.approx(0.8)
+    assert MergeCurvesResult.model_validate_json(
+        (out / "scan.json").read_text()
+    ).curve.length_m == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize("name", ["no_such_module:made", "json:no_such_name", "json"])

@@ -1,4 +1,5 @@
-"""The shape controller, the simulated table and what is drawn of a task, against the real stages."""
+"""The shape controller, the simulated table and what is drawn of a task, against the real
+stages."""
 
 from __future__ import annotations
 
@@ -33,13 +34,23 @@ class StageClient:
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory) -> StageClient:
-    return StageClient(stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1)))
+    return StageClient(
+        stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
+    )
 
 
 def moved(edge: int, dx: float, dy: float, turn: float) -> PlannedAction:
     grip = {"xy_m": (0, 0), "angle_rad": 0}
     return PlannedAction.model_validate(
-        {"edge": edge, "dx_m": dx, "dy_m": dy, "dtheta_rad": turn, "pick": grip, "place": grip, "checks": []}
+        {
+            "edge": edge,
+            "dx_m": dx,
+            "dy_m": dy,
+            "dtheta_rad": turn,
+            "pick": grip,
+            "place": grip,
+            "checks": [],
+        }
         | {"error_after_m": 0, "error_at_end_m": 0, "converged": True}
     )
 
@@ -60,7 +71,9 @@ def test_a_route_in_place_of_a_target(client):
     table = SimulatedTable(0.45)
     peg = Peg(kind="peg", xy_m=(0.05, 0.04), radius_m=0.01)
     route = Route(stops=[RouteStop(fixture=0, side="right")])
-    plan = ShapeController(client, table, OBJECT, None, fixtures=[peg], route=route).plan(table.observe())
+    plan = ShapeController(client, table, OBJECT, None, fixtures=[peg], route=route).plan(
+        table.observe()
+    )
     assert client.requests[-1].target_m is None
     assert plan.stops_left == [0]
     assert plan.action is not None
@@ -118,12 +131,18 @@ def test_a_target_that_is_no_line_of_points_is_named(client, target):
 
 def test_an_asynchronous_client_is_refused_by_name():
     """It ended in "'coroutine' object has no attribute 'state'" after the robot had been asked."""
-    with pytest.raises(InvalidArgument, match="ShapeController waits for answers: give it a Client"):
-        ShapeController(AsyncClient("http://service"), SimulatedTable(0.45), OBJECT, target_shape("U"))
+    with pytest.raises(
+        InvalidArgument, match="ShapeController waits for answers: give it a Client"
+    ):
+        ShapeController(
+            AsyncClient("http://service"), SimulatedTable(0.45), OBJECT, target_shape("U")
+        )
 
 
 def test_it_stops_after_the_actions_it_may_do(client):
-    controller = ShapeController(client, SimulatedTable(0.45), OBJECT, target_shape("S", 0.45), 1e-4, max_actions=2)
+    controller = ShapeController(
+        client, SimulatedTable(0.45), OBJECT, target_shape("S", 0.45), 1e-4, max_actions=2
+    )
     outcome = controller.run()
     assert not outcome.reached
     assert len(outcome.steps) == 2
@@ -149,7 +168,13 @@ def test_it_stops_when_the_actions_bring_nothing(client):
 def test_without_learning_nothing_is_told(client):
     asked = len(client.requests)
     controller = ShapeController(
-        client, SimulatedTable(0.45), OBJECT, target_shape("S", 0.45), max_actions=2, horizon=1, learn=False
+        client,
+        SimulatedTable(0.45),
+        OBJECT,
+        target_shape("S", 0.45),
+        max_actions=2,
+        horizon=1,
+        learn=False,
     )
     controller.run()
     assert all(request.history == [] for request in client.requests[asked:])

@@ -23,7 +23,10 @@ REPLIES: list[Reply] = [
 
 def use(script: Script) -> list[FrameResult]:
     transport = httpx.MockTransport(script)
-    with Client("http://service", transport=transport) as client, client.track(TrackOptions(effort="fast")) as track:
+    with (
+        Client("http://service", transport=transport) as client,
+        client.track(TrackOptions(effort="fast")) as track,
+    ):
         return [track.frame(b"one", time_s=0.5), track.frame(b"two", mask=b"a mask")]
 
 
@@ -42,7 +45,11 @@ def test_a_track_is_begun_fed_and_ended(on_loop: bool) -> None:
     assert frames == [track_samples.frame(1), track_samples.frame(2)]
     begun, first, second, ended = script.requests
     assert json.loads(begun.content)["effort"] == "fast"
-    assert (first.method, first.url.path, first.url.params["time_s"]) == ("POST", f"{PATH}/frames", "0.5")
+    assert (first.method, first.url.path, first.url.params["time_s"]) == (
+        "POST",
+        f"{PATH}/frames",
+        "0.5",
+    )
     assert b'name="image"' in first.content
     assert b"one" in first.content
     assert b'name="mask"' in second.content
@@ -65,7 +72,11 @@ def test_frames_that_cannot_be_sent() -> None:
     script = Script(ok(track_samples.info(), 201))
     with Client("http://service", transport=httpx.MockTransport(script)) as client:
         track = client.track()
-        for arguments, more, named in [((), {}, "image"), ((b"x",), {"time_s": -1}, "time_s"), ((7,), {}, "image")]:
+        for arguments, more, named in [
+            ((), {}, "image"),
+            ((b"x",), {"time_s": -1}, "time_s"),
+            ((7,), {}, "image"),
+        ]:
             with pytest.raises(InvalidArgument) as refused:
                 track.frame(*arguments, **more)  # type: ignore[arg-type]
             assert refused.value.argument == named

@@ -1,4 +1,5 @@
-"""A track over a WebSocket: at most two pictures are on their way, newer ones take the place of those that wait."""
+"""A track over a WebSocket: at most two pictures are on their way, newer ones take the place of
+those that wait."""
 
 from __future__ import annotations
 
@@ -12,7 +13,14 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from dlo_client import AsyncClient, Client, ConnectionFailed, InvalidArgument, UnexpectedReply, errors
+from dlo_client import (
+    AsyncClient,
+    Client,
+    ConnectionFailed,
+    InvalidArgument,
+    UnexpectedReply,
+    errors,
+)
 from dlo_client.contracts import StreamedFrame
 from dlo_client.track_stream import TrackStream
 from websockets.datastructures import Headers
@@ -25,7 +33,8 @@ WAIT_S = 20.0
 
 
 class Service:
-    """The stream's end at the service: answers the pictures it got when ``free`` is released, once for each."""
+    """The stream's end at the service: answers the pictures it got when ``free`` is released, once
+    for each."""
 
     def __init__(self) -> None:
         self.free = threading.Semaphore(0)
@@ -41,7 +50,9 @@ class Service:
             assert isinstance(picture, bytes)
             self.got.append((json.loads(text), picture))
             assert self.free.acquire(timeout=WAIT_S)
-            connection.send(self.replies.pop(0) if self.replies else self.frame(self.got[-1][0]["number"]))
+            connection.send(
+                self.replies.pop(0) if self.replies else self.frame(self.got[-1][0]["number"])
+            )
 
     def frame(self, number: int) -> str:
         frame = track_samples.frame(len(self.got))
@@ -66,7 +77,9 @@ def service() -> Service:
 
 def network(address: str) -> httpx.MockTransport:
     """Begins and ends the track; the stream itself goes to ``address``."""
-    return httpx.MockTransport(lambda r: reply(204)() if r.method == "DELETE" else ok(track_samples.info(), 201)())
+    return httpx.MockTransport(
+        lambda r: reply(204)() if r.method == "DELETE" else ok(track_samples.info(), 201)()
+    )
 
 
 @contextmanager
@@ -114,10 +127,16 @@ async def use_on_loop(service: Service, address: str) -> list[StreamedFrame]:
 
 
 @pytest.mark.parametrize("on_loop", [False, True])
-def test_two_pictures_are_out_and_of_the_rest_only_the_newest_is_sent(service: Service, on_loop: bool) -> None:
+def test_two_pictures_are_out_and_of_the_rest_only_the_newest_is_sent(
+    service: Service, on_loop: bool
+) -> None:
     with serving(service) as address:
         frames = asyncio.run(use_on_loop(service, address)) if on_loop else use(service, address)
-    assert [(frame.number, frame.dropped, frame.frame) for frame in frames] == [(1, 0, 1), (2, 0, 2), (6, 3, 3)]
+    assert [(frame.number, frame.dropped, frame.frame) for frame in frames] == [
+        (1, 0, 1),
+        (2, 0, 2),
+        (6, 3, 3),
+    ]
     assert [picture for _, picture in service.got] == [b"picture 0", b"picture 1", b"picture 5"]
     assert [about["time_s"] for about, _ in service.got] == [0.0, 0.5, 2.5]
     assert service.headers["Authorization"] == "Bearer key"
@@ -151,7 +170,11 @@ def test_a_stream_that_breaks(service: Service) -> None:
 
 
 def test_what_cannot_be_shown(service: Service) -> None:
-    wrong: list[tuple[Any, float | None, str]] = [(7, None, "image"), (b"x", -1.0, "time_s"), (b"x", np.nan, "time_s")]
+    wrong: list[tuple[Any, float | None, str]] = [
+        (7, None, "image"),
+        (b"x", -1.0, "time_s"),
+        (b"x", np.nan, "time_s"),
+    ]
     with streaming(service) as stream:
         for picture, time_s, named in wrong:
             with pytest.raises(InvalidArgument) as refused:
@@ -164,8 +187,16 @@ def test_what_cannot_be_shown(service: Service) -> None:
 def test_a_stream_that_is_refused_tells_why() -> None:
     """The handshake of a track that is gone fails without a reason: the track itself is asked."""
     gone = refusal(samples.refused(404, "unknown_track"))
-    transport = httpx.MockTransport(lambda r: gone() if r.method == "GET" else ok(track_samples.info(), 201)())
-    with Client("http://127.0.0.1:1", transport=transport) as client, pytest.raises(errors.NotFound):
+    transport = httpx.MockTransport(
+        lambda r: gone() if r.method == "GET" else ok(track_samples.info(), 201)()
+    )
+    with (
+        Client("http://127.0.0.1:1", transport=transport) as client,
+        pytest.raises(errors.NotFound),
+    ):
         client.track().stream()
-    with Client("http://127.0.0.1:1", transport=network("")) as client, pytest.raises(ConnectionFailed):
+    with (
+        Client("http://127.0.0.1:1", transport=network("")) as client,
+        pytest.raises(ConnectionFailed),
+    ):
         client.track().stream()

@@ -1,4 +1,5 @@
-"""The Pictures page in a real browser, against a stand-in for the service: what is sent, listed and drawn."""
+"""The Pictures page in a real browser, against a stand-in for the service: what is sent, listed and
+drawn."""
 
 from __future__ import annotations
 
@@ -99,7 +100,8 @@ def test_list_and_picture_highlight_each_other(page: Any) -> None:
 
 
 def test_a_rotated_photograph_stands_upright(page: Any) -> None:
-    """The result's coordinates are those of the upright picture: here the stored top is the right side."""
+    """The result's coordinates are those of the upright picture: here the stored top is the right
+    side."""
     stored = Image.new("L", (samples.HEIGHT, samples.WIDTH), GRAY)
     stored.paste(0, (0, 0, samples.HEIGHT, samples.WIDTH // 2))
     analyze(page, jpeg(stored, orientation=6))
@@ -154,7 +156,9 @@ def test_a_problem_is_shown_with_its_field(page: Any, service: FakeService) -> N
 
 
 def test_text_from_the_service_is_never_html(page: Any, service: FakeService) -> None:
-    service.refusal = samples.refused(422).model_copy(update={"detail": "<img src=x onerror=alert(1)>"})
+    service.refusal = samples.refused(422).model_copy(
+        update={"detail": "<img src=x onerror=alert(1)>"}
+    )
     page.set_input_files("#file", picture())
     page.wait_for_selector("#error:visible")
     assert "<img" in page.inner_text("#error")
@@ -191,7 +195,9 @@ def test_a_picture_that_only_the_service_can_read_is_shown(page: Any, service: F
     service.preview = preview_of(200)
     analyze(page, UNREADABLE)
     show_only(page)
-    assert color_at(page, 5, 5) == color_at(page, samples.WIDTH - 5, samples.HEIGHT - 5) == [200] * 3
+    assert (
+        color_at(page, 5, 5) == color_at(page, samples.WIDTH - 5, samples.HEIGHT - 5) == [200] * 3
+    )
 
 
 @pytest.mark.parametrize("size", [(1300, 900), (800, 1100)], ids=["desktop", "tablet"])
@@ -214,8 +220,11 @@ def test_nothing_of_the_picture_before_stays_after_one_that_cannot_be_read(
     assert color_at(page, 5, 5) == [GRAY] * 3
 
 
-def test_files_are_made_when_asked_for_and_saved_under_the_pictures_name(page: Any, service: FakeService) -> None:
-    """The page asked for the overlay of every picture and did not draw it: large ones took four times as long."""
+def test_files_are_made_when_asked_for_and_saved_under_the_pictures_name(
+    page: Any, service: FakeService
+) -> None:
+    """The page asked for the overlay of every picture and did not draw it: large ones took four
+    times as long."""
     analyze(page)
     assert '"files":[]' in service.requests[0]
     with page.expect_download() as download:

@@ -17,7 +17,18 @@ from tests.browser import Chromium
 from tests.clients import samples
 from tests.clients.browser_pages import NEEDS_BROWSER, opened, place
 from tests.clients.fake_service import FakeService
-from tests.clients.test_viewer_labels import bow, click, done, drag, png, press, probability, saved, sha256, tool
+from tests.clients.test_viewer_labels import (
+    bow,
+    click,
+    done,
+    drag,
+    png,
+    press,
+    probability,
+    saved,
+    sha256,
+    tool,
+)
 
 pytestmark = NEEDS_BROWSER
 BENCH = "viewer/label.html"
@@ -100,7 +111,8 @@ BRIGHTER = """([x, y, level]) => {
 
 
 def test_the_outline_is_seen_before_the_line_ends(page: Any) -> None:
-    """Whether a cable needed one more click was seen only after it had ended, and whoever ended it waited."""
+    """Whether a cable needed one more click was seen only after it had ended, and whoever ended it
+    waited."""
     take(page, "dim.png", png(probability() // 2))
     page.wait_for_selector("#instances button")
     click(page, 17, 99)
@@ -128,7 +140,8 @@ HOLD = """() => {
 
 
 def test_a_change_stays_when_the_database_answers_late(page: Any) -> None:
-    """What was read of a picture took the place of what had been done meanwhile: a removed cable was back."""
+    """What was read of a picture took the place of what had been done meanwhile: a removed cable
+    was back."""
     page.evaluate(HOLD)
     take(page, "shelf.png", png(probability()))
     page.wait_for_selector("#instances button")
@@ -154,12 +167,17 @@ def archive(files: dict[str, bytes]) -> bytes:
 def label(picture: bytes, name: str, count: int) -> PictureLabel:
     """The first ``count`` cables of the samples."""
     two = label_of(samples.two_cables(), name, sha256(picture))
-    return two.model_copy(update={"instances": two.instances[:count], "crossings": [], "origin": "corrected"})
+    return two.model_copy(
+        update={"instances": two.instances[:count], "crossings": [], "origin": "corrected"}
+    )
 
 
 def test_labels_of_an_archive_find_their_pictures_by_bytes(page: Any, service: FakeService) -> None:
-    """Two pictures of one name in two folders: corrections were filed by name, so one got those of the other."""
-    one, other, stranger = (png(np.full((samples.HEIGHT, samples.WIDTH), gray, np.uint8)) for gray in (40, 80, 120))
+    """Two pictures of one name in two folders: corrections were filed by name, so one got those of
+    the other."""
+    one, other, stranger = (
+        png(np.full((samples.HEIGHT, samples.WIDTH), gray, np.uint8)) for gray in (40, 80, 120)
+    )
     data = archive(
         {
             "left/0001.png": one,
@@ -173,7 +191,9 @@ def test_labels_of_an_archive_find_their_pictures_by_bytes(page: Any, service: F
     page.wait_for_selector("#pictures button.confirmed >> text=right/0001.png")
     page.wait_for_function("!document.querySelector('#pictures').textContent.includes('running')")
     assert "1 labels have no picture" in page.inner_text("#notice")
-    assert len(service.requests) == 1, "the picture without a label of its own was sent to the service"
+    assert len(service.requests) == 1, (
+        "the picture without a label of its own was sent to the service"
+    )
     page.click("#pictures button.confirmed")
     page.wait_for_function("document.querySelectorAll('#instances button').length === 1")
 
@@ -199,7 +219,12 @@ def test_areas_connectors_and_branch_points_are_labels_too(page: Any, tmp_path: 
     page.click("#confirm")
     saved(page, tmp_path, "coco")
     data = json.loads((tmp_path / "coco.json").read_text())
-    assert [(a["category_id"], a["iscrowd"]) for a in data["annotations"]] == [(1, 0), (1, 0), (1, 1), (2, 0)]
+    assert [(a["category_id"], a["iscrowd"]) for a in data["annotations"]] == [
+        (1, 0),
+        (1, 0),
+        (1, 1),
+        (2, 0),
+    ]
     tool(page, "delete")
     click(page, 140, 110)
     click(page, 25, 10)
@@ -220,8 +245,12 @@ def test_what_only_the_service_can_decode_is_shown(page: Any, service: FakeServi
 def test_pictures_are_gone_through_with_the_keys_of_cvat(page: Any, tmp_path: Any) -> None:
     for gray in (0, 30, 60):
         take(page, f"{gray}.png", png(np.maximum(probability(), gray)))
-        page.wait_for_function(f"document.querySelectorAll('#pictures button').length === {1 + gray // 30}")
-    page.wait_for_function("(document.querySelector('#pictures').textContent.match(/certainty/g) || []).length === 3")
+        page.wait_for_function(
+            f"document.querySelectorAll('#pictures button').length === {1 + gray // 30}"
+        )
+    page.wait_for_function(
+        "(document.querySelector('#pictures').textContent.match(/certainty/g) || []).length === 3"
+    )
     shown = "document.querySelector('#canvas').getAttribute('aria-label')"
     wait = f"(name) => {shown} === name"
     page.keyboard.press("f")
@@ -241,7 +270,9 @@ def test_pictures_are_gone_through_with_the_keys_of_cvat(page: Any, tmp_path: An
     assert page.inner_text("#count") == "1 of 3 confirmed, 0 changed"
 
 
-def test_what_the_service_was_unsure_of_is_there_to_be_labelled(browser: Chromium, service: FakeService) -> None:
+def test_what_the_service_was_unsure_of_is_there_to_be_labelled(
+    browser: Chromium, service: FakeService
+) -> None:
     service.unsure = {sha256(data): data for data in (png(probability()), png(255 - probability()))}
     with opened(browser, service, BENCH) as page:
         page.click("#unsure")

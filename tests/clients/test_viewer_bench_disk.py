@@ -1,7 +1,8 @@
-"""The label bench saves in a folder that the browser lets it write into, and over nobody's newer label.
+"""The label bench saves in a folder that the browser lets it write into, and over nobody's newer
+label.
 
-The folder is one of the browser's own (the origin private file system), in the place of one that somebody chooses: the
-same handles, without a dialog that no test can answer.
+The folder is one of the browser's own (the origin private file system), in the place of one that
+somebody chooses: the same handles, without a dialog that no test can answer.
 """
 
 from __future__ import annotations
@@ -103,7 +104,12 @@ def test_a_change_is_a_draft_in_the_folder_and_confirmed_a_correction(page: Any)
     settled(page)
     draft = read(page, f"out/drafts/{NAME}.json")
     assert draft
-    assert (len(draft.instances), draft.origin, draft.name, draft.sha256) == (1, "service", NAME, sha256(PICTURE))
+    assert (len(draft.instances), draft.origin, draft.name, draft.sha256) == (
+        1,
+        "service",
+        NAME,
+        sha256(PICTURE),
+    )
     page.keyboard.press("c")
     settled(page)
     page.wait_for_selector("#pictures button.confirmed")

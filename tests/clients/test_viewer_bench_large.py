@@ -1,4 +1,5 @@
-"""The label bench in a real browser: what large pictures would make slow, and what is kept in the browser."""
+"""The label bench in a real browser: what large pictures would make slow, and what is kept in the
+browser."""
 
 from __future__ import annotations
 
@@ -29,7 +30,9 @@ def page(browser: Chromium, service: FakeService) -> Iterator[Any]:
     yield from empty_bench(browser, service)
 
 
-def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(page: Any, service: FakeService, tmp_path: Any) -> None:
+def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(
+    page: Any, service: FakeService, tmp_path: Any
+) -> None:
     """A large picture was shown 1280 px wide; its labels are in its own pixels."""
     wide, high, width = 4000, 3000, 24
     pixels = np.full((high, wide), 60, np.uint8)
@@ -94,7 +97,8 @@ def test_masks_are_drawn_anew_only_where_one_is_another(page: Any) -> None:
 
 
 def test_a_picture_is_opened_once(page: Any) -> None:
-    """When the service had answered its pixels were read again, and the first click waited for that."""
+    """When the service had answered its pixels were read again, and the first click waited for
+    that."""
     page.evaluate(ASKED)
     take(page, "shelf.png", png(probability()))
     page.wait_for_function("asked.includes('probability')")
@@ -156,7 +160,9 @@ KEPT_BY_VERSION_1 = """async ([bytes, label]) => {
 }"""
 
 
-def test_what_an_earlier_version_kept_is_still_there(browser: Chromium, service: FakeService) -> None:
+def test_what_an_earlier_version_kept_is_still_there(
+    browser: Chromium, service: FakeService
+) -> None:
     data = png(probability())
     kept = label(data, "old.png", 2).model_dump(mode="json")
     with opened(browser, service) as page:
@@ -186,7 +192,8 @@ SEARCHED = """async () => {
 
 
 def test_a_search_keeps_to_the_cable(page: Any) -> None:
-    """It went to all that was nearer than the goal, most of a large picture: half of the time of a click."""
+    """It went to all that was nearer than the goal, most of a large picture: half of the time of a
+    click."""
     straight, length, priced = page.evaluate(SEARCHED)
     assert (straight, length) == (True, 301)
     assert priced < 3000
@@ -239,7 +246,8 @@ PULLED = """async () => {
 
 
 def test_a_pull_means_the_same_whatever_was_outlined_before(page: Any) -> None:
-    """In a large picture what an outline has learned of the colors is kept for the small pulls that follow."""
+    """In a large picture what an outline has learned of the colors is kept for the small pulls that
+    follow."""
     for kept, anew, without in page.evaluate(PULLED):
         assert kept == anew
         assert max(kept["high"]) > max(without["high"]) + 0.2

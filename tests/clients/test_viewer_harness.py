@@ -55,10 +55,13 @@ def test_layers_draw_what_they_say(page: Any) -> None:
 
 
 def test_a_picture_is_sent_with_its_depth(page: Any, service: FakeService) -> None:
-    """Only the page of the pictures could; it shows which strand is on top. Another picture has another depth."""
+    """Only the page of the pictures could; it shows which strand is on top. Another picture has
+    another depth."""
     page.set_input_files("#file", picture())
     page.wait_for_selector("#actions button")
-    page.set_input_files("#depth", {"name": "depth.png", "mimeType": "image/png", "buffer": picture()["buffer"]})
+    page.set_input_files(
+        "#depth", {"name": "depth.png", "mimeType": "image/png", "buffer": picture()["buffer"]}
+    )
     assert page.text_content("#curl").count("-F 'depth=@\"depth.png\"'") == 1
     page.click("#run")
     page.wait_for_selector("#progress", state="hidden")
@@ -70,7 +73,9 @@ def test_a_picture_is_sent_with_its_depth(page: Any, service: FakeService) -> No
 
 def test_a_drawing_asks_for_names(page: Any, service: FakeService) -> None:
     drawing = b'{"branches": [{"name": "trunk", "a": "A", "b": "B", "length": 100}]}'
-    page.set_input_files("#drawing", {"name": "d.json", "mimeType": "application/json", "buffer": drawing})
+    page.set_input_files(
+        "#drawing", {"name": "d.json", "mimeType": "application/json", "buffer": drawing}
+    )
     page.set_input_files("#file", picture())
     page.wait_for_function("document.querySelector('#section-count').value === '3'")
     assert '"kind":"topology"' in service.requests[0]
@@ -78,12 +83,14 @@ def test_a_drawing_asks_for_names(page: Any, service: FakeService) -> None:
 
 
 @pytest.mark.parametrize(
-    ("choice", "part", "named"), [("", "image", False), ("photograph", "image", True), ("mask", "mask", False)]
+    ("choice", "part", "named"),
+    [("", "image", False), ("photograph", "image", True), ("mask", "mask", False)],
 )
 def test_a_mask_is_offered_to_be_taken_as_one(
     page: Any, service: FakeService, choice: str, part: str, named: bool
 ) -> None:
-    """A harness mask opened on this page was segmented like a photograph: four branch-points where there is one."""
+    """A harness mask opened on this page was segmented like a photograph: four branch-points where
+    there is one."""
     page.select_option("#as", choice)
     page.set_input_files("#file", picture())
     page.wait_for_selector("#actions button")
@@ -92,7 +99,9 @@ def test_a_mask_is_offered_to_be_taken_as_one(
     assert '"files":[]' in service.requests[0]
 
 
-def test_nothing_of_the_picture_before_stays_after_one_that_cannot_be_read(page: Any, service: FakeService) -> None:
+def test_nothing_of_the_picture_before_stays_after_one_that_cannot_be_read(
+    page: Any, service: FakeService
+) -> None:
     """As on the first page: the picture before stayed under the problem of the next."""
     page.set_input_files("#file", picture())
     page.wait_for_selector("#sections button")
@@ -113,7 +122,9 @@ def test_the_action_is_played_over_the_picture(page: Any) -> None:
     before = color_at(page, samples.WIDTH * 0.2, samples.HEIGHT * 0.93)
     page.click("#play")
     assert page.evaluate(share) == 1
-    assert color_at(page, samples.WIDTH * 0.2, samples.HEIGHT * 0.93) != before, "the section has come along"
+    assert color_at(page, samples.WIDTH * 0.2, samples.HEIGHT * 0.93) != before, (
+        "the section has come along"
+    )
 
 
 def test_the_request_is_shown_as_code(page: Any) -> None:

@@ -25,7 +25,8 @@ pytestmark = NEEDS_BROWSER
 
 
 def probability() -> np.ndarray:
-    """The two cables of the samples, and a bow that the service missed: 7 px wide, from (15, 100) to (150, 95)."""
+    """The two cables of the samples, and a bow that the service missed: 7 px wide, from (15, 100)
+    to (150, 95)."""
     image = np.zeros((samples.HEIGHT, samples.WIDTH), np.uint8)
     image[57:64, 10:] = image[10:111, 77:84] = 255
     cv2.polylines(image, [bow().round().astype(np.int32)], False, 255, 7)
@@ -52,7 +53,9 @@ def page(browser: Chromium) -> Iterator[Any]:
         page.click("text=Label")
         page.wait_for_url("**/label.html")
         page.wait_for_selector("body[data-ready]")
-        page.set_input_files("#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())})
+        page.set_input_files(
+            "#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())}
+        )
         page.wait_for_selector("#instances button")
         yield page
 
@@ -99,7 +102,9 @@ def mask(item: Any) -> np.ndarray:
 
 def test_untouched_labels_are_saved_as_they_came(page: Any, tmp_path: Path) -> None:
     label = saved(page, tmp_path)
-    assert [i.mask_rle for i in label.instances] == [i.mask_rle for i in samples.two_cables().instances]
+    assert [i.mask_rle for i in label.instances] == [
+        i.mask_rle for i in samples.two_cables().instances
+    ]
     assert label.crossings == samples.two_cables().crossings
     assert label.origin == "service"
 
@@ -116,13 +121,16 @@ def test_the_service_hashes_where_the_page_may_not(browser: Chromium, tmp_path: 
     with opened(browser, service) as page:
         page.add_init_script("Object.defineProperty(crypto, 'subtle', { value: undefined })")
         page.goto(f"{page.url}viewer/label.html")
-        page.set_input_files("#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())})
+        page.set_input_files(
+            "#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())}
+        )
         page.wait_for_selector("#instances button")
         assert saved(page, tmp_path).sha256 == sha256(png(probability()))
 
 
 def test_only_what_somebody_confirmed_is_a_correction(page: Any, tmp_path: Path) -> None:
-    """Pictures that nobody touched became corrections, and so did those that somebody had only begun to change."""
+    """Pictures that nobody touched became corrections, and so did those that somebody had only
+    begun to change."""
     page.click("#confirm")
     assert "confirmed" in page.inner_text("#pictures button")
     assert saved(page, tmp_path).origin == "corrected"
@@ -151,7 +159,9 @@ def test_two_clicks_on_a_missed_cable_snap_to_its_centerline(page: Any, tmp_path
     assert max(away) < 2
     drawn = np.zeros((samples.HEIGHT, samples.WIDTH), np.uint8)
     cv2.polylines(drawn, [true.round().astype(np.int32)], False, 1, 7)
-    assert added.width_px == pytest.approx(drawn.sum() / np.hypot(*np.diff(true, axis=0).T).sum(), abs=0.8)
+    assert added.width_px == pytest.approx(
+        drawn.sum() / np.hypot(*np.diff(true, axis=0).T).sum(), abs=0.8
+    )
     both, either = (mask(added) & (drawn > 0)).sum(), (mask(added) | (drawn > 0)).sum()
     assert both / either > 0.85
     assert added.score is None
@@ -206,7 +216,9 @@ def test_a_line_can_be_moved_and_the_map_snaps_it(page: Any, tmp_path: Path) -> 
     assert line[np.argmin(abs(line[:, 0] - 80)), 1] < 95
 
 
-def drag(page: Any, start: tuple[float, float], end: tuple[float, float], key: str | None = None) -> None:
+def drag(
+    page: Any, start: tuple[float, float], end: tuple[float, float], key: str | None = None
+) -> None:
     if key:
         page.keyboard.down(key)
     page.mouse.move(*place(page, *start))
@@ -241,7 +253,9 @@ def test_an_edge_is_pulled_and_with_shift_the_width(page: Any, tmp_path: Path) -
     assert across(saved(page, tmp_path).instances[2], 115) == (top, bottom)
 
 
-def test_with_control_a_drag_moves_the_whole_cable_and_what_follows_keeps_that(page: Any, tmp_path: Path) -> None:
+def test_with_control_a_drag_moves_the_whole_cable_and_what_follows_keeps_that(
+    page: Any, tmp_path: Path
+) -> None:
     """The outline went back to the picture's edges."""
     click(page, 17, 99)
     click(page, 147, 98)
@@ -281,17 +295,23 @@ def test_coco_from_the_page_is_read_like_any_other(page: Any, tmp_path: Path) ->
         page.select_option("#format", "coco")
         page.click("#save")
     download.value.save_as(tmp_path / "unconfirmed.json")
-    assert READERS["coco"](tmp_path / "unconfirmed.json").not_annotated == {"shelf.png": "nobody confirmed it"}
+    assert READERS["coco"](tmp_path / "unconfirmed.json").not_annotated == {
+        "shelf.png": "nobody confirmed it"
+    }
     page.click("#confirm")
     label = saved(page, tmp_path, "coco")
     assert label.sha256 == sha256(png(probability()))
     for got, true in zip(label.instances, samples.two_cables().instances, strict=True):
         assert np.array_equal(mask(got), mask(true))
     data = json.loads((tmp_path / "coco.json").read_text())
-    assert [a["area"] for a in data["annotations"]] == [int(mask(i).sum()) for i in samples.two_cables().instances]
+    assert [a["area"] for a in data["annotations"]] == [
+        int(mask(i).sum()) for i in samples.two_cables().instances
+    ]
 
 
 def test_the_least_certain_picture_comes_first(page: Any) -> None:
-    page.set_input_files("#file", {"name": "other.png", "mimeType": "image/png", "buffer": png(255 - probability())})
+    page.set_input_files(
+        "#file", {"name": "other.png", "mimeType": "image/png", "buffer": png(255 - probability())}
+    )
     page.wait_for_function("document.querySelectorAll('#pictures button').length === 2")
     assert "certainty 0.90" in page.inner_text("#pictures button >> nth=0")

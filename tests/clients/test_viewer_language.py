@@ -1,4 +1,5 @@
-"""German is loaded for who reads it, and nobody who does sees the page in English, or bright, before."""
+"""German is loaded for who reads it, and nobody who does sees the page in English, or bright,
+before."""
 
 from __future__ import annotations
 

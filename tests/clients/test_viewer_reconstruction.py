@@ -44,12 +44,17 @@ def send(page: Any, cameras: Any) -> None:
     pictures = [{"name": f"{k}.png", "mimeType": "image/png", "buffer": png()} for k in range(3)]
     page.set_input_files("#files", pictures)
     data = json.dumps(cameras).encode()
-    page.set_input_files("#cameras", {"name": "cameras.json", "mimeType": "application/json", "buffer": data})
+    page.set_input_files(
+        "#cameras", {"name": "cameras.json", "mimeType": "application/json", "buffer": data}
+    )
 
 
 def cameras() -> list[dict[str, Any]]:
     intrinsics = curve_samples.INTRINSICS.model_dump()
-    return [{"intrinsics": intrinsics, "T_world_camera": curve_samples.pose(x)} for x in (-0.05, 0.0, 0.05)]
+    return [
+        {"intrinsics": intrinsics, "T_world_camera": curve_samples.pose(x)}
+        for x in (-0.05, 0.0, 0.05)
+    ]
 
 
 def ink(page: Any, x: int, y: int, reach: int = 3) -> set[tuple[int, int, int]]:
@@ -79,7 +84,9 @@ def test_pictures_and_cameras_become_a_curve(page: Any, service: FakeService) ->
     assert ast.literal_eval(call.args[1]) == ["0.png", "1.png", "2.png"]
     assert page.text_content("#curl").count("-F 'image=@") == 3
     assert [view["T_world_camera"][0][3] for view in request["views"]] == [-0.05, 0.0, 0.05]
-    facts = dict(zip(page.locator("dt").all_inner_texts(), page.locator("dd").all_inner_texts(), strict=True))
+    facts = dict(
+        zip(page.locator("dt").all_inner_texts(), page.locator("dd").all_inner_texts(), strict=True)
+    )
     assert facts["length"] == "200.0 mm"
     assert facts["radius"] == "2.00 mm"
     assert facts["reprojection"] == "0.25 px"
@@ -94,11 +101,14 @@ def test_a_finished_job_can_be_opened_by_its_address(page: Any) -> None:
     captions = page.locator("#views p:not(.reason)").all_inner_texts()
     assert captions == ["left: 0.25 px", "middle: 0.25 px", "right: dropped"]
     assert page.locator("#views .dropped .reason").inner_text() == "the DLO was not <b>found</b>"
-    page.wait_for_function("[...document.querySelectorAll('#views img')].every((i) => i.naturalWidth === 64)")
+    page.wait_for_function(
+        "[...document.querySelectorAll('#views img')].every((i) => i.naturalWidth === 64)"
+    )
 
 
 def test_the_curve_and_its_uncertainty_are_where_they_should_be(page: Any) -> None:
-    """From above the cable runs up the middle of the scene; seen from the side along it stands as one ellipse."""
+    """From above the cable runs up the middle of the scene; seen from the side along it stands as
+    one ellipse."""
     page.goto(f"{page.url}?job={samples.JOB_ID}")
     page.wait_for_selector("#facts dd")
     for name in ("cameras", "next", "uncertainty"):
@@ -145,7 +155,9 @@ def test_it_turns_with_mouse_and_keys(page: Any) -> None:
 
 
 def test_a_refusal_names_the_field(page: Any, service: FakeService) -> None:
-    service.refusal = samples.refused(422, errors=[{"field": "views.1.T_world_camera", "message": "is no rotation"}])
+    service.refusal = samples.refused(
+        422, errors=[{"field": "views.1.T_world_camera", "message": "is no rotation"}]
+    )
     send(page, cameras())
     page.click("#run")
     page.wait_for_selector("#error:visible")
@@ -154,7 +166,9 @@ def test_a_refusal_names_the_field(page: Any, service: FakeService) -> None:
 
 @pytest.mark.parametrize("text", ["{", "3", '{"a": 1}'])
 def test_cameras_that_are_none(page: Any, text: str) -> None:
-    page.set_input_files("#cameras", {"name": "c.json", "mimeType": "application/json", "buffer": text.encode()})
+    page.set_input_files(
+        "#cameras", {"name": "c.json", "mimeType": "application/json", "buffer": text.encode()}
+    )
     page.wait_for_selector("#error:visible")
     assert "c.json" in page.inner_text("#error")
     assert page.is_disabled("#run")

@@ -1,4 +1,5 @@
-"""The Pictures page in a real browser: several pictures and what is unsure in them, two methods, depth, addresses."""
+"""The Pictures page in a real browser: several pictures and what is unsure in them, two methods,
+depth, addresses."""
 
 from __future__ import annotations
 
@@ -21,7 +22,9 @@ def test_the_page_says_what_is_unsure_and_why(page: Any, service: FakeService) -
     result = service.finished.result
     unsure = result.instances[1].model_copy(update={"score": 0.4, "reasons": ["gap", "parallel"]})
     status = SceneStatus(code="unsure", limit=0.8, reasons=["gap", "parallel"])
-    changed = result.model_copy(update={"instances": [result.instances[0], unsure], "status": status})
+    changed = result.model_copy(
+        update={"instances": [result.instances[0], unsure], "status": status}
+    )
     service.finished = service.finished.model_copy(update={"result": changed})
     page.click("#run")
     page.wait_for_selector("#status.unsure")
@@ -43,7 +46,9 @@ def unsure_job() -> Any:
 
 def test_several_pictures_are_reviewed_worst_first(page: Any, service: FakeService) -> None:
     service.next = [samples.instances_job(), unsure_job()]
-    page.set_input_files("#file", [{**picture(), "name": "sure.jpg"}, {**picture(), "name": "doubtful.jpg"}])
+    page.set_input_files(
+        "#file", [{**picture(), "name": "sure.jpg"}, {**picture(), "name": "doubtful.jpg"}]
+    )
     page.wait_for_selector("#film .mark.unsure")
     page.wait_for_selector("#film .mark.ok")
     first, second = page.locator("#film button").all_inner_texts()
@@ -66,12 +71,16 @@ def unsure_at_the_border() -> Any:
     line = [(1500.0, 20.0), (1580.0, 140.0)]
     low = second.model_copy(update={"score": 0.4, "reasons": ["short"], "centerline_xy": line})
     status = SceneStatus(code="unsure", limit=0.8, reasons=["short"])
-    changed = job.result.model_copy(update={"instances": [first, low], "crossings": [], "status": status})
+    changed = job.result.model_copy(
+        update={"instances": [first, low], "crossings": [], "status": status}
+    )
     large = changed.model_copy(update={"width": 10 * samples.WIDTH, "height": 10 * samples.HEIGHT})
     return job.model_copy(update={"result": large})
 
 
-def test_what_is_unsure_at_the_border_leaves_no_part_of_the_view_empty(page: Any, service: FakeService) -> None:
+def test_what_is_unsure_at_the_border_leaves_no_part_of_the_view_empty(
+    page: Any, service: FakeService
+) -> None:
     """The place was brought to the middle of the view, whose upper and right third stayed black."""
     service.next = [unsure_at_the_border()]
     analyze(page)
@@ -98,7 +107,12 @@ def measured_job() -> Any:
     first, second = job.result.instances
     curve = [(0.0, 0.0, 0.5), (0.1, 0.0, 0.5)]
     covariance = [(1e-8, 0, 0, 1e-8, 0, 1e-8)] * 2
-    more = {"curve_m": curve, "radius_m": 0.003, "sigma_m": [0.0004, 0.0004], "covariance_m2": covariance}
+    more = {
+        "curve_m": curve,
+        "radius_m": 0.003,
+        "sigma_m": [0.0004, 0.0004],
+        "covariance_m2": covariance,
+    }
     changed = job.result.model_copy(update={"instances": [first.model_copy(update=more), second]})
     return job.model_copy(update={"result": changed})
 
@@ -108,9 +122,13 @@ def test_a_picture_is_sent_with_its_depth_and_measured(page: Any, service: FakeS
     analyze(page)
     service.finished = measured_job()
     page.click("summary >> text=Depth")
-    page.set_input_files("#depth", {"name": "depth.png", "mimeType": "image/png", "buffer": b"depth"})
+    page.set_input_files(
+        "#depth", {"name": "depth.png", "mimeType": "image/png", "buffer": b"depth"}
+    )
     camera = json.dumps(PINHOLE).encode()
-    page.set_input_files("#camera", {"name": "camera.json", "mimeType": "application/json", "buffer": camera})
+    page.set_input_files(
+        "#camera", {"name": "camera.json", "mimeType": "application/json", "buffer": camera}
+    )
     page.wait_for_function("document.querySelector('#curl').textContent.includes('fx')")
     assert 'depth=@"depth.png"' in page.text_content("#curl")
     assert 'depth="depth.png"' in page.text_content("#python")
@@ -133,11 +151,16 @@ def test_two_methods_stand_side_by_side(page: Any, service: FakeService) -> None
     page.select_option("#compare", "rt_dlo")
     analyze(page)
     page.wait_for_selector("#other:visible")
-    assert [json.loads(request)["method"] for request in service.requests] == ["section_matching", "rt_dlo"]
+    assert [json.loads(request)["method"] for request in service.requests] == [
+        "section_matching",
+        "rt_dlo",
+    ]
     assert "2 instances" in page.inner_text("#beside")
     page.focus("#canvas")
     page.keyboard.press("+")
-    scales = page.evaluate("['#canvas', '#other'].map((id) => document.querySelector(id).dataset.scale)")
+    scales = page.evaluate(
+        "['#canvas', '#other'].map((id) => document.querySelector(id).dataset.scale)"
+    )
     assert scales[0] == scales[1], "they keep the same view"
 
 

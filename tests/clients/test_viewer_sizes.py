@@ -1,4 +1,5 @@
-"""On a tablet, in German, whose words are longer: nothing on a page sticks out of the card that holds it."""
+"""On a tablet, in German, whose words are longer: nothing on a page sticks out of the card that
+holds it."""
 
 from __future__ import annotations
 
@@ -32,8 +33,11 @@ CHOSEN_CUT = """() => [...document.querySelectorAll("main select")].filter((one)
 @pytest.mark.parametrize("language", ["de-DE", "en-US"])
 @pytest.mark.parametrize("width", [1024, 1440])
 def test_what_is_chosen_can_be_read(browser: Chromium, language: str, width: int) -> None:
-    """*Section matc…* and *no other met…* on a desktop, *What is there, and what t…* on a tablet."""
-    page = browser.new_page(viewport={"width": width, "height": 768}, locale=language, has_touch=width < 1100)
+    """*Section matc…* and *no other met…* on a desktop, *What is there, and what t…* on a
+    tablet."""
+    page = browser.new_page(
+        viewport={"width": width, "height": 768}, locale=language, has_touch=width < 1100
+    )
     with served(FakeService().app()) as url:
         for name in PAGES:
             page.goto(f"{url}/viewer/{name}.html")
@@ -45,7 +49,9 @@ def test_what_is_chosen_can_be_read(browser: Chromium, language: str, width: int
 @pytest.mark.parametrize("language", ["de-DE", "en-US"])
 def test_nothing_sticks_out_of_its_card_on_a_tablet(browser: Chromium, language: str) -> None:
     """The button *Als nächste Version sichern* did."""
-    page = browser.new_page(viewport={"width": 1024, "height": 768}, locale=language, has_touch=True)
+    page = browser.new_page(
+        viewport={"width": 1024, "height": 768}, locale=language, has_touch=True
+    )
     with served(FakeService().app()) as url:
         for name in PAGES:
             page.goto(f"{url}/viewer/{name}.html")

@@ -1,4 +1,5 @@
-"""The pages' texts in English and German, their size, and what their styles promise to people who see less."""
+"""The pages' texts in English and German, their size, and what their styles promise to people who
+see less."""
 
 from __future__ import annotations
 
@@ -98,14 +99,21 @@ def sentences(script: Path) -> set[str]:
     """Literals of two words and more that are no code, style or selector."""
     found = {one or other for one, other in LITERAL.findall(COMMENT.sub("", script.read_text()))}
     plain = {text for text in found if not NO_SENTENCE.search(re.sub(r"\$?\{[^}]*\}", "", text))}
-    return {text for text in plain if len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\$?\{[^}]*\}", "", text))) > 1}
+    return {
+        text
+        for text in plain
+        if len(re.findall(r"[A-Za-z]{2,}", re.sub(r"\$?\{[^}]*\}", "", text))) > 1
+    }
 
 
 def test_no_script_has_a_sentence_of_its_own() -> None:
-    """Problems of archives and of cameras came in English to everybody: they were not given to ``t``."""
+    """Problems of archives and of cameras came in English to everybody: they were not given to
+    ``t``."""
     scripts = [script for script in VIEWER.glob("*.js") if script.name != "german.js"]
     assert "not opened yet" in sentences(VIEWER / "bench_lists.js")
-    untold = {(script.name, text) for script in scripts for text in sentences(script) - german().keys()}
+    untold = {
+        (script.name, text) for script in scripts for text in sentences(script) - german().keys()
+    }
     assert {(name, text) for name, text in untold if " " in text.strip()} == set()
 
 
@@ -126,10 +134,16 @@ def codes_in(place: Path) -> set[str]:
     """Codes of the problems that a package answers with, as they are written in its calls."""
     found: set[str] = set()
     for file in place.rglob("*.py") if place.is_dir() else [place]:
-        calls = [node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)]
+        calls = [
+            node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)
+        ]
         for call in calls:
             name = getattr(call.func, "id", "")
-            named = [one.value for one in call.keywords if one.arg == "code" and not name.startswith("Plan")]
+            named = [
+                one.value
+                for one in call.keywords
+                if one.arg == "code" and not name.startswith("Plan")
+            ]
             at = {"ProblemError": 1, "_retry": 1, "InvalidInput": 2}.get(name)
             given = call.args[at : at + 1] if at else []
             found |= {one.value for one in [*named, *given] if isinstance(one, ast.Constant)}
@@ -144,7 +158,9 @@ def test_every_problem_has_a_title() -> None:
     codes = codes_in(root / "services") | codes_in(root / "workers" / "problems.py")
     assert {"worker_lost", "queue_full", "invalid_image", "unknown_folder"} <= codes
     assert codes - titles.keys() == set()
-    of_jobs = {code for code in codes_in(root / "workers" / "stages") if not code.startswith("invalid_")}
+    of_jobs = {
+        code for code in codes_in(root / "workers" / "stages") if not code.startswith("invalid_")
+    }
     assert {"name_taken", "size_mismatch"} <= of_jobs
     assert of_jobs - titles.keys() == set(), "any invalid_… has one title"
     assert {*titles.values(), "The input cannot be used"} - german().keys() == set()
@@ -152,7 +168,9 @@ def test_every_problem_has_a_title() -> None:
 
 def test_translations_keep_what_is_filled_in() -> None:
     for english, text in german().items():
-        assert sorted(re.findall(r"\{\w+\}", english)) == sorted(re.findall(r"\{\w+\}", text)), english
+        assert sorted(re.findall(r"\{\w+\}", english)) == sorted(re.findall(r"\{\w+\}", text)), (
+            english
+        )
 
 
 def modules(start: Path) -> set[Path]:
@@ -189,7 +207,8 @@ def contrast(one: str, other: str) -> float:
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_text_and_borders_stand_out(theme: str) -> None:
-    """WCAG AA: 4.5 for text on every ground that it is written on, 3 for the borders of controls."""
+    """WCAG AA: 4.5 for text on every ground that it is written on, 3 for the borders of
+    controls."""
     blocks = re.findall(r":root[^{]*\{([^}]*)\}", (VIEWER / "style.css").read_text())
     tokens = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6});", blocks[0]))
     if theme == "dark":
@@ -197,7 +216,13 @@ def test_text_and_borders_stand_out(theme: str) -> None:
     grounds = ["page", "card", "raised", "tint"]
     pairs = [(ink, ground) for ink in ("ink", "soft") for ground in grounds]
     pairs += [(ink, "card") for ink in ("accent", "good", "warn", "bad")]
-    pairs += [("on-accent", "accent"), ("ink", "warn-tint"), ("ink", "bad-tint"), ("bad", "bad-tint"), ("warn", "tint")]
+    pairs += [
+        ("on-accent", "accent"),
+        ("ink", "warn-tint"),
+        ("ink", "bad-tint"),
+        ("bad", "bad-tint"),
+        ("warn", "tint"),
+    ]
     weak = {pair: contrast(*(tokens[name] for name in pair)) for pair in pairs}
     assert {pair: value for pair, value in weak.items() if value < 4.5} == {}
     assert min(contrast(tokens["edge"], tokens[ground]) for ground in ("card", "page")) >= 3

@@ -23,7 +23,10 @@ def test_pictures_become_a_film_with_ids(browser: Chromium, tmp_path: Path) -> N
         page.wait_for_function("document.querySelector('#at').value === '3 / 3'")
         assert service.requests == ["0", "0.2", "0.4"]
         first, second = page.locator("#cables button").all_inner_texts()
-        assert (first.split()[:2], second.split()[:3]) == (["1", "seen"], ["2", "partly", "covered"])
+        assert (first.split()[:2], second.split()[:3]) == (
+            ["1", "seen"],
+            ["2", "partly", "covered"],
+        )
         assert color_at(page, 40, 60) == palette()[1].tolist()
         with page.expect_download() as download:
             page.click("#save")

@@ -22,10 +22,14 @@ TRACK_ID = "5" * 32
 
 def info() -> TrackInfo:
     now = datetime(2026, 1, 1, tzinfo=UTC)
-    return TrackInfo(id=TRACK_ID, options=TrackOptions(), frames=0, cables=0, created_at=now, expires_at=now)
+    return TrackInfo(
+        id=TRACK_ID, options=TrackOptions(), frames=0, cables=0, created_at=now, expires_at=now
+    )
 
 
-def frame(number: int = 1, states: tuple[CableState, ...] = ("seen", "partly_covered", "lost")) -> FrameResult:
+def frame(
+    number: int = 1, states: tuple[CableState, ...] = ("seen", "partly_covered", "lost")
+) -> FrameResult:
     """Horizontal cables, 20 px apart; of one that is partly covered the last third is."""
     return FrameResult(
         frame=number,
@@ -34,7 +38,10 @@ def frame(number: int = 1, states: tuple[CableState, ...] = ("seen", "partly_cov
         cables=[_cable(k, state) for k, state in enumerate(states, start=1)],
         crossings=[
             CableCrossing(
-                xy=(80.0, 20.0), over=CablePosition(cable=1, u=0.5), under=CablePosition(cable=2, u=0.5), score=0.9
+                xy=(80.0, 20.0),
+                over=CablePosition(cable=1, u=0.5),
+                under=CablePosition(cable=2, u=0.5),
+                score=0.9,
             )
         ],
         track=TrackState(frame=number, next_id=len(states) + 1),

@@ -1,4 +1,5 @@
-"""What tests of the Pictures page have in common: a picture, its analysis, and which layers are shown."""
+"""What tests of the Pictures page have in common: a picture, its analysis, and which layers are
+shown."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ def show_only(page: Any, *layers: str) -> None:
 
 
 def request_in(page: Any) -> tuple[str, ast.Call]:
-    """The request's class and the call of ``client.run`` in the page's Python program; the SDK has what it imports."""
+    """The request's class and the call of ``client.run`` in the page's Python program; the SDK has
+    what it imports."""
     program = ast.parse(page.text_content("#python"))
     imported = [name.name for name in program.body[0].names]
     assert all(hasattr(dlo_client, name) for name in imported)

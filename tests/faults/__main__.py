@@ -1,7 +1,9 @@
-"""``python -m tests.faults [--jobs 2000] [--kills 100] [--only kills,full_disk]``: make every fault happen, and count.
+"""``python -m tests.faults [--jobs 2000] [--kills 100] [--only kills,full_disk]``: make every fault
+happen, and count.
 
-A long run may come in pieces: ``--add`` adds what is counted to what the report holds, and each ``--seed`` has its own
-moments. Exits with 1 if a job was lost, doubled, wrong or failed without reason. Writes ``build/bench/faults.json``.
+A long run may come in pieces: ``--add`` adds what is counted to what the report holds, and each
+``--seed`` has its own moments. Exits with 1 if a job was lost, doubled, wrong or failed without
+reason. Writes ``build/bench/faults.json``.
 """
 
 from __future__ import annotations
@@ -19,10 +21,16 @@ from tests.faults.scenarios import SCENARIOS, kills
 from tests.faults.traffic import added
 
 _SMALL = {
-    "full_disk": 20, "slow_disk": 20, "client_gone": 20, "unreadable_weights": 20, "leaking_jobs": 40,
-    "clock_jump": 50, "hanging_jobs": 50, "dripping_receivers": 20,
+    "full_disk": 20,
+    "slow_disk": 20,
+    "client_gone": 20,
+    "unreadable_weights": 20,
+    "leaking_jobs": 40,
+    "clock_jump": 50,
+    "hanging_jobs": 50,
+    "dripping_receivers": 20,
     "preempted": 60,
-}  # fmt: skip
+}
 
 
 def main() -> None:
@@ -31,7 +39,9 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--only", default="", help="names, separated by commas")
     parser.add_argument("--seed", type=int, default=1, help="of the moments at which kills come")
-    parser.add_argument("--add", action="store_true", help="to the counts of the report instead of replacing them")
+    parser.add_argument(
+        "--add", action="store_true", help="to the counts of the report instead of replacing them"
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bench/faults.json"))
     asked = parser.parse_args()
     names = asked.only.split(",") if asked.only else list(SCENARIOS)
@@ -53,7 +63,11 @@ def _run(name: str, jobs: int, faults: int, seed: int) -> dict[str, Any]:
     jobs = jobs if name == "kills" else min(jobs, _SMALL.get(name, 200))
     started = time.monotonic()
     try:
-        tally = kills(jobs, faults, seed) if name == "kills" else SCENARIOS[name](jobs, max(1, faults // 20))
+        tally = (
+            kills(jobs, faults, seed)
+            if name == "kills"
+            else SCENARIOS[name](jobs, max(1, faults // 20))
+        )
     except SkippedError as error:
         return {"good": True, "note": f"skipped: {error}"}
     except Exception as error:

@@ -25,7 +25,8 @@ from tests.processes import wait_until
 from workers.blobs import BlobMissing, FolderBlobs
 
 _MAY_BE_FORGOTTEN_S = 2.5
-"""``appendfsync everysec`` loses what the queue server took in its last second, on a busy disk in the last two."""
+"""``appendfsync everysec`` loses what the queue server took in its last second, on a busy disk in
+the last two."""
 
 _SLOW = """
 import os, time
@@ -38,8 +39,13 @@ os.fsync = fsync
 
 
 def power_loss(jobs: int, faults: int) -> Tally:
-    """Everything ends at once, and of the disk there is what was synced: jobs go on, and have their pictures."""
-    with _loop_disk() as disk, Plant(disk.folder) as there, httpx.Client(base_url=there.url, timeout=20) as client:
+    """Everything ends at once, and of the disk there is what was synced: jobs go on, and have their
+    pictures."""
+    with (
+        _loop_disk() as disk,
+        Plant(disk.folder) as there,
+        httpx.Client(base_url=there.url, timeout=20) as client,
+    ):
         traffic = Traffic(there, jobs, pace_s=0.05).start()
         sent = []
         while traffic.sending:
@@ -90,7 +96,9 @@ def _remembered(there: Plant, traffic: Traffic, known: dict) -> Tally:
     found = traffic.tally(sent=len(known) - len(gone))
     found.lost += early
     found.jobs, found.faults = len(known), 1
-    found.note = f"{len(gone)} of the last second's jobs forgotten (appendfsync everysec), {early} older"
+    found.note = (
+        f"{len(gone)} of the last second's jobs forgotten (appendfsync everysec), {early} older"
+    )
     return found
 
 
@@ -102,11 +110,14 @@ def _is_whole(blobs: FolderBlobs, data: bytes) -> bool:
 
 
 def _log_of(there: Plant) -> Path:
-    return max((there.folder / "queue" / "appendonlydir").glob("*.incr.aof"), key=lambda file: file.name)
+    return max(
+        (there.folder / "queue" / "appendonlydir").glob("*.incr.aof"), key=lambda file: file.name
+    )
 
 
 def full_disk(jobs: int, faults: int) -> Tally:
-    """A small disk is filled to its last byte and freed again: refused meanwhile, nothing half-written."""
+    """A small disk is filled to its last byte and freed again: refused meanwhile, nothing
+    half-written."""
     with _small_disk() as disk, Plant(disk) as there:
         with httpx.Client(base_url=there.url, timeout=20) as client:
             first = client.post("/v1/images", content=picture(0)).status_code
@@ -114,32 +125,49 @@ def full_disk(jobs: int, faults: int) -> Tally:
             with contextlib.suppress(OSError), filler.open("wb", buffering=0) as file:
                 while True:
                     file.write(bytes(65536))
-            answers = [client.post("/v1/images", content=picture(1 + k)).status_code for k in range(jobs)]
+            answers = [
+                client.post("/v1/images", content=picture(1 + k)).status_code for k in range(jobs)
+            ]
             filler.unlink()
             started = time.monotonic()
-            wait_until(lambda: client.post("/v1/images", content=picture(-1)).status_code == 201, 60)
+            wait_until(
+                lambda: client.post("/v1/images", content=picture(-1)).status_code == 201, 60
+            )
             recovery_s = max(time.monotonic() - started, probe(there))
         half = [file for file in (disk / "data" / "blobs").glob("??/*") if len(file.name) != 64]
         refused = sum(status == 507 for status in answers)
         note = f"first {first}, {refused} of {jobs} answered 507, {len(half)} half-written"
         wrong = (first != 201) + (jobs - refused) + len(half)
-        return Tally(jobs=jobs, faults=1, wrong=wrong, worst_recovery_s=round(recovery_s, 2), note=note)
+        return Tally(
+            jobs=jobs, faults=1, wrong=wrong, worst_recovery_s=round(recovery_s, 2), note=note
+        )
 
 
 def slow_disk(jobs: int, faults: int) -> Tally:
-    """Every sync takes a second, pictures come many at once: they are kept late, jobs without pictures are not."""
+    """Every sync takes a second, pictures come many at once: they are kept late, jobs without
+    pictures are not."""
     with overlay(_SLOW) as env, plant(env=env) as there, ThreadPoolExecutor(jobs) as senders:
 
         def send(number: int) -> int:
-            return httpx.post(f"{there.url}/v1/images", content=picture(number), timeout=120).status_code
+            return httpx.post(
+                f"{there.url}/v1/images", content=picture(number), timeout=120
+            ).status_code
 
         waits = []
         answers: list[Future[int]] = [senders.submit(send, k) for k in range(jobs)]
         while not all(answer.done() for answer in answers):
             waits.append(probe(there))
         kept = sum(answer.result() == 201 for answer in answers)
-        note = f"{kept} of {jobs} pictures kept; seconds: the slowest of {len(waits)} no-ops meanwhile"
-        return Tally(jobs=jobs, faults=1, failed=jobs - kept, worst_recovery_s=round(max(waits), 2), note=note)
+        note = (
+            f"{kept} of {jobs} pictures kept; seconds: the slowest of {len(waits)} no-ops meanwhile"
+        )
+        return Tally(
+            jobs=jobs,
+            faults=1,
+            failed=jobs - kept,
+            worst_recovery_s=round(max(waits), 2),
+            note=note,
+        )
 
 
 @contextmanager
@@ -155,9 +183,11 @@ def _small_disk() -> Iterator[Path]:
 
 
 class LoopDisk:
-    """A disk in a file: what its file system has not written to the file is what a loss of power takes.
+    """A disk in a file: what its file system has not written to the file is what a loss of power
+    takes.
 
-    Its own writing is put off (``commit``), so that only what is synced on purpose reaches the file.
+    Its own writing is put off (``commit``), so that only what is synced on purpose reaches the
+    file.
     """
 
     def __init__(self, place: Path) -> None:

@@ -30,7 +30,8 @@ def overlay(program: str) -> Iterator[dict[str, str]]:
 
 @contextmanager
 def clock() -> Iterator[Callable[[int], None]]:
-    """Sets the clock of all processes that are started meanwhile so many seconds on; needs libfaketime (Debian)."""
+    """Sets the clock of all processes that are started meanwhile so many seconds on; needs
+    libfaketime (Debian)."""
     library = next(Path("/usr/lib").glob(f"**/{_LIBRARY}"), None)
     if library is None:
         raise SkippedError(f"{_LIBRARY} is missing: apt-get install libfaketime")
@@ -45,8 +46,10 @@ def clock() -> Iterator[Callable[[int], None]]:
 
         step(0)
         changed = {
-            "LD_PRELOAD": str(library), "FAKETIME_TIMESTAMP_FILE": str(file), "FAKETIME_CACHE_DURATION": "1",
+            "LD_PRELOAD": str(library),
+            "FAKETIME_TIMESTAMP_FILE": str(file),
+            "FAKETIME_CACHE_DURATION": "1",
             "FAKETIME_DONT_FAKE_MONOTONIC": "1",
-        }  # fmt: skip
+        }
         with mock.patch.dict(os.environ, changed):
             yield step

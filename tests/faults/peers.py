@@ -1,4 +1,5 @@
-"""Faults of whoever is at the other end of a connection: clients and receivers that stop, or drip."""
+"""Faults of whoever is at the other end of a connection: clients and receivers that stop, or
+drip."""
 
 from __future__ import annotations
 
@@ -25,12 +26,17 @@ def client_gone(jobs: int, faults: int) -> Tally:
     with plant() as there:
         host, port = there.url.removeprefix("http://").split(":")
         body = b'{"kind":"noop","hold_s":0.2,"timeout_s":600}'
-        head = f"POST /v1/jobs?wait=30 HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n"
+        head = (
+            f"POST /v1/jobs?wait=30 HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n"
+        )
         for _ in range(jobs):
             with socket.create_connection((host, int(port))) as connection:
                 before = there.queue.counts().get(("noop", "queued"), 0)
                 connection.sendall(head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body)
-                wait_until(lambda before=before: there.queue.counts().get(("noop", "queued"), 0) > before, 60)
+                wait_until(
+                    lambda before=before: there.queue.counts().get(("noop", "queued"), 0) > before,
+                    60,
+                )
         recovery_s = probe(there)
 
         def ended() -> bool:
@@ -51,7 +57,10 @@ def dripping_clients(jobs: int, faults: int) -> Tally:
         head = f"POST /v1/jobs HTTP/1.1\r\nHost: {host}\r\nContent-Length: 100000\r\n\r\n".encode()
 
         def drip() -> None:
-            with contextlib.suppress(OSError), socket.create_connection((host, int(port))) as connection:
+            with (
+                contextlib.suppress(OSError),
+                socket.create_connection((host, int(port))) as connection,
+            ):
                 connection.sendall(head)
                 while not stop.wait(1.0):
                     connection.sendall(b" ")
@@ -67,12 +76,20 @@ def dripping_clients(jobs: int, faults: int) -> Tally:
 
 
 def dripping_receivers(jobs: int, faults: int) -> Tally:
-    """Three receivers of webhooks that answer a byte a second; a fourth is told of all its jobs meanwhile."""
-    with _dripping() as first, _dripping() as second, _dripping() as third, _listening() as (address, heard):
+    """Three receivers of webhooks that answer a byte a second; a fourth is told of all its jobs
+    meanwhile."""
+    with (
+        _dripping() as first,
+        _dripping() as second,
+        _dripping() as third,
+        _listening() as (address, heard),
+    ):
         hosts = ",".join([first, second, third, address])
         secret = {"webhook_secret": _SECRET}
         with (
-            plant(env={"DLO_WEBHOOK_HOSTS": hosts, "DLO_WEBHOOK_SECRET": _SECRET}, **secret) as there,
+            plant(
+                env={"DLO_WEBHOOK_HOSTS": hosts, "DLO_WEBHOOK_SECRET": _SECRET}, **secret
+            ) as there,
             httpx.Client(base_url=there.url, timeout=20) as client,
         ):
             wanted = {}
@@ -84,13 +101,18 @@ def dripping_receivers(jobs: int, faults: int) -> Tally:
                 wait_until(lambda: wanted.keys() <= heard.keys(), 120)
             waited = [heard[job_id] - sent for job_id, sent in wanted.items() if job_id in heard]
             return Tally(
-                jobs=jobs, faults=3, lost=jobs - len(waited), worst_recovery_s=round(max(waited, default=0.0), 2),
+                jobs=jobs,
+                faults=3,
+                lost=jobs - len(waited),
+                worst_recovery_s=round(max(waited, default=0.0), 2),
                 note="seconds: from a job's submission until its receiver was told",
-            )  # fmt: skip
+            )
 
 
 def _submit(client: httpx.Client, receiver: str) -> str:
-    answer = client.post("/v1/jobs", json={"kind": "noop", "webhook_url": f"http://{receiver}/ended"})
+    answer = client.post(
+        "/v1/jobs", json={"kind": "noop", "webhook_url": f"http://{receiver}/ended"}
+    )
     assert answer.status_code == 202, answer.text
     return str(answer.json()["id"])
 

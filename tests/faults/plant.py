@@ -38,7 +38,8 @@ main()
 
 
 class Part:
-    """A process that is started again whenever it is gone and :meth:`tend` is called, as a supervisor does it."""
+    """A process that is started again whenever it is gone and :meth:`tend` is called, as a
+    supervisor does it."""
 
     def __init__(self, command: list[str], env: dict[str, str]) -> None:
         self._command, self._env = command, env
@@ -68,7 +69,9 @@ class Part:
 class Plant:
     """Usable as a context manager; ``folder`` holds everything that it writes."""
 
-    def __init__(self, folder: Path, workers: int = 1, env: dict[str, str] | None = None, **changes: object) -> None:
+    def __init__(
+        self, folder: Path, workers: int = 1, env: dict[str, str] | None = None, **changes: object
+    ) -> None:
         self.folder = folder
         self.queue_server = EmbeddedQueue(folder / "queue").start()
         plain = {"log_level": "ERROR", "disk_reserve_bytes": 0, "spare_child": False} | changes
@@ -89,7 +92,9 @@ class Plant:
             wait_until(self.ready, _READY_WITHIN_S)
         except AssertionError:
             self.__exit__()
-            raise AssertionError(f"not ready within {_READY_WITHIN_S:g} s: {self._why_not}") from None
+            raise AssertionError(
+                f"not ready within {_READY_WITHIN_S:g} s: {self._why_not}"
+            ) from None
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -154,33 +159,57 @@ class Plant:
         return found
 
     def settled_mb(self) -> float:
-        """Memory of all parts once every child that should be there is loaded: it no longer grows."""
+        """Memory of all parts once every child that should be there is loaded: it no longer
+        grows."""
         children = len(self.workers) * (2 if self.settings.spare_child else 1)
 
         def settled() -> float | None:
             before = self.memory_mb()
             time.sleep(_SETTLED_S)
             self.tend()
-            there = sum(len(psutil.Process(worker.process.pid).children()) for worker in self.workers)
+            there = sum(
+                len(psutil.Process(worker.process.pid).children()) for worker in self.workers
+            )
             now = sum(self.memory_mb().values())
-            return now if there == children and abs(now - sum(before.values())) < _STILL_MB else None
+            return (
+                now if there == children and abs(now - sum(before.values())) < _STILL_MB else None
+            )
 
         return wait_until(settled, _READY_WITHIN_S)
 
     def processor_s(self) -> float:
         """Processor time of everything that runs now, in seconds."""
-        tops = [self.api.process.pid, self.queue_server.pid, *(worker.process.pid for worker in self.workers)]
-        family = [one for pid in tops for one in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True))]
+        tops = [
+            self.api.process.pid,
+            self.queue_server.pid,
+            *(worker.process.pid for worker in self.workers),
+        ]
+        family = [
+            one
+            for pid in tops
+            for one in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True))
+        ]
         return sum(sum(one.cpu_times()[:2]) for one in family)
 
     def _api_command(self) -> list[str]:
         where = ["--host", "127.0.0.1", "--port", str(self._port), "--log-level", "error"]
         http = ["--http", "services.http_protocol:BoundedHttp"]
-        return [sys.executable, "-c", _UVICORN, str(os.getpid()), "--factory", "services.app:create_app", *where, *http]
+        return [
+            sys.executable,
+            "-c",
+            _UVICORN,
+            str(os.getpid()),
+            "--factory",
+            "services.app:create_app",
+            *where,
+            *http,
+        ]
 
 
 @contextlib.contextmanager
-def plant(workers: int = 1, env: dict[str, str] | None = None, **changes: object) -> Iterator[Plant]:
+def plant(
+    workers: int = 1, env: dict[str, str] | None = None, **changes: object
+) -> Iterator[Plant]:
     """A plant in a folder of its own that is gone afterwards."""
     folder = Path(tempfile.mkdtemp(prefix="plant-"))
     try:

@@ -1,4 +1,5 @@
-"""The faults, one function each: makes it happen on a plant of its own and counts what became of the jobs."""
+"""The faults, one function each: makes it happen on a plant of its own and counts what became of
+the jobs."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ _KILLED = 0.2
 
 
 def kills(jobs: int, faults: int, seed: int = 1) -> Tally:
-    """SIGKILL of child, worker, service and queue server in turn, at random moments, while jobs come in."""
+    """SIGKILL of child, worker, service and queue server in turn, at random moments, while jobs
+    come in."""
     chance = random.Random(seed)
     with plant(workers=2, spare_child=True) as there:
         before = there.settled_mb()
@@ -57,13 +59,18 @@ def kills(jobs: int, faults: int, seed: int = 1) -> Tally:
             there.kill(part := KINDS[k % len(KINDS)], chance)
             recovered[part] = max(recovered[part], round(probe(there), 2))
         found = traffic.tally()
-        found.faults, found.recovery_s, found.worst_recovery_s = faults, recovered, max(recovered.values())
+        found.faults, found.recovery_s, found.worst_recovery_s = (
+            faults,
+            recovered,
+            max(recovered.values()),
+        )
         found.grown_mb = round(there.settled_mb() - before, 1)
     return found
 
 
 def preempted(jobs: int, faults: int) -> Tally:
-    """Interactive jobs come while batch jobs of a second run, which stand still; children and workers die."""
+    """Interactive jobs come while batch jobs of a second run, which stand still; children and
+    workers die."""
     chance, kills = random.Random(1), 0
     with plant(workers=2, spare_child=True, max_attempts=9) as there:
         there.settled_mb()
@@ -101,33 +108,45 @@ def frozen_queue(jobs: int, faults: int) -> Tally:
 
 
 def full_queue(jobs: int, faults: int) -> Tally:
-    """Many more jobs than may wait: refused with 429 and a time to come back; all are done in the end."""
+    """Many more jobs than may wait: refused with 429 and a time to come back; all are done in the
+    end."""
     with plant(max_queue_depth=5) as there:
         senders = [Traffic(there, max(1, jobs // 4), pace_s=0.0).start() for _ in range(4)]
         started = time.monotonic()
         parts = [sender.tally() for sender in senders]
         return Tally(
-            jobs=sum(part.jobs for part in parts), lost=sum(part.lost for part in parts), faults=1,
-            wrong=sum(part.wrong for part in parts), failed=sum(part.failed for part in parts),
+            jobs=sum(part.jobs for part in parts),
+            lost=sum(part.lost for part in parts),
+            faults=1,
+            wrong=sum(part.wrong for part in parts),
+            failed=sum(part.failed for part in parts),
             doubled=sum(part.doubled for part in parts),
-            worst_recovery_s=round(time.monotonic() - started, 2), note="seconds are those of the whole flood",
-        )  # fmt: skip
+            worst_recovery_s=round(time.monotonic() - started, 2),
+            note="seconds are those of the whole flood",
+        )
 
 
 def clock_jump(jobs: int, faults: int) -> Tally:
-    """Workers and service whose clocks are a day and a half ahead: jobs and pictures live by the server's."""
+    """Workers and service whose clocks are a day and a half ahead: jobs and pictures live by the
+    server's."""
     with overlay(_SHIFT.format(seconds=130_000)) as env, plant(env=env) as there:
         with httpx.Client(base_url=there.url, timeout=20) as client:
             image = client.post("/v1/images", content=picture(0)).json()["id"]
             found = Traffic(there, jobs, pace_s=0.02).start().tally()
-            kept = client.post("/v1/jobs", json={"kind": "segment", "image": {"id": image}}).status_code == 202
+            kept = (
+                client.post(
+                    "/v1/jobs", json={"kind": "segment", "image": {"id": image}}
+                ).status_code
+                == 202
+            )
         found.faults, found.wrong = 1, found.wrong + (not kept)
         found.note = "the picture is still there" if kept else "the picture was swept"
         return found
 
 
 def clock_steps(jobs: int, faults: int) -> Tally:
-    """The clock of the whole machine is set a day on, and two days back, while jobs run: later ones are as before."""
+    """The clock of the whole machine is set a day on, and two days back, while jobs run: later ones
+    are as before."""
     with clock() as step, overlay(_SLEEP) as env, plant(env=env) as there:
         recovered = []
         found = Traffic(there, jobs, pace_s=0.02).start().tally()
@@ -141,7 +160,8 @@ def clock_steps(jobs: int, faults: int) -> Tally:
 
 
 def unreadable_weights(jobs: int, faults: int) -> Tally:
-    """A worker that cannot read its networks is never ready and does not take jobs; once it can, it does them."""
+    """A worker that cannot read its networks is never ready and does not take jobs; once it can, it
+    does them."""
     with tempfile.TemporaryDirectory() as folder:
         allowed = Path(folder) / "allowed"
         with overlay(_UNREADABLE.format(allowed=str(allowed))) as env:
@@ -164,7 +184,8 @@ def unreadable_weights(jobs: int, faults: int) -> Tally:
 
 
 def hanging_jobs(jobs: int, faults: int) -> Tally:
-    """Jobs that never end are stopped at their time limit, and hold up the next one by no more than that."""
+    """Jobs that never end are stopped at their time limit, and hold up the next one by no more than
+    that."""
     with plant() as there, httpx.Client(base_url=there.url, timeout=20) as client:
         recovered = []
         for _ in range(faults):
@@ -178,7 +199,8 @@ def hanging_jobs(jobs: int, faults: int) -> Tally:
 
 
 def leaking_jobs(jobs: int, faults: int) -> Tally:
-    """Each job leaves 100 MB behind in a child that may take 2 GB: it is replaced before that, and nobody fails."""
+    """Each job leaves 100 MB behind in a child that may take 2 GB: it is replaced before that, and
+    nobody fails."""
     with overlay(_LEAK) as env, plant(env=env, child_memory_mb=2000, spare_child=True) as there:
         found = Traffic(there, jobs, pace_s=0.1).start().tally()
         found.faults, found.worst_recovery_s = jobs, round(probe(there), 2)
@@ -188,7 +210,21 @@ def leaking_jobs(jobs: int, faults: int) -> Tally:
 SCENARIOS: dict[str, Callable[[int, int], Tally]] = {
     scenario.__name__: scenario
     for scenario in (
-        kills, preempted, power_loss, torn_log, full_disk, slow_disk, frozen_queue, full_queue, clock_jump, clock_steps,
-        unreadable_weights, client_gone, hanging_jobs, leaking_jobs, dripping_clients, dripping_receivers,
+        kills,
+        preempted,
+        power_loss,
+        torn_log,
+        full_disk,
+        slow_disk,
+        frozen_queue,
+        full_queue,
+        clock_jump,
+        clock_steps,
+        unreadable_weights,
+        client_gone,
+        hanging_jobs,
+        leaking_jobs,
+        dripping_clients,
+        dripping_receivers,
     )
-}  # fmt: skip
+}

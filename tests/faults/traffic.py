@@ -1,4 +1,5 @@
-"""Jobs with answers that are known, sent by clients that go on through every outage; and what became of them."""
+"""Jobs with answers that are known, sent by clients that go on through every outage; and what
+became of them."""
 
 from __future__ import annotations
 
@@ -51,15 +52,22 @@ class Tally:
 
 
 def added(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
-    """Two rows of a report as one: counts added, the worst of the times, of the growth and of the load."""
+    """Two rows of a report as one: counts added, the worst of the times, of the growth and of the
+    load."""
     if "jobs" not in known or "jobs" not in more:
         return known if "jobs" in known else more
     return {
         "good": known["good"] and more["good"],
         **{name: round(known[name] + more[name], 1) for name in (*COUNTED, "took_s")},
-        **{name: max(known.get(name, 0.0), more[name]) for name in ("worst_recovery_s", "grown_mb", "load")},
+        **{
+            name: max(known.get(name, 0.0), more[name])
+            for name in ("worst_recovery_s", "grown_mb", "load")
+        },
         "recovery_s": known.get("recovery_s", {})
-        | {part: max(s, known.get("recovery_s", {}).get(part, 0.0)) for part, s in more["recovery_s"].items()},
+        | {
+            part: max(s, known.get("recovery_s", {}).get(part, 0.0))
+            for part, s in more["recovery_s"].items()
+        },
         "note": more["note"],
     }
 
@@ -68,7 +76,12 @@ class Traffic:
     """Sends ``jobs`` no-op jobs, each of its own length, at a steady pace from a thread."""
 
     def __init__(
-        self, plant: Plant, jobs: int, pace_s: float, shortest_s: float = 0.01, priority: str = "interactive"
+        self,
+        plant: Plant,
+        jobs: int,
+        pace_s: float,
+        shortest_s: float = 0.01,
+        priority: str = "interactive",
     ) -> None:
         self._plant = plant
         self._pace_s = pace_s
@@ -94,21 +107,29 @@ class Traffic:
                 time.sleep(self._pace_s)
 
     def tally(self, sent: int | None = None) -> Tally:
-        """Wait for the last job to end, then count; ``sent``: how many should be there, by default all."""
+        """Wait for the last job to end, then count; ``sent``: how many should be there, by default
+        all."""
         self._thread.join(_PATIENCE_S)
         sent = len(self._holds) if sent is None else sent
         found = Tally(jobs=sent, lost=sent - len(self.ids))
         give_up = time.monotonic() + _PATIENCE_S
         for job_id, hold_s in self.ids.items():
-            while not (job := self._plant.queue.get(job_id)).state.final and time.monotonic() < give_up:
+            while (
+                not (job := self._plant.queue.get(job_id)).state.final
+                and time.monotonic() < give_up
+            ):
                 self._plant.tend()
                 time.sleep(0.02)
             finals = sum(event.state.final for event in self._plant.queue.events(job_id))
             found.lost += not job.state.final
             found.failed += job.state.final and job.state != "succeeded"
-            found.wrong += job.state == "succeeded" and (job.result is None or job.result.held_s != hold_s)
+            found.wrong += job.state == "succeeded" and (
+                job.result is None or job.result.held_s != hold_s
+            )
             found.doubled += finals > 1
-        found.doubled += sum(job.label == self._label for job in all_jobs(self._plant)) - len(self.ids)
+        found.doubled += sum(job.label == self._label for job in all_jobs(self._plant)) - len(
+            self.ids
+        )
         return found
 
 
@@ -123,8 +144,15 @@ def all_jobs(plant: Plant) -> Iterator[AnyJob]:
 
 
 def send(client: httpx.Client, hold_s: float, label: str, priority: str) -> str:
-    """Submit until it is accepted, as a client does that was told nothing: with one key; the job's id."""
-    body = {"kind": "noop", "hold_s": hold_s, "timeout_s": _TIMEOUT_S, "label": label, "priority": priority}
+    """Submit until it is accepted, as a client does that was told nothing: with one key; the job's
+    id."""
+    body = {
+        "kind": "noop",
+        "hold_s": hold_s,
+        "timeout_s": _TIMEOUT_S,
+        "label": label,
+        "priority": priority,
+    }
     key, give_up = uuid4().hex, time.monotonic() + _PATIENCE_S
     while time.monotonic() < give_up:
         try:

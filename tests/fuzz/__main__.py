@@ -1,13 +1,15 @@
-"""``python -m tests.fuzz --count 10000 [--seed 1] [--only requests,damaged,pictures,schema]``: through the whole path.
+"""``python -m tests.fuzz --count 10000 [--seed 1] [--only requests,damaged,pictures,schema]``:
+through the whole path.
 
 * ``requests``: valid requests of every kind, by strategy; each accepted one is done.
 * ``damaged``: the same with a few places of their JSON changed.
 * ``pictures``: pictures of every encoding, damaged; each accepted one is segmented.
 * ``schema``: what schemathesis makes of the OpenAPI document for the two POST routes.
 
-Never a 5xx, an internal error, NaN, or an answer that its contract does not allow. What breaks is written to
-``tests/fuzz/seeds``, which the tests try again from then on. Counts are in ``build/bench/fuzz.json``; a long run may
-come in pieces, ``--add`` with another ``--seed`` each. Exits with 1 if anything broke.
+Never a 5xx, an internal error, NaN, or an answer that its contract does not allow. What breaks is
+written to ``tests/fuzz/seeds``, which the tests try again from then on. Counts are in
+``build/bench/fuzz.json``; a long run may come in pieces, ``--add`` with another ``--seed`` each.
+Exits with 1 if anything broke.
 """
 
 from __future__ import annotations
@@ -65,7 +67,12 @@ class Run:
 
 
 def requests(run: Run, count: int, start: int) -> None:
-    _generated(count, start, lambda body: run.try_one(json.dumps(body).encode(), run.there.submit, "json"), run)
+    _generated(
+        count,
+        start,
+        lambda body: run.try_one(json.dumps(body).encode(), run.there.submit, "json"),
+        run,
+    )
 
 
 def damaged(run: Run, count: int, start: int) -> None:
@@ -89,9 +96,12 @@ def _generated(count: int, start: int, one: Callable[[dict], None], run: Run) ->
 def _examples(count: int, start: int) -> Callable[[Callable[[], None]], Callable[[], None]]:
     """That many, the same ones for the same ``start``, one after the other."""
     chosen = settings(
-        max_examples=max(1, count), deadline=None, database=None, phases=[Phase.generate],
+        max_examples=max(1, count),
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
+    )
     return lambda test: seed(start)(chosen(test))
 
 
@@ -114,7 +124,9 @@ def schema(run: Run, count: int, start: int) -> None:
         def send(_: bytes) -> str:
             answer = case.call()
             assert answer.status_code < 500, answer.status_code
-            case.validate_response(answer, checks=[status_code_conformance, response_schema_conformance])
+            case.validate_response(
+                answer, checks=[status_code_conformance, response_schema_conformance]
+            )
             return f"answered {answer.status_code}"
 
         run.try_one(repr(case.body).encode(), send, "case")
@@ -146,11 +158,15 @@ def note(out: Path, part: str, start: int, ended: Counter[str], *, add: bool) ->
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=10_000, help="of all parts together")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="names of parts, separated by commas")
-    parser.add_argument("--add", action="store_true", help="to the counts of the report instead of replacing them")
+    parser.add_argument(
+        "--add", action="store_true", help="to the counts of the report instead of replacing them"
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bench/fuzz.json"))
     parser.add_argument("--keep", type=Path, default=SEEDS)
     asked = parser.parse_args()

@@ -1,4 +1,5 @@
-"""The whole path: HTTP, queue server, a worker's work, HTTP again; and what must never come of it."""
+"""The whole path: HTTP, queue server, a worker's work, HTTP again; and what must never come of
+it."""
 
 from __future__ import annotations
 
@@ -70,7 +71,9 @@ class Whole:
         assert answer.status_code == 200, answer.text[:300]
         job = _JOB.validate_json(answer.content)
         assert job.state.final, job.state
-        assert job.problem is None or job.problem.code not in ("internal", "invalid_numbers"), job.problem
+        assert job.problem is None or job.problem.code not in ("internal", "invalid_numbers"), (
+            job.problem
+        )
         if job.state is JobState.SUCCEEDED:
             check_finite(answer.json()["result"], "result")
         return job.state.value if job.problem is None else job.problem.code
@@ -89,7 +92,11 @@ def whole(folder: Path) -> Iterator[Whole]:
     """In ``folder``, with a queue server of its own."""
     with EmbeddedQueue(folder / "queue") as server:
         settings = ServiceSettings(
-            redis_url=server.url, data_dir=folder, max_queue_depth=100_000, result_ttl_s=60, disk_reserve_bytes=0
+            redis_url=server.url,
+            data_dir=folder,
+            max_queue_depth=100_000,
+            result_ttl_s=60,
+            disk_reserve_bytes=0,
         )
         with _served(settings) as address, httpx.Client(base_url=address, timeout=600) as client:
             yield Whole(settings, client, folder)
@@ -99,7 +106,9 @@ def whole(folder: Path) -> Iterator[Whole]:
 def _served(settings: ServiceSettings) -> Iterator[str]:
     """The address of the application behind a server of this process."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        config = uvicorn.Config(create_app(settings), http=BoundedHttp, log_config=None, access_log=False)
+        config = uvicorn.Config(
+            create_app(settings), http=BoundedHttp, log_config=None, access_log=False
+        )
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()

@@ -1,4 +1,5 @@
-"""Damage: to the JSON of a request, and to the bytes of a picture. The same random numbers give the same damage."""
+"""Damage: to the JSON of a request, and to the bytes of a picture. The same random numbers give the
+same damage."""
 
 from __future__ import annotations
 
@@ -8,9 +9,28 @@ import random
 from typing import Any
 
 _ODD: list[Any] = [
-    None, True, -1, 0, 1e308, -1e-320, 2**63, "", "x" * 10_000, "\ud800", [], {}, [[]], {"id": "0" * 64}, {"part": 0},
-    [0] * 300, float("nan"), float("inf"), "2026-11-28", "../../etc/passwd", [None],
-]  # fmt: skip
+    None,
+    True,
+    -1,
+    0,
+    1e308,
+    -1e-320,
+    2**63,
+    "",
+    "x" * 10_000,
+    "\ud800",
+    [],
+    {},
+    [[]],
+    {"id": "0" * 64},
+    {"part": 0},
+    [0] * 300,
+    float("nan"),
+    float("inf"),
+    "2026-11-28",
+    "../../etc/passwd",
+    [None],
+]
 _MOST = 4
 
 
@@ -39,7 +59,9 @@ def _change(node: Any, chance: random.Random) -> None:
         case 1 if isinstance(node, list):
             node.insert(key, copy.deepcopy(inner))
         case 2 if isinstance(node, dict):
-            node[chance.choice(["kind", "image", "views", "timeout_s", "files", "q", "model"])] = inner
+            node[chance.choice(["kind", "image", "views", "timeout_s", "files", "q", "model"])] = (
+                inner
+            )
         case 3 if isinstance(inner, int | float) and not isinstance(inner, bool):
             node[key] = inner * chance.choice([-1, 0, 1e-9, 1e9, 1e300])
         case _:

@@ -1,4 +1,5 @@
-"""A few generated requests and pictures in each run, and all that ever broke; ``make fuzz`` tries more."""
+"""A few generated requests and pictures in each run, and all that ever broke; ``make fuzz`` tries
+more."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from tests.fuzz.bench import whole
 from tests.fuzz.mutations import damaged_bytes
 
 COUNTS = {"requests": 11, "damaged": 33, "pictures": 30}
-"""Without ``schema``, which takes its time; tests/services/test_documents.py tries a few of its cases."""
+"""Without ``schema``, which takes its time; tests/services/test_documents.py tries a few of its
+cases."""
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +57,9 @@ def test_counts_of_several_seeds_add_up(tmp_path):
     out = tmp_path / "fuzz.json"
     for start in (3, 1, 3):
         note(out, "pictures", start, Counter({"succeeded": 5, "broken": 1}), add=True)
-    assert json.loads(out.read_text()) == {"parts": {"pictures": {"succeeded": 15, "broken": 3}}, "seeds": [1, 3]}
+    assert json.loads(out.read_text()) == {
+        "parts": {"pictures": {"succeeded": 15, "broken": 3}},
+        "seeds": [1, 3],
+    }
     note(out, "pictures", 9, Counter(succeeded=2), add=False)
     assert json.loads(out.read_text()) == {"parts": {"pictures": {"succeeded": 2}}, "seeds": [9]}

@@ -1,8 +1,9 @@
-"""``python -m tests.load [--rates 5,10,20] [--seconds 20] [--soak 600]``: jobs at a rate that waits for no answer.
+"""``python -m tests.load [--rates 5,10,20] [--seconds 20] [--soak 600]``: jobs at a rate that waits
+for no answer.
 
-Open loop: a job is sent when it is due, however slow the answers are, and its time counts from when it was due. The
-soak then goes on at half of the highest rate that was kept. Writes ``build/bench/load.json``; exits with 1 if a job
-was lost or failed.
+Open loop: a job is sent when it is due, however slow the answers are, and its time counts from when
+it was due. The soak then goes on at half of the highest rate that was kept. Writes
+``build/bench/load.json``; exits with 1 if a job was lost or failed.
 """
 
 from __future__ import annotations
@@ -41,10 +42,14 @@ class Rate:
 
     @property
     def kept(self) -> bool:
-        return not (self.refused or self.lost or self.failed) and self.p95_ms < _KEPT_WITHIN_S * 1000
+        return (
+            not (self.refused or self.lost or self.failed) and self.p95_ms < _KEPT_WITHIN_S * 1000
+        )
 
 
-async def _send(client: httpx.AsyncClient, body: dict, due: float, found: list[float], bad: dict[str, int]) -> None:
+async def _send(
+    client: httpx.AsyncClient, body: dict, due: float, found: list[float], bad: dict[str, int]
+) -> None:
     await asyncio.sleep(max(0.0, due - time.monotonic()))
     try:
         answer = await client.post("/v1/jobs?wait=60", json=body)
@@ -68,12 +73,19 @@ async def at_rate(there: Plant, body: dict, per_s: float, seconds: float) -> Rat
     limits = httpx.Limits(max_connections=None, max_keepalive_connections=100)
     async with httpx.AsyncClient(base_url=there.url, timeout=90, limits=limits) as client:
         begin = time.monotonic() + 0.1
-        await asyncio.gather(*(_send(client, body, begin + k / per_s, found, bad) for k in range(jobs)))
+        await asyncio.gather(
+            *(_send(client, body, begin + k / per_s, found, bad) for k in range(jobs))
+        )
     p50, p95 = np.percentile(found, (50, 95)) if found else (np.inf, np.inf)
     return Rate(
-        kind=body["kind"], per_s=per_s, jobs=jobs, p50_ms=round(float(p50), 1), p95_ms=round(float(p95), 1),
-        worst_ms=round(max(found, default=float("inf")), 1), **bad,
-    )  # fmt: skip
+        kind=body["kind"],
+        per_s=per_s,
+        jobs=jobs,
+        p50_ms=round(float(p50), 1),
+        p95_ms=round(float(p95), 1),
+        worst_ms=round(max(found, default=float("inf")), 1),
+        **bad,
+    )
 
 
 def soak(there: Plant, body: dict, per_s: float, seconds: float) -> dict[str, object]:
@@ -97,7 +109,9 @@ def bodies(there: Plant) -> dict[str, Callable[[], dict]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kind", choices=("noop", "instances"), default="noop")
     parser.add_argument("--rates", default="5,10,20,40,80,160")
     parser.add_argument("--seconds", type=float, default=20.0, help="for each rate")
@@ -115,8 +129,10 @@ def main() -> None:
                 break
         kept = max((rate.per_s for rate in rates if rate.kept), default=1.0)
         result: dict[str, object] = {
-            "workers": asked.workers, "kept_per_s": kept, "rates": [asdict(rate) for rate in rates]
-        }  # fmt: skip
+            "workers": asked.workers,
+            "kept_per_s": kept,
+            "rates": [asdict(rate) for rate in rates],
+        }
         if asked.soak:
             result["soak"] = soak(there, body, kept / 2, asked.soak)
             print(result["soak"], flush=True)

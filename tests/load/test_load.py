@@ -9,7 +9,9 @@ import pytest
 from tests.faults.traffic import Tally
 from tests.load.__main__ import Rate
 
-GOOD = Rate("noop", per_s=10, jobs=100, refused=0, lost=0, failed=0, p50_ms=5, p95_ms=20, worst_ms=90)
+GOOD = Rate(
+    "noop", per_s=10, jobs=100, refused=0, lost=0, failed=0, p50_ms=5, p95_ms=20, worst_ms=90
+)
 
 
 def test_a_rate_is_kept_when_every_job_ends_soon():

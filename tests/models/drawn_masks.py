@@ -12,17 +12,33 @@ def drawn(*lines: np.ndarray, width: int = 10, shape: tuple[int, int] = (240, 32
     """``(H, W)`` bool: the polylines ``(n, 2)`` as strokes."""
     canvas = np.zeros(shape, np.uint8)
     for line in lines:
-        cv2.polylines(canvas, [np.rint(np.asarray(line, float) * 16).astype(np.int32)], False, 1, width, shift=4)
+        cv2.polylines(
+            canvas,
+            [np.rint(np.asarray(line, float) * 16).astype(np.int32)],
+            False,
+            1,
+            width,
+            shift=4,
+        )
     return canvas > 0
 
 
 def colored(
-    *strands: tuple[np.ndarray, tuple[int, int, int]], width: int = 10, shape: tuple[int, int] = (240, 320)
+    *strands: tuple[np.ndarray, tuple[int, int, int]],
+    width: int = 10,
+    shape: tuple[int, int] = (240, 320),
 ) -> np.ndarray:
     """``(H, W, 3)`` RGB picture of colored strands on gray, later ones on top."""
     canvas = np.full((*shape, 3), 128, np.uint8)
     for line, color in strands:
-        cv2.polylines(canvas, [np.rint(np.asarray(line, float) * 16).astype(np.int32)], False, color, width, shift=4)
+        cv2.polylines(
+            canvas,
+            [np.rint(np.asarray(line, float) * 16).astype(np.int32)],
+            False,
+            color,
+            width,
+            shift=4,
+        )
     return canvas
 
 
@@ -38,10 +54,17 @@ def assert_valid(scene: Scene, mask: np.ndarray) -> None:
     for crossing in scene.crossings:
         assert 0.5 <= crossing.score <= 1
         assert 0 <= crossing.existence <= 1
-        assert 0 <= min(crossing.over.u, crossing.under.u) <= max(crossing.over.u, crossing.under.u) <= 1
+        assert (
+            0
+            <= min(crossing.over.u, crossing.under.u)
+            <= max(crossing.over.u, crossing.under.u)
+            <= 1
+        )
 
 
-def circle(center: tuple[float, float], radius: float, start: float = 0.0, stop: float = 2 * np.pi) -> np.ndarray:
+def circle(
+    center: tuple[float, float], radius: float, start: float = 0.0, stop: float = 2 * np.pi
+) -> np.ndarray:
     """``(90, 2)`` points of an arc."""
     angles = np.linspace(start, stop, 90)
     return np.array(center) + radius * np.stack((np.cos(angles), np.sin(angles)), axis=1)

@@ -1,4 +1,5 @@
-"""Topologies drawn by hand, for tests of what is computed from them; and the networks that find them."""
+"""Topologies drawn by hand, for tests of what is computed from them; and the networks that find
+them."""
 
 from __future__ import annotations
 
@@ -14,10 +15,14 @@ from models.weights.inference import Network, Runtime, default_name, load
 def shipped() -> tuple[Network, Classifiers]:
     """The networks that find a topology."""
     runtime = Runtime(threads=1)
-    return load(default_name("topology"), runtime), classifiers_of(lambda task: load(default_name(task), runtime))
+    return load(default_name("topology"), runtime), classifiers_of(
+        lambda task: load(default_name(task), runtime)
+    )
 
 
-def section(points: list[tuple[float, float]], branches: tuple[int, int] = (-1, -1), width: float = 8.0) -> Section:
+def section(
+    points: list[tuple[float, float]], branches: tuple[int, int] = (-1, -1), width: float = 8.0
+) -> Section:
     rough = np.array(points, dtype=np.float64)
     line = resample(rough, max(2, round(float(arc_lengths(rough)[-1]) / 4)))
     ends = tuple("branch" if b >= 0 else "free" for b in branches)
@@ -35,16 +40,32 @@ def topology(
         for i, xy in enumerate(branches)
     )
     none = np.zeros(0)
-    return Topology(size, "branched" if branches else "plain", tuple(sections), points, tuple(crossings),
-                    np.zeros((0, 2)), none, np.zeros((0, 2)), np.zeros((0, 2), np.int64), none)  # fmt: skip
+    return Topology(
+        size,
+        "branched" if branches else "plain",
+        tuple(sections),
+        points,
+        tuple(crossings),
+        np.zeros((0, 2)),
+        none,
+        np.zeros((0, 2)),
+        np.zeros((0, 2), np.int64),
+        none,
+    )
 
 
 def crossed(order_score: float = 1.0) -> Topology:
     """A trunk along y = 240 with a branch at x = 200 that comes back over it near (420, 240)."""
     trunk_left = section([(60, 240), (200, 240)], (-1, 0), 16)
     trunk_right = section([(200, 240), (560, 240)], (0, -1), 16)
-    branch = section([(200, 240), (210, 330), (320, 360), (400, 290), (440, 190), (450, 140)], (0, -1))
-    at = branch.xy[np.abs(branch.xy[:, 1] - 240)[len(branch.xy) // 2 :].argmin() + len(branch.xy) // 2]
+    branch = section(
+        [(200, 240), (210, 330), (320, 360), (400, 290), (440, 190), (450, 140)], (0, -1)
+    )
+    at = branch.xy[
+        np.abs(branch.xy[:, 1] - 240)[len(branch.xy) // 2 :].argmin() + len(branch.xy) // 2
+    ]
     u = float(arc_lengths(branch.xy)[np.hypot(*(branch.xy - at).T).argmin()]) / branch.length
-    crossing = Crossing((float(at[0]), 240.0), Place(2, u), Place(1, float((at[0] - 200) / 360)), 1.0, order_score)
+    crossing = Crossing(
+        (float(at[0]), 240.0), Place(2, u), Place(1, float((at[0] - 200) / 360)), 1.0, order_score
+    )
     return topology([trunk_left, trunk_right, branch], [(200, 240)], [crossing])

@@ -29,7 +29,9 @@ def about(axis: int, angle: float) -> np.ndarray:
     return out
 
 
-def arc(length: float = 0.2, bend: float = 3.0, rise: float = 0.02, count: int = 2000) -> np.ndarray:
+def arc(
+    length: float = 0.2, bend: float = 3.0, rise: float = 0.02, count: int = 2000
+) -> np.ndarray:
     """(n, 3) along y, swinging in x and rising in z."""
     s = np.linspace(-0.5, 0.5, count)
     heading = 0.15 * bend * np.sin(2 * np.pi * s)
@@ -38,8 +40,11 @@ def arc(length: float = 0.2, bend: float = 3.0, rise: float = 0.02, count: int =
     return np.concatenate([xy, (rise * (0.5 + 0.5 * np.sin(5 * s)))[:, None]], axis=1)
 
 
-def strand(curve: np.ndarray, camera: Camera, rng: np.random.Generator | None = None, noise: float = 0.0) -> Strand:
-    """As the instance methods give it: a point about every 5 px, with noise; the width of a DLO of 5 mm."""
+def strand(
+    curve: np.ndarray, camera: Camera, rng: np.random.Generator | None = None, noise: float = 0.0
+) -> Strand:
+    """As the instance methods give it: a point about every 5 px, with noise; the width of a DLO of
+    5 mm."""
     xy = camera.project(curve)
     xy = xy[np.isfinite(xy).all(axis=1)]
     xy = xy[camera.sees(xy)]

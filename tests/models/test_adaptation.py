@@ -38,8 +38,14 @@ def test_a_network_goes_back_into_its_file_with_all_that_it_has_learnt() -> None
     for norm in (m for m in network.modules() if isinstance(m, torch.nn.BatchNorm2d)):
         norm.running_mean.add_(0.01)
     np.testing.assert_allclose(answer(refold(PARENT, network), x), network(x).numpy(), atol=2e-3)
-    np.testing.assert_allclose(answer(refold(PARENT, network, 0.0), x), answer(PARENT.read_bytes(), x), atol=1e-6)
-    before, after, between = answer(PARENT.read_bytes(), x), network(x).numpy(), answer(refold(PARENT, network, 0.5), x)
+    np.testing.assert_allclose(
+        answer(refold(PARENT, network, 0.0), x), answer(PARENT.read_bytes(), x), atol=1e-6
+    )
+    before, after, between = (
+        answer(PARENT.read_bytes(), x),
+        network(x).numpy(),
+        answer(refold(PARENT, network, 0.5), x),
+    )
     apart = np.abs(after - before).mean()
     assert np.abs(between - before).mean() < apart
     assert np.abs(between - after).mean() < apart
@@ -86,7 +92,9 @@ def test_a_batch_mixes_the_places_own_pictures_with_renders(folder: Path) -> Non
         assert images.shape == (12, 3, 64, 96)
         assert labels.shape == (12, 64, 96)
         # A bar of one tone over another: few levels, which no render has.
-        few = np.mean([len(np.unique(cut.numpy() // 24)) <= 14 and (cut.float().std() > 5) for cut in images])
+        few = np.mean(
+            [len(np.unique(cut.numpy() // 24)) <= 14 and (cut.float().std() > 5) for cut in images]
+        )
         assert few >= bright * 0.5
 
 
@@ -114,7 +122,11 @@ def test_pixels_where_nobody_can_tell_do_not_count() -> None:
 
 def test_the_mixture_gains_most_for_what_it_forgets() -> None:
     before = Scores((70.0,), (85.0,))
-    mixtures = {1.0: Scores((80.0,), (80.0,)), 0.65: Scores((79.0,), (84.5,)), 0.5: Scores((76.0,), (85.2,))}
+    mixtures = {
+        1.0: Scores((80.0,), (80.0,)),
+        0.65: Scores((79.0,), (84.5,)),
+        0.5: Scores((76.0,), (85.2,)),
+    }
     assert best(before, mixtures) == 0.65
     assert best(before, {1.0: before, 0.5: before}) == 0.5
     # The best of all would be refused: a smaller share is to be had.
@@ -127,7 +139,10 @@ def test_the_mixture_gains_most_for_what_it_forgets() -> None:
         (Scores((70.0,), (85.0, 60.0)), None),
         (Scores((90.0,), (83.1, 60.0)), None),
         (Scores((69.9,), (85.0, 60.0)), "falls from 70.0 to 69.9"),
-        (Scores((90.0,), (82.8, 60.0)), "it forgets: where Dice on the general set falls, it costs 1.1"),
+        (
+            Scores((90.0,), (82.8, 60.0)),
+            "it forgets: where Dice on the general set falls, it costs 1.1",
+        ),
         # gains on hard renders hid that edges moved on easy ones
         (Scores((90.0,), (82.8, 80.0)), "it costs 1.1"),
     ],
@@ -144,9 +159,13 @@ def test_an_exam_measures_every_picture(folder: Path) -> None:
     assert scores == Scores((100.0, 100.0), (100.0,))
 
 
-def test_a_course_goes_on_from_its_checkpoint_and_leaves_the_first_stages_alone(folder: Path, tmp_path: Path) -> None:
+def test_a_course_goes_on_from_its_checkpoint_and_leaves_the_first_stages_alone(
+    folder: Path, tmp_path: Path
+) -> None:
     params = CourseParams(batch=2, height=64, width=96, minutes=0.5)
-    batches = Batches(read_own(folder, 0.2), rehearsal((64, 96), 2), 0.5, FED, np.random.default_rng(0))
+    batches = Batches(
+        read_own(folder, 0.2), rehearsal((64, 96), 2), 0.5, FED, np.random.default_rng(0)
+    )
     course = begun("compact", PARENT, params)
     first = {k: v.clone() for k, v in course.network.state_dict().items()}
     step(course, batches)
@@ -155,8 +174,12 @@ def test_a_course_goes_on_from_its_checkpoint_and_leaves_the_first_stages_alone(
     after = course.network.state_dict()
     assert torch.equal(after["features.1.conv.0.weight"], first["features.1.conv.0.weight"])
     assert not torch.equal(after["features.9.conv.0.weight"], first["features.9.conv.0.weight"])
-    assert torch.equal(after["features.9.conv.1.running_mean"], first["features.9.conv.1.running_mean"])
+    assert torch.equal(
+        after["features.9.conv.1.running_mean"], first["features.9.conv.1.running_mean"]
+    )
     again = begun("compact", PARENT, params)
     again.restore(tmp_path / "c.pt")
     assert (again.steps, again.seconds) == (2, course.seconds)
-    assert torch.equal(again.average.state_dict()["head.0.weight"], course.average.state_dict()["head.0.weight"])
+    assert torch.equal(
+        again.average.state_dict()["head.0.weight"], course.average.state_dict()["head.0.weight"]
+    )

@@ -9,7 +9,9 @@ import pytest
 from models.reconstruction.centering import center
 
 
-def band(slope: float = 0.2, offset: float = 40.3, half: float = 4.0, size: tuple[int, int] = (80, 200)) -> np.ndarray:
+def band(
+    slope: float = 0.2, offset: float = 40.3, half: float = 4.0, size: tuple[int, int] = (80, 200)
+) -> np.ndarray:
     """Probability of a straight strand y = offset + slope x: edges that take two pixels."""
     y, x = np.mgrid[: size[0], : size[1]].astype(float)
     off = (y - offset - slope * x) / np.hypot(1, slope)
@@ -46,21 +48,31 @@ def test_another_strand_across_does_not_pull():
 
 
 def test_nothing_to_hold_on_to():
-    assert center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, np.zeros((80, 200), np.float32)) is None
-    assert center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, np.ones((80, 200), np.float32)) is None
+    assert (
+        center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, np.zeros((80, 200), np.float32))
+        is None
+    )
+    assert (
+        center(np.array([[10.0, 42.3], [180.0, 76.3]]), 8.0, np.ones((80, 200), np.float32)) is None
+    )
 
 
 def shadowed(own: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """A picture of a level DLO, 5 px wide about y = 40, of a color; beside it, from 42.5 down, its soft shadow. And a
-    foreground probability that takes a part of the shadow for the DLO."""
+    """A picture of a level DLO, 5 px wide about y = 40, of a color; beside it, from 42.5 down, its
+    soft shadow. And a foreground probability that takes a part of the shadow for the DLO."""
     y = np.arange(80.0)
     inside = np.clip(2.5 - np.abs(y - 40) + 0.5, 0, 1)
     shade = 1 - 0.5 * np.exp(-(((y - 45) / 3.0) ** 2))
-    rows = np.array([140.0, 130.0, 120.0]) * shade[:, None] * (1 - inside[:, None]) + np.array(own) * inside[:, None]
+    rows = (
+        np.array([140.0, 130.0, 120.0]) * shade[:, None] * (1 - inside[:, None])
+        + np.array(own) * inside[:, None]
+    )
     rows = cv2.GaussianBlur(rows, (1, 9), 0.6)
     picture = np.broadcast_to(np.rint(rows)[:, None], (80, 200, 3)).astype(np.uint8)
     foreground = 1 / (1 + np.exp(-3 * (np.where(y > 40, 3.5, 2.5) - np.abs(y - 40))))
-    return np.ascontiguousarray(picture), np.broadcast_to(foreground[:, None], (80, 200)).astype(np.float32)
+    return np.ascontiguousarray(picture), np.broadcast_to(foreground[:, None], (80, 200)).astype(
+        np.float32
+    )
 
 
 @pytest.mark.parametrize("own", [(190, 40, 40), (30, 30, 35)], ids=["red", "black"])

@@ -1,4 +1,5 @@
-"""The chroma key: recordings made with the renderer, whose truth is known; bad input; stopping and going on."""
+"""The chroma key: recordings made with the renderer, whose truth is known; bad input; stopping and
+going on."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ def recording(
     hue: float, count: int, own_hue: bool = False, size: tuple[int, int] = SIZE
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     screen = random_screen(np.random.default_rng(5), hue, size)
-    shots = [render_before_screen(np.random.default_rng([5, k]), screen, own_hue) for k in range(count)]
+    shots = [
+        render_before_screen(np.random.default_rng([5, k]), screen, own_hue) for k in range(count)
+    ]
     return [(rgb, ids > 0) for rgb, ids in shots]
 
 
@@ -51,7 +54,9 @@ def folders(tmp_path):
 
 def run(folders: Path, out: str = "out", source: str = "recorded", *more: str) -> int:
     backgrounds = ("--backgrounds", str(folders / "backgrounds"))
-    return chroma_key.main([str(folders / source), str(folders / out), *backgrounds, "--per-image", "2", *more])
+    return chroma_key.main(
+        [str(folders / source), str(folders / out), *backgrounds, "--per-image", "2", *more]
+    )
 
 
 # What it finds
@@ -59,26 +64,34 @@ def run(folders: Path, out: str = "out", source: str = "recorded", *more: str) -
 
 @pytest.mark.parametrize("hue", [120.0, 220.0])
 def test_the_key_agrees_with_the_truth(hue):
-    """Uneven light, wrinkles, shadows and noise; the contour at half coverage, not a pixel outside."""
+    """Uneven light, wrinkles, shadows and noise; the contour at half coverage, not a pixel
+    outside."""
     shots = recording(hue, 6)
     ranges = find_ranges([rgb for rgb, _ in shots])
     assert ranges.hue_deg[0] < hue < ranges.hue_deg[1]
     assert ranges.hue_deg[1] - ranges.hue_deg[0] < 30
     scores = [iou(key(rgb, ranges).mask, true) for rgb, true in shots]
     assert np.mean(scores) > 0.9
-    assert np.mean(scores) > np.mean([iou(foreground(to_hsv(rgb), ranges), true) for rgb, true in shots]) + 0.05
+    assert (
+        np.mean(scores)
+        > np.mean([iou(foreground(to_hsv(rgb), ranges), true) for rgb, true in shots]) + 0.05
+    )
 
 
 def test_the_contour_carries_no_color_of_the_screen():
     picture = np.full((60, 60, 3), (20, 180, 20), np.uint8)
     cv2.line(picture, (0, 10), (60, 45), (200, 20, 20), 9, cv2.LINE_AA)
     keyed = key(picture, find_ranges([picture]))
-    red, green = keyed.clean[keyed.mask][:, 0].astype(int), keyed.clean[keyed.mask][:, 1].astype(int)
+    red, green = (
+        keyed.clean[keyed.mask][:, 0].astype(int),
+        keyed.clean[keyed.mask][:, 1].astype(int),
+    )
     assert (red > green).all()
 
 
 def test_a_dlo_of_the_screens_hue_is_noticed():
-    """Where its saturation is another one; a DLO of the very color of the screen cannot be told from it."""
+    """Where its saturation is another one; a DLO of the very color of the screen cannot be told
+    from it."""
     size = (360, 640)
     ranges = find_ranges([rgb for rgb, _ in recording(120.0, 8, size=size)])
     assert not any(key(rgb, ranges).screen_hue for rgb, _ in recording(120.0, 8, size=size))
@@ -92,12 +105,17 @@ def test_a_dlo_of_the_screens_hue_is_noticed():
 
 
 def glossy(cable: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """A green mat in which a lamp is mirrored, and a cable of this color across it: picture and true mask."""
+    """A green mat in which a lamp is mirrored, and a cable of this color across it: picture and
+    true mask."""
     y, x = np.mgrid[:240, :400].astype(np.float32)
     lamp = np.exp(-(((x - 200) / 70) ** 2) - ((y - 120) / 35) ** 2)[..., None]
     mat = np.array([40, 110, 60], np.float32) * (0.8 + 0.3 * x[..., None] / 400)
     rng = np.random.default_rng(3)
-    picture = mat + (np.array([235, 240, 225]) - mat) * np.clip(1.3 * lamp, 0, 1) + rng.normal(0, 2, (240, 400, 1))
+    picture = (
+        mat
+        + (np.array([235, 240, 225]) - mat) * np.clip(1.3 * lamp, 0, 1)
+        + rng.normal(0, 2, (240, 400, 1))
+    )
     mask = np.zeros((240, 400), np.uint8)
     cv2.line(mask, (0, 60), (399, 190), 1, 11)
     picture[mask > 0] = cable
@@ -160,7 +178,8 @@ def test_the_warning_names_the_share(folders, capsys):
 
 
 def test_blend_is_a_weighted_sum_across_the_contour():
-    """A straight edge between columns 19 and 20 weighs about half on both sides, all or nothing far away."""
+    """A straight edge between columns 19 and 20 weighs about half on both sides, all or nothing far
+    away."""
     mask = np.zeros((40, 40), bool)
     mask[:, 20:] = True
     out = blend(np.full((40, 40, 3), 200, np.uint8), np.zeros((40, 40, 3), np.uint8), mask, 1.0)
@@ -201,7 +220,9 @@ def test_the_set_holds_originals_and_swaps_and_can_be_read(folders, capsys):
     pictures = {s.name: load(s) for s in samples}
     assert np.array_equal(pictures["000001"][0], recording(120.0, 3)[1][0])
     swapped, mask = pictures["000001_0"]
-    assert (swapped[~cv2.dilate(mask.astype(np.uint8), np.ones((9, 9))).astype(bool)] == (200, 30, 30)).all()
+    assert (
+        swapped[~cv2.dilate(mask.astype(np.uint8), np.ones((9, 9))).astype(bool)] == (200, 30, 30)
+    ).all()
     assert cv2.imread(str(report)).shape[1] == 1280
 
 

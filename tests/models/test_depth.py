@@ -1,4 +1,5 @@
-"""Depth beside a picture: the table, foreground from height, centerlines in meters, the order at crossings."""
+"""Depth beside a picture: the table, foreground from height, centerlines in meters, the order at
+crossings."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ def errors(curve: MetricCurve, true: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(curve.points_m[:, None] - true[None], axis=2).min(1))
 
 
-def test_the_table_is_found_under_cables_noise_and_holes(scene: DepthScene, noisy: np.ndarray) -> None:
+def test_the_table_is_found_under_cables_noise_and_holes(
+    scene: DepthScene, noisy: np.ndarray
+) -> None:
     table = find_table(noisy, scene.camera, np.random.default_rng(0))
     assert table is not None
     normal, offset = scene.table
@@ -74,7 +77,8 @@ def test_depth_alone_shows_the_cables(scene: DepthScene, noisy: np.ndarray) -> N
 
 
 def test_a_shadow_has_no_height(scene: DepthScene, noisy: np.ndarray) -> None:
-    """Color takes a dark strip for a cable; height does not, and it takes nothing from the cables."""
+    """Color takes a dark strip for a cable; height does not, and it takes nothing from the
+    cables."""
     table = find_table(noisy, scene.camera, np.random.default_rng(0))
     assert table is not None
     shadow = np.zeros(scene.mask.shape, bool)
@@ -101,7 +105,12 @@ def test_without_noise_the_curve_is_the_axis(scene: DepthScene) -> None:
     seen = extract(scene.mask)
     for item, number in zip(seen.instances, range(1, 3), strict=True):
         curve = metric_curve(
-            item.centerline_xy, item.width_px, scene.depth_m, scene.camera, 1e-4, covered_stretches(seen, number)
+            item.centerline_xy,
+            item.width_px,
+            scene.depth_m,
+            scene.camera,
+            1e-4,
+            covered_stretches(seen, number),
         )
         assert curve is not None
         off = min((errors(curve, true) for true in scene.curves_m), key=lambda e: float(np.mean(e)))
@@ -109,11 +118,18 @@ def test_without_noise_the_curve_is_the_axis(scene: DepthScene) -> None:
         assert curve.radius_m == pytest.approx(SMALL.radius_m, rel=0.25)
 
 
-def test_with_noise_holes_and_flying_pixels_the_stated_sigma_holds(scene: DepthScene, noisy: np.ndarray) -> None:
+def test_with_noise_holes_and_flying_pixels_the_stated_sigma_holds(
+    scene: DepthScene, noisy: np.ndarray
+) -> None:
     seen = extract(scene.mask)
     for number, item in enumerate(seen.instances, start=1):
         curve = metric_curve(
-            item.centerline_xy, item.width_px, noisy, scene.camera, 0.001, covered_stretches(seen, number)
+            item.centerline_xy,
+            item.width_px,
+            noisy,
+            scene.camera,
+            0.001,
+            covered_stretches(seen, number),
         )
         assert curve is not None
         off = min((errors(curve, true) for true in scene.curves_m), key=lambda e: float(np.mean(e)))
@@ -142,7 +158,10 @@ def test_height_turns_a_wrong_order_over(scene: DepthScene) -> None:
     upper = seen.instances[crossing.over.instance - 1]
     x, y = np.rint(crossing.xy).astype(int)
     lines = [scene.camera.project(curve) for curve in scene.curves_m]
-    away = [np.linalg.norm(upper.centerline_xy[:, None] - line[None, ::20], axis=2).min(1).mean() for line in lines]
+    away = [
+        np.linalg.norm(upper.centerline_xy[:, None] - line[None, ::20], axis=2).min(1).mean()
+        for line in lines
+    ]
     assert int(np.argmin(away)) + 1 == scene.owner[y, x]
     assert crossing.score > 0.8
     wrong = replace(crossing, over=crossing.under, under=crossing.over, score=0.7)
@@ -151,7 +170,8 @@ def test_height_turns_a_wrong_order_over(scene: DepthScene) -> None:
 
 
 def test_a_strand_that_bends_sharply_in_height_states_a_wider_sigma() -> None:
-    """Over another cable a parabola is too smooth; its error was stated as small as on the table."""
+    """Over another cable a parabola is too smooth; its error was stated as small as on the
+    table."""
     camera = Camera(Intrinsics(320, 60, 450.0, 450.0, 159.5, 29.5), np.eye(4))
     column = np.arange(320.0)
     depth = 0.6 - 0.003 * np.exp(-(((column - 160) / 12) ** 2)) * np.ones((60, 1))

@@ -48,7 +48,11 @@ def test_a_distorted_camera_is_told_from_the_pinhole_of_its_points() -> None:
 def test_points_that_show_no_camera(kind: str) -> None:
     points = cloud(WIDE, np.random.default_rng(3))
     if kind == "world":
-        points = points @ np.array([[0.0, 1.0, 0.0], [0.6, 0.0, 0.8], [0.8, 0.0, -0.6]]) + (0.3, 0.2, 1.5)
+        points = points @ np.array([[0.0, 1.0, 0.0], [0.6, 0.0, 0.8], [0.8, 0.0, -0.6]]) + (
+            0.3,
+            0.2,
+            1.5,
+        )
     points[..., 0] *= -1 if kind == "mirrored" else 1
     points[:] = np.nan if kind == "nothing" else (0.1, 0.1, 0.5) if kind == "one ray" else points
     found = pinhole_of(points)

@@ -27,7 +27,14 @@ from models.topology.extraction import extract
 from models.topology.overlay import overlay
 from models.topology.scene import Crossing, Place, Topology
 from models.training.disentangling.moves import moves_table
-from models.training.disentangling.table_world import _turned, execute, one_crossing, seen_points, truth, unclear
+from models.training.disentangling.table_world import (
+    _turned,
+    execute,
+    one_crossing,
+    seen_points,
+    truth,
+    unclear,
+)
 from models.weights.inference import Network, Runtime, default_name, load
 from tests.models.harnesses import crossed, section, shipped, topology
 
@@ -67,7 +74,8 @@ def test_the_arc_keeps_its_distance_to_the_held_place_and_ends_at_the_place(plan
     assert tuple(action.trajectory[0]) == pytest.approx(action.pick.xy)
     assert tuple(action.trajectory[-1]) == pytest.approx(action.place.xy)
     turned_by = np.arctan2(
-        np.sin(action.place.angle - action.pick.angle), np.cos(action.place.angle - action.pick.angle)
+        np.sin(action.place.angle - action.pick.angle),
+        np.cos(action.place.angle - action.pick.angle),
     )
     assert turned_by == pytest.approx(action.turn, abs=1e-6)
 
@@ -80,7 +88,9 @@ def test_a_turn_counts_for_how_often_it_helps_though_arms_err():
 
 
 def test_a_hand_needs_room_beside_a_strand():
-    near = topology([section([(0, 100), (300, 100)], width=8), section([(0, 110), (150, 110)], width=8)])
+    near = topology(
+        [section([(0, 100), (300, 100)], width=8), section([(0, 110), (150, 110)], width=8)]
+    )
     room = room_at(in_hands(near, 12.0), 0, np.array([50.0, 280.0]) / 12)
     assert room[0] == pytest.approx((10 - 4) / (4 + 12), abs=0.02)
     assert room[1] == 1
@@ -107,7 +117,10 @@ def test_a_section_held_at_both_ends_does_not_turn():
     """A cycle: both ways round lead back to the place held."""
     upper = section([(200, 240), (300, 140), (400, 240)], (0, 1))
     lower = section([(200, 240), (400, 240)], (0, 1))
-    left, right = section([(60, 240), (200, 240)], (-1, 0)), section([(400, 240), (560, 240)], (1, -1))
+    left, right = (
+        section([(60, 240), (200, 240)], (-1, 0)),
+        section([(400, 240), (560, 240)], (1, -1)),
+    )
     harness = topology([left, upper, lower, right], [(200, 240), (400, 240)])
     assert body_of(harness, Pivot(1, 0.0, 1, 0)) is None
     assert body_of(harness, Pivot(0, 140.0, -1, 0)) is not None
@@ -127,7 +140,10 @@ def test_the_nearer_arms_are_chosen_and_reach_is_kept(plan):
     near_hold, near_pick = Base((100, 240)), Base((500, 300))
     assert assign_arms(action, [near_hold, near_pick]) == (0, 1)
     assert assign_arms(action, [near_pick, near_hold]) == (1, 0)
-    assert assign_arms(action, [replace(near_hold, reach=10.0), replace(near_pick, reach=10.0)]) is None
+    assert (
+        assign_arms(action, [replace(near_hold, reach=10.0), replace(near_pick, reach=10.0)])
+        is None
+    )
 
 
 def test_fewer_actions_than_asked_for_are_no_fault_and_no_more_are_given(plan):
@@ -135,7 +151,9 @@ def test_fewer_actions_than_asked_for_are_no_fault_and_no_more_are_given(plan):
 
 
 def test_turning_by_a_quarter_takes_x_to_y():
-    assert turned(np.array([[3.0, 1.0]]), np.array([1.0, 1.0]), np.pi / 2) == pytest.approx(np.array([[1.0, 3.0]]))
+    assert turned(np.array([[3.0, 1.0]]), np.array([1.0, 1.0]), np.pi / 2) == pytest.approx(
+        np.array([[1.0, 3.0]])
+    )
 
 
 def test_most_single_crossings_are_undone_in_a_world_with_errors(plan):
@@ -164,7 +182,9 @@ def test_the_picture_shows_the_action(plan):
 def test_every_turn_comes_with_its_evidence():
     turns = turns_of(crossed())
     assert {t.held.pivot.branch for t in turns} == {-1, 0}
-    assert all(t.evidence.shape == (len(MOVE_FEATURES),) and np.isfinite(t.evidence).all() for t in turns)
+    assert all(
+        t.evidence.shape == (len(MOVE_FEATURES),) and np.isfinite(t.evidence).all() for t in turns
+    )
     assert all(t.after < 1 for t in turns)
 
 
@@ -204,7 +224,10 @@ def options_of(harness: Topology, margin_px: float = ANYWHERE) -> list[Option]:
 
 def test_each_crossing_that_goes_is_worth_a_move_of_its_own():
     """At .9 each, two moves are worth .81; both crossings at once .9."""
-    assert {round(o.chance, 6): o.turn.after for o in options_of(twice_crossed())} == {0.9: 0, 0.81: 1}
+    assert {round(o.chance, 6): o.turn.after for o in options_of(twice_crossed())} == {
+        0.9: 0,
+        0.81: 1,
+    }
 
 
 def test_a_piece_that_leaves_the_picture_is_worth_less_and_least_where_crossings_are_left():
@@ -244,17 +267,25 @@ def test_a_preparing_turn_is_proposed_where_no_other_is_likely():
 
 
 def test_a_branch_point_that_is_set_back_lies_on_the_bundle():
-    """Two lanes part at (200, 100) in the picture, in truth 10 px before: the turned one crosses the other there."""
+    """Two lanes part at (200, 100) in the picture, in truth 10 px before: the turned one crosses
+    the other there."""
     bundle = section([(40, 100), (200, 100)], (-1, 0), 16)
-    upper, lower = section([(200, 100), (400, 60)], (0, -1)), section([(200, 100), (400, 140)], (0, -1))
+    upper, lower = (
+        section([(200, 100), (400, 60)], (0, -1)),
+        section([(200, 100), (400, 140)], (0, -1)),
+    )
     harness = topology([bundle, upper, lower], [(200, 100)])
     pivot = Pivot(1, 0.0, 1, 0)
     body = body_of(harness, pivot)
     back = set_back(harness, pivot, body, 10.0)
     assert back.center == pytest.approx((190, 100))
     assert sum(len(xy) for _, xy in back.moving) > sum(len(xy) for _, xy in body.moving)
-    whole = set_back(harness, Pivot(0, 160.0, -1, 0), body_of(harness, Pivot(0, 160.0, -1, 0)), 10.0)
-    assert whole.moving[0][1][-1] == pytest.approx((190, 100)), "the bundle turns as far as it is one"
+    whole = set_back(
+        harness, Pivot(0, 160.0, -1, 0), body_of(harness, Pivot(0, 160.0, -1, 0)), 10.0
+    )
+    assert whole.moving[0][1][-1] == pytest.approx((190, 100)), (
+        "the bundle turns as far as it is one"
+    )
     assert set_back(topology([bundle, upper], [(200, 100)]), pivot, body, 10.0) is None
 
 
@@ -265,10 +296,16 @@ def test_one_action_for_every_place_to_hold():
 
 
 def touching() -> Topology:
-    """A branch that passes over the trunk; its end comes to touch it and is taken for a branch-point: a ring."""
-    trunk = [section([(60, 240), (200, 240)], (-1, 0), 16), section([(200, 240), (480, 240)], (0, 1), 16),
-             section([(480, 240), (600, 240)], (1, -1), 16)]  # fmt: skip
-    branch = section([(200, 240), (230, 330), (330, 330), (360, 240), (400, 150), (470, 170), (480, 240)], (0, 1))
+    """A branch that passes over the trunk; its end comes to touch it and is taken for a
+    branch-point: a ring."""
+    trunk = [
+        section([(60, 240), (200, 240)], (-1, 0), 16),
+        section([(200, 240), (480, 240)], (0, 1), 16),
+        section([(480, 240), (600, 240)], (1, -1), 16),
+    ]
+    branch = section(
+        [(200, 240), (230, 330), (330, 330), (360, 240), (400, 150), (470, 170), (480, 240)], (0, 1)
+    )
     at = float(arc_lengths(branch.xy)[np.hypot(*(branch.xy - (360, 240)).T).argmin()])
     crossing = Crossing((360.0, 240.0), Place(3, at / branch.length), Place(1, 160 / 280), 1.0, 1.0)
     harness = topology([*trunk, branch], [(200, 240), (480, 240)], [crossing])
@@ -299,15 +336,21 @@ def test_a_joint_outside_any_ring_is_not_loosened():
 
 def harness_of(*lines: list[tuple[float, float]]) -> Harness:
     sections = tuple(TrueSection(section(line).xy, 8.0, (FREE, FREE)) for line in lines)
-    sections = tuple(replace(s, xy=resample(s.xy, round(float(arc_lengths(s.xy)[-1]) / 3) + 1)) for s in sections)
+    sections = tuple(
+        replace(s, xy=resample(s.xy, round(float(arc_lengths(s.xy)[-1]) / 3) + 1)) for s in sections
+    )
     met = tuple(meetings([s.xy for s in sections]))
     return Harness((480, 640), sections, np.zeros((0, 2)), met, tuple(True for _ in met))
 
 
 def test_what_nobody_could_read_from_a_mask_is_counted():
     assert unclear(harness_of([(100, 240), (500, 240)], [(300, 100), (300, 400)])) == 0
-    assert unclear(harness_of([(100, 240), (500, 240)], [(300, 100), (300, 232)])) == 1, "an end touches"
-    assert unclear(harness_of([(2, 100), (2, 400)], [(-20, 240), (200, 240)])) == 1, "a crossing at the border"
+    assert unclear(harness_of([(100, 240), (500, 240)], [(300, 100), (300, 232)])) == 1, (
+        "an end touches"
+    )
+    assert unclear(harness_of([(2, 100), (2, 400)], [(-20, 240), (200, 240)])) == 1, (
+        "a crossing at the border"
+    )
     near = harness_of([(100, 240), (500, 240)], [(300, 100), (300, 400)], [(310, 100), (310, 400)])
     assert unclear(near) >= 2, "two crossings next to each other, and sections side by side"
 
@@ -334,7 +377,9 @@ def test_what_was_moved_lies_on_top_of_its_own_section_too():
 
 def test_where_a_crossing_lies_at_the_end_the_piece_is_picked_elsewhere():
     over, under = section([(100, 200), (300, 200)]), section([(288, 100), (288, 300)])
-    harness = topology([over, under], crossings=[Crossing((288, 200), Place(0, 0.94), Place(1, 0.5), 1.0, 1.0)])
+    harness = topology(
+        [over, under], crossings=[Crossing((288, 200), Place(0, 0.94), Place(1, 0.5), 1.0, 1.0)]
+    )
     holds = [h for h in find_holds(in_hands(harness, HAND_PX), 50) if h.pivot.section == 0]
     picks = {h.pick for h in holds if h.pivot.side == 1}
     assert picks
@@ -345,7 +390,9 @@ def test_where_a_crossing_lies_at_the_end_the_piece_is_picked_elsewhere():
 def scaled(harness: Topology, factor: float) -> Topology:
     """The harness as a picture of another resolution shows it."""
     height, width = harness.size
-    return replace(in_hands(harness, 1 / factor), size=(round(factor * height), round(factor * width)))
+    return replace(
+        in_hands(harness, 1 / factor), size=(round(factor * height), round(factor * width))
+    )
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, 4.0])
@@ -361,7 +408,9 @@ def test_the_best_action_stays_the_same_at_another_resolution(plan, factor, grip
             assert (a.section, a.crossing, a.after) == (b.section, b.crossing, b.after)
             assert b.turn == pytest.approx(a.turn)
             assert b.score == pytest.approx(a.score, abs=1e-4)
-            assert b.pick.xy == pytest.approx(tuple(factor * v for v in a.pick.xy), abs=1e-3 * factor)
+            assert b.pick.xy == pytest.approx(
+                tuple(factor * v for v in a.pick.xy), abs=1e-3 * factor
+            )
             assert b.trajectory == pytest.approx(factor * a.trajectory, abs=1e-3 * factor)
             assert b.clearance == pytest.approx(factor * a.clearance, abs=1e-3 * factor)
 
@@ -371,7 +420,9 @@ def test_the_best_action_from_a_mask_stays_the_same_at_another_resolution(plan, 
     network, classifiers = shipped()
     rng = np.random.default_rng([3, 7])
     harness = one_crossing(rng, 1)
-    mask = draw_mask(harness, rng, MaskParams(connectors=0, clips=0, tape=0, gaps=0, specks=0, coarse=0, rough=0))
+    mask = draw_mask(
+        harness, rng, MaskParams(connectors=0, clips=0, tape=0, gaps=0, specks=0, coarse=0, rough=0)
+    )
     size = (round(factor * mask.shape[1]), round(factor * mask.shape[0]))
     other = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) > 127
     here = seen_points(harness)
@@ -385,13 +436,17 @@ def test_the_best_action_from_a_mask_stays_the_same_at_another_resolution(plan, 
 
 
 def test_a_larger_gripper_needs_more_room():
-    near = topology([section([(0, 100), (300, 100)], width=8), section([(0, 130), (300, 130)], width=8)])
+    near = topology(
+        [section([(0, 100), (300, 100)], width=8), section([(0, 130), (300, 130)], width=8)]
+    )
     rooms = [room_at(in_hands(near, px), 0, np.array([150.0 / px]))[0] for px in (10.0, 22.0, 40.0)]
     assert rooms == pytest.approx([1.0, 1.0, 26 / 44], abs=0.01)
 
 
 def test_the_usual_hand_follows_the_strands():
     thin, thick = section([(0, 0), (300, 0)], width=6), section([(0, 50), (100, 50)], width=30)
-    assert usual_hand_px(topology([thin, thick])) == pytest.approx(HAND_WIDTHS * 6), "most of the length is thin"
+    assert usual_hand_px(topology([thin, thick])) == pytest.approx(HAND_WIDTHS * 6), (
+        "most of the length is thin"
+    )
     assert usual_hand_px(topology([thick])) == pytest.approx(HAND_WIDTHS * 30)
     assert usual_hand_px(topology([])) == 1.0

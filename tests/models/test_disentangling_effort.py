@@ -28,7 +28,8 @@ def grid(rows: int) -> Topology:
 
 
 def test_only_segments_that_a_turn_can_bring_together_are_looked_at():
-    """Every pair of segments was tried at each of 71 angles: 112 million for a harness of five sections."""
+    """Every pair of segments was tried at each of 71 angles: 112 million for a harness of five
+    sections."""
     scene = in_hands(crossed(), 12.0)
     body = body_of(scene, Pivot(2, 0.0, 1, 0))
     assert body is not None
@@ -46,7 +47,8 @@ def test_only_segments_that_a_turn_can_bring_together_are_looked_at():
 
 
 def test_a_plan_looks_at_a_limited_number_of_places_and_segments(monkeypatch):
-    """With more crossings, and with finer pictures of longer cables, a plan took as long as it took: 18 s."""
+    """With more crossings, and with finer pictures of longer cables, a plan took as long as it
+    took: 18 s."""
     looked = []
     turns_about = turn_candidates._turns_about
 
@@ -56,11 +58,15 @@ def test_a_plan_looks_at_a_limited_number_of_places_and_segments(monkeypatch):
 
     monkeypatch.setattr(turn_candidates, "_turns_about", counted)
     monkeypatch.setattr(planner, "_MOST_HOLDS_IN_ALL", 60)
-    found = planner.plan(grid(5), lambda rows: np.full(len(rows), 0.2), planner.DisentangleParams(hand_px=6.0))
+    found = planner.plan(
+        grid(5), lambda rows: np.full(len(rows), 0.2), planner.DisentangleParams(hand_px=6.0)
+    )
     assert found
     assert len(looked) == 60
     # A cable ten times as long in hands has no more points to be swept.
-    long = in_hands(topology([section([(0, 0), (4e4, 10)]), section([(2e4, -2e4), (2e4, 2e4)])]), 6.0)
+    long = in_hands(
+        topology([section([(0, 0), (4e4, 10)]), section([(2e4, -2e4), (2e4, 2e4)])]), 6.0
+    )
     body = body_of(long, Pivot(0, long.sections[0].length / 2, 1, -1))
     assert body is not None
     assert sum(len(xy) for _, xy in body.moving + body.resting) <= 3 * 150

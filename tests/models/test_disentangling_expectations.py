@@ -20,7 +20,9 @@ def test_without_attempts_nothing_changes():
 
 
 def test_a_failed_turn_is_expected_less_and_others_a_little_less():
-    again, alike, elsewhere = updated(SCORES, HOLDS, TURNS, [Attempt((0, 0), 1.0, 0.8, worked=False)])
+    again, alike, elsewhere = updated(
+        SCORES, HOLDS, TURNS, [Attempt((0, 0), 1.0, 0.8, worked=False)]
+    )
     assert again == alike < 0.5
     assert 0.6 < elsewhere < 0.8
 
@@ -31,7 +33,9 @@ def test_the_other_way_round_is_another_turn():
 
 
 def test_what_worked_as_expected_changes_little_and_more_often_than_expected_raises():
-    assert updated(SCORES, HOLDS, TURNS, [Attempt((9, 9), 0.0, 0.95, worked=True)]) == pytest.approx(SCORES, abs=0.01)
+    assert updated(
+        SCORES, HOLDS, TURNS, [Attempt((9, 9), 0.0, 0.95, worked=True)]
+    ) == pytest.approx(SCORES, abs=0.01)
     assert updated(SCORES, HOLDS, TURNS, 5 * [Attempt((9, 9), 0.0, 0.5, worked=True)]).min() > 0.88
 
 
@@ -43,5 +47,7 @@ def test_the_planner_turns_to_something_else_after_a_failure():
     again = plan(crossed(), moves, DisentangleParams(attempts=3 * [failed]))
     assert all(a.score < first.score for a in again)
     best = again[0]
-    moved_on = np.hypot(*np.subtract(best.hold.xy, first.hold.xy)) > 1 or abs(best.turn - first.turn) > 0.5
+    moved_on = (
+        np.hypot(*np.subtract(best.hold.xy, first.hold.xy)) > 1 or abs(best.turn - first.turn) > 0.5
+    )
     assert moved_on

@@ -43,7 +43,9 @@ def test_the_target_is_followed_by_its_slope():
     assert select(views, 0, 0) == [0, 0, 0]
 
 
-@pytest.mark.parametrize("camera", [above(0.025, turn=about(1, 0.1)), above(0.0, 0.03)], ids=["turned", "aside"])
+@pytest.mark.parametrize(
+    "camera", [above(0.025, turn=about(1, 0.1)), above(0.0, 0.03)], ids=["turned", "aside"]
+)
 def test_other_rigs_are_refused_by_name(camera):
     views = views_of([arc()], [ROW[0], ROW[1], camera])
     with pytest.raises(NotReconstructable, match="view 2 does not"):

@@ -1,4 +1,5 @@
-"""Pictures of the empty place: light, shadows and small shifts explain nothing away, cables stand out."""
+"""Pictures of the empty place: light, shadows and small shifts explain nothing away, cables stand
+out."""
 
 from __future__ import annotations
 
@@ -23,7 +24,9 @@ def ground(seed: int = 0) -> np.ndarray:
     return out
 
 
-def taken(place: np.ndarray, shift: tuple[float, float] = (0, 0), gain: float = 1.0, seed: int = 1) -> np.ndarray:
+def taken(
+    place: np.ndarray, shift: tuple[float, float] = (0, 0), gain: float = 1.0, seed: int = 1
+) -> np.ndarray:
     warp = np.array([[1, 0, -20 + shift[0]], [0, 1, -20 + shift[1]]], np.float32)
     cut = cv2.warpAffine(place, warp, SIZE[::-1])
     noise = np.random.default_rng(seed).normal(0, 2, cut.shape)
@@ -32,7 +35,8 @@ def taken(place: np.ndarray, shift: tuple[float, float] = (0, 0), gain: float = 
 
 @pytest.fixture
 def scene():
-    """The place with a cable, where it is, and what an unsure network sees: the cable faintly, a rail as clearly."""
+    """The place with a cable, where it is, and what an unsure network sees: the cable faintly, a
+    rail as clearly."""
     place, mask = ground(), np.zeros((SIZE[0] + 40, SIZE[1] + 40), np.uint8)
     cv2.line(mask, (30, 180), (340, 90), 1, 9)
     with_cable = place.copy()
@@ -77,7 +81,9 @@ def test_another_place_changes_nothing_and_says_why(scene) -> None:
 
 def test_of_several_pictures_the_one_that_fits_counts(scene) -> None:
     place, with_cable, cut, probability = scene
-    weighed = weigh(taken(with_cable), probability, [taken(ground(9)[::-1, ::-1]), taken(place, (3, 3), seed=2)])
+    weighed = weigh(
+        taken(with_cable), probability, [taken(ground(9)[::-1, ::-1]), taken(place, (3, 3), seed=2)]
+    )
     assert weighed.reason is None
     assert (weighed.probability >= 0.5)[cut].mean() > 0.85
 

@@ -33,7 +33,9 @@ def photographs(folder: Path, names: list[str]) -> None:
 
 
 def names(place: str, count: int) -> list[str]:
-    return [name for name in (f"{place}_{k:03d}" for k in range(100)) if not kept_aside(name)][:count]
+    return [name for name in (f"{place}_{k:03d}" for k in range(100)) if not kept_aside(name)][
+        :count
+    ]
 
 
 def test_a_cut_moves_picture_and_labels_alike() -> None:
@@ -57,7 +59,11 @@ def test_what_nobody_could_tell_stays_unknown_at_every_scale() -> None:
     for scale in (0.3, 1.0, 1.7):
         cut = Cut((60, 80), (scale, scale), 0.0)
         _, found = cut_out(
-            np.zeros((200, 300, 3), np.uint8), labels, cut, np.random.default_rng(1), np.array([150.0, 100])
+            np.zeros((200, 300, 3), np.uint8),
+            labels,
+            cut,
+            np.random.default_rng(1),
+            np.array([150.0, 100]),
         )
         assert set(np.unique(found)) <= {0, UNKNOWN}
         assert (found == UNKNOWN).any()
@@ -74,7 +80,9 @@ def test_recolored_pictures_keep_their_shape_and_type() -> None:
 def test_a_place_with_many_pictures_does_not_drown_the_others(tmp_path: Path) -> None:
     photographs(tmp_path, names("table", 40) + names("bench", 2))
     real = load_labelled(tmp_path)
-    bench = sum(c for p, c in zip(real.photographs, real.chances, strict=True) if p.name.startswith("bench"))
+    bench = sum(
+        c for p, c in zip(real.photographs, real.chances, strict=True) if p.name.startswith("bench")
+    )
     assert bench == pytest.approx(1 / 3.5)
 
 
@@ -103,7 +111,9 @@ def test_unknown_pixels_have_no_weight() -> None:
     doubtful[:, 6:] = UNKNOWN
     wrong = logits.clone()
     wrong[:, :, 6:] = 9.0
-    assert foreground_loss(wrong, doubtful) == pytest.approx(float(foreground_loss(logits, labels)), abs=0.01)
+    assert foreground_loss(wrong, doubtful) == pytest.approx(
+        float(foreground_loss(logits, labels)), abs=0.01
+    )
     assert foreground_loss(wrong, labels) > 1.0
 
 
@@ -125,7 +135,9 @@ def test_what_a_teacher_sees_mirrored_and_resized_is_put_back_in_its_place() -> 
     def look(picture: np.ndarray, scale: float) -> np.ndarray:
         looked.append((int(picture[15, 10, 0]), scale))
         size = round(60 * scale), round(40 * scale)
-        return cv2.resize(picture[:, :, 0].astype(np.float32) / 255, size, interpolation=cv2.INTER_AREA)
+        return cv2.resize(
+            picture[:, :, 0].astype(np.float32) / 255, size, interpolation=cv2.INTER_AREA
+        )
 
     teacher = Teacher(look, np.random.default_rng(2))
     pictures = torch.from_numpy(image).permute(2, 0, 1).expand(12, 3, 40, 60)
@@ -138,19 +150,45 @@ def test_what_a_teacher_sees_mirrored_and_resized_is_put_back_in_its_place() -> 
 
 @pytest.mark.parametrize(
     ("settings", "named"),
-    [({"slots": 3}, "slots is 3"), ({"slots": 9, "renderers": 4}, "it takes 10"), ({"batch": 0}, "batch"),
-     ({"minutes": 0.0}, "minutes"), ({"labelled": -1.0}, "labelled")],
-)  # fmt: skip
-def test_a_training_that_would_wait_for_ever_is_refused(settings: dict[str, float], named: str) -> None:
+    [
+        ({"slots": 3}, "slots is 3"),
+        ({"slots": 9, "renderers": 4}, "it takes 10"),
+        ({"batch": 0}, "batch"),
+        ({"minutes": 0.0}, "minutes"),
+        ({"labelled": -1.0}, "labelled"),
+    ],
+)
+def test_a_training_that_would_wait_for_ever_is_refused(
+    settings: dict[str, float], named: str
+) -> None:
     """With too few slots the first step never came: a renderer rests when the slots are full."""
     with pytest.raises(ValueError, match=named):
         CampaignParams(**settings)  # type: ignore[arg-type]
 
 
-def test_renders_alone_train_too_with_a_teacher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    command = ["campaign", str(tmp_path), "--height", "64", "--width", "96", "--batch", "2", "--slots", "8",
-               "--validate", "12", "--minutes", "0.02", "--slim", "4",
-               "--teacher", "foreground_compact"]  # fmt: skip
+def test_renders_alone_train_too_with_a_teacher(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = [
+        "campaign",
+        str(tmp_path),
+        "--height",
+        "64",
+        "--width",
+        "96",
+        "--batch",
+        "2",
+        "--slots",
+        "8",
+        "--validate",
+        "12",
+        "--minutes",
+        "0.02",
+        "--slim",
+        "4",
+        "--teacher",
+        "foreground_compact",
+    ]
     monkeypatch.setattr("sys.argv", command)
     main()
     state = torch.load(tmp_path / "last.pt", weights_only=True)
@@ -161,15 +199,32 @@ def test_renders_alone_train_too_with_a_teacher(tmp_path: Path, monkeypatch: pyt
 def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     photographs(tmp_path / "real", names("a", 2))
     (tmp_path / "empty").mkdir()
-    cv2.imwrite(str(tmp_path / "empty" / f"{names('b', 1)[0]}.jpg"), np.full((90, 90, 3), 99, np.uint8))
+    cv2.imwrite(
+        str(tmp_path / "empty" / f"{names('b', 1)[0]}.jpg"), np.full((90, 90, 3), 99, np.uint8)
+    )
     (tmp_path / "textures" / "group").mkdir(parents=True)
     cv2.imwrite(str(tmp_path / "textures" / "group" / "t.png"), np.full((90, 90, 3), 99, np.uint8))
     command = [
-        "campaign", str(tmp_path / "out"), "--textures", str(tmp_path / "textures"),
-        "--labelled", str(tmp_path / "real"), "--empty-pictures", str(tmp_path / "empty"),
-        "--height", "64", "--width", "96", "--batch", "2",
-        "--slots", "8", "--validate", "12", "--minutes",
-    ]  # fmt: skip
+        "campaign",
+        str(tmp_path / "out"),
+        "--textures",
+        str(tmp_path / "textures"),
+        "--labelled",
+        str(tmp_path / "real"),
+        "--empty-pictures",
+        str(tmp_path / "empty"),
+        "--height",
+        "64",
+        "--width",
+        "96",
+        "--batch",
+        "2",
+        "--slots",
+        "8",
+        "--validate",
+        "12",
+        "--minutes",
+    ]
     for minutes in ("0.02", "0.05"):
         monkeypatch.setattr("sys.argv", [*command, minutes])
         main()
@@ -192,7 +247,8 @@ def test_every_new_kind_of_scene_is_drawn_and_labelled(share: str) -> None:
 
 
 def test_scenes_without_the_new_kinds_are_those_of_before() -> None:
-    """Shares of 0 draw nothing from the generator: seeds of earlier trainings give their pictures."""
+    """Shares of 0 draw nothing from the generator: seeds of earlier trainings give their
+    pictures."""
     state = np.random.default_rng(7)
     render_scene(state, SceneParams((64, 96)), TexturePool(()))
     again = np.random.default_rng(7)

@@ -1,4 +1,5 @@
-"""How hard the foreground is looked for: passes, their mean, and the closer look at thin strands."""
+"""How hard the foreground is looked for: passes, their mean, and the closer look at thin
+strands."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ def dice(found: np.ndarray, true: np.ndarray) -> float:
 
 
 def test_a_wire_thin_at_the_networks_scale_is_whole_after_the_closer_look() -> None:
-    """9 px in a 12 MP photograph are 1.4 at the network's scale: reduced alone, a good part of the wire was gone."""
+    """9 px in a 12 MP photograph are 1.4 at the network's scale: reduced alone, a good part of the
+    wire was gone."""
     image, true = wire((3000, 4000), 9)
     fast, normal = Brightness(), Brightness()
     missed = look(image, fast, SETTINGS, "fast") >= 0.5
@@ -58,7 +60,8 @@ def test_a_wire_thin_at_the_networks_scale_is_whole_after_the_closer_look() -> N
 
 
 class Narrow(Brightness):
-    """In the right half of the picture it is lost on what is white farther than 36 pixels from something dark."""
+    """In the right half of the picture it is lost on what is white farther than 36 pixels from
+    something dark."""
 
     def __call__(self, planes: np.ndarray) -> np.ndarray:
         seen = super().__call__(planes)
@@ -139,7 +142,10 @@ def test_tiles_fit_together_without_a_seam() -> None:
     image[596:604] = 255
     scale = network_scale((1200, 3200), SETTINGS)
     first = probability_at(image, lambda p: (p.mean(1, keepdims=True) - 0.3) * 20, SETTINGS, scale)
-    found = look_closer(image, first, lambda p: (p.mean(1, keepdims=True) - 0.5) * 20, SETTINGS, 20.0) >= 0.5
+    found = (
+        look_closer(image, first, lambda p: (p.mean(1, keepdims=True) - 0.5) * 20, SETTINGS, 20.0)
+        >= 0.5
+    )
     widths = found[:, 40:-40].sum(0)
     assert widths.min() >= 6
     assert widths.max() <= 10

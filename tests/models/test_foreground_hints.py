@@ -23,7 +23,9 @@ def batch() -> tuple[torch.Tensor, torch.Tensor]:
     images = torch.full((2, 3, 64, 96), 60, dtype=torch.uint8)
     labels = torch.zeros(2, 64, 96, dtype=torch.uint8)
     images[:, :, 20:28], labels[:, 20:28] = 220, 255
-    return images + torch.randint(0, 20, images.shape, generator=torch.Generator().manual_seed(0)).byte(), labels
+    return images + torch.randint(
+        0, 20, images.shape, generator=torch.Generator().manual_seed(0)
+    ).byte(), labels
 
 
 def unexplained(learning: Learning) -> float:
@@ -45,7 +47,9 @@ def test_the_students_features_come_to_tell_the_teachers(network: str) -> None:
         student.step(*batch())
     assert 0.6 < told[0] < 2
     assert told[-1] < 0.8 * told[0]
-    assert all(torch.equal(a, b) for a, b in zip(taught, hints._teacher[0].parameters(), strict=True))
+    assert all(
+        torch.equal(a, b) for a, b in zip(taught, hints._teacher[0].parameters(), strict=True)
+    )
 
 
 def test_in_the_end_only_what_is_answered_counts() -> None:

@@ -64,7 +64,9 @@ def test_a_rounded_network_comes_nearer_to_what_it_is_taught(tmp_path: Path) -> 
     file = tmp_path / "rounded.onnx"
     file.write_bytes(refold(FILE, course.result()))
     session = onnxruntime.InferenceSession(file)
-    seen = session.run(None, {session.get_inputs()[0].name: np.zeros((1, 3, 64, 64), np.float32)})[0]
+    seen = session.run(None, {session.get_inputs()[0].name: np.zeros((1, 3, 64, 64), np.float32)})[
+        0
+    ]
     assert seen.shape == (1, 1, 64, 64)
     assert np.isfinite(seen).all()
     with pytest.raises(ValueError, match="no features"):

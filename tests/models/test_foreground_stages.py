@@ -45,7 +45,9 @@ def test_stem_and_decoder_are_the_teachers(pair: Pair) -> None:
     assert isinstance(student.features, Swin)
     assert isinstance(teacher.features, ConvNeXt)
     x = normalize(pictures())
-    torch.testing.assert_close(student.features.patch_embed(x), shown(teacher.features, x)[0], rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(
+        student.features.patch_embed(x), shown(teacher.features, x)[0], rtol=1e-4, atol=1e-4
+    )
     low, high = teacher.features(x)
     torch.testing.assert_close(student.decoded(low, high), teacher.decoded(low, high))
 
@@ -56,7 +58,9 @@ def test_every_stage_comes_nearer_to_the_teachers(pair: Pair, tmp_path: Path) ->
     assert isinstance(teacher, ConvNeXt)
     seen = shown(teacher, normalize(pictures()))
     before = unexplained(student, seen).detach()
-    params = CampaignParams(network="deeplab_swin_t", slim=4, minutes=0.05, rate=2e-3, decay=0.5, check_every=1.0)
+    params = CampaignParams(
+        network="deeplab_swin_t", slim=4, minutes=0.05, rate=2e-3, decay=0.5, check_every=1.0
+    )
     course = learn(pair, Batches(pictures()), params, tmp_path)  # type: ignore[arg-type]
     assert (unexplained(course.result().features, seen) < before).all()
     (line,) = [json.loads(text) for text in (tmp_path / "stages.jsonl").read_text().splitlines()]
@@ -75,6 +79,8 @@ def test_every_stage_comes_nearer_to_the_teachers(pair: Pair, tmp_path: Path) ->
         ("deeplab_swin_t", 8, TEACHER, "slim"),
     ],
 )
-def test_networks_of_other_kinds_and_widths_are_refused(network: str, slim: int, teacher: str, match: str) -> None:
+def test_networks_of_other_kinds_and_widths_are_refused(
+    network: str, slim: int, teacher: str, match: str
+) -> None:
     with pytest.raises(ValueError, match=match):
         paired(network, slim, teacher, [normalize(pictures())])

@@ -23,7 +23,8 @@ def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, intrinsics: Intrinsics = 
 
 
 def look_at(center: np.ndarray, target: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """Pose at ``center``, ``target`` in the middle of the picture, image y along ``down`` as nearly as it can."""
+    """Pose at ``center``, ``target`` in the middle of the picture, image y along ``down`` as nearly
+    as it can."""
     forward = target - center
     right = np.cross(down, forward)
     axes = [right, np.cross(forward, right), forward]
@@ -43,10 +44,14 @@ def test_what_lies_behind_has_no_place():
 
 
 def test_rays_lead_back_to_the_point():
-    camera = Camera(PLAIN, look_at(np.array([0.3, -0.4, 0.5]), np.zeros(3), np.array([0.0, 0.0, -1.0])))
+    camera = Camera(
+        PLAIN, look_at(np.array([0.3, -0.4, 0.5]), np.zeros(3), np.array([0.0, 0.0, -1.0]))
+    )
     point = np.array([[0.02, 0.03, 0.1]])
     depth = camera.in_camera(point)[:, 2]
-    assert camera.center + depth[:, None] * camera.rays(camera.project(point)) == pytest.approx(point)
+    assert camera.center + depth[:, None] * camera.rays(camera.project(point)) == pytest.approx(
+        point
+    )
 
 
 @pytest.mark.parametrize(("coefficients", "model"), LENSES)
@@ -61,15 +66,23 @@ def test_a_lens_is_undone(coefficients, model):
 def test_points_lie_on_their_epipolar_lines():
     rng = np.random.default_rng(0)
     first = at(intrinsics=Intrinsics(800, 600, 700.0, 710.0, 390.0, 310.0))
-    second = Camera(PLAIN, look_at(np.array([0.4, 0.1, 0.2]), np.array([0.0, 0.0, 1.0]), np.array([0.1, 1.0, 0.0])))
-    points = np.concatenate([rng.uniform(-0.2, 0.2, (20, 2)), rng.uniform(0.8, 1.2, (20, 1))], axis=1)
+    second = Camera(
+        PLAIN,
+        look_at(np.array([0.4, 0.1, 0.2]), np.array([0.0, 0.0, 1.0]), np.array([0.1, 1.0, 0.0])),
+    )
+    points = np.concatenate(
+        [rng.uniform(-0.2, 0.2, (20, 2)), rng.uniform(0.8, 1.2, (20, 1))], axis=1
+    )
     lines = epipolar_lines(first, second, first.project(points))
     seen = second.project(points)
     assert np.abs(np.sum(lines[:, :2] * seen, axis=1) + lines[:, 2]).max() < 1e-9
 
 
 def test_looking_at_something_puts_it_in_the_middle():
-    camera = Camera(PLAIN, look_at(np.array([0.3, -0.4, 0.5]), np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])))
+    camera = Camera(
+        PLAIN,
+        look_at(np.array([0.3, -0.4, 0.5]), np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])),
+    )
     assert camera.project(np.array([[0.1, 0.0, 0.0]]))[0] == pytest.approx([320, 240])
     higher = camera.project(np.array([[0.1, 0.0, 0.1]]))[0]
     assert higher[1] < 240, "what is up in the world is up in the picture"

@@ -57,11 +57,14 @@ def test_distance_map_and_maxima_of_a_bar():
     mask[3:8] = True  # 5 px high, over the whole width: the picture's sides are no background
     distances = distance_map(mask)
     np.testing.assert_allclose(distances[5], 3.0, atol=0.1)
-    np.testing.assert_array_equal(local_maxima(distances), np.stack((np.arange(20), np.full(20, 5)), axis=1))
+    np.testing.assert_array_equal(
+        local_maxima(distances), np.stack((np.arange(20), np.full(20, 5)), axis=1)
+    )
 
 
 @pytest.mark.parametrize(
-    "mask", [np.ones((4, 4), bool), np.zeros((4, 4), bool), np.zeros((0, 3), bool), np.ones((1, 1), bool)]
+    "mask",
+    [np.ones((4, 4), bool), np.zeros((4, 4), bool), np.zeros((0, 3), bool), np.ones((1, 1), bool)],
 )
 def test_masks_without_an_outline_have_no_maxima(mask):
     assert local_maxima(distance_map(mask)).shape == (0, 2)

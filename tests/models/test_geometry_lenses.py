@@ -1,4 +1,5 @@
-"""Lenses: there and back for every model, nothing beyond where they fold, and places with known answers."""
+"""Lenses: there and back for every model, nothing beyond where they fold, and places with known
+answers."""
 
 from __future__ import annotations
 
@@ -14,8 +15,14 @@ LENSES = [
     ("plumb_bob", (-0.28, 0.07, 0.0005, -0.0003, 0.01)),
     ("rational_polynomial", (-0.28, 0.09, 0.0005, -0.0003, 0.01, 0.001, 0.0, 0.0)),
     ("rational_polynomial", (12.0, 30.0, 1e-4, -2e-4, 1.5, 12.2, 33.0, 6.0)),
-    ("rational_polynomial", (-0.2, 0.05, 5e-4, -3e-4, 0.01, 1e-3, 0.0, 0.0, 0.002, -0.001, 0.001, 0.0005)),
-    ("rational_polynomial", (-0.2, 0.05, 5e-4, 0.0, 0.01, 1e-3, 0.0, 0.0, 0.002, 0.0, 0.001, 0.0, 0.02, -0.01)),
+    (
+        "rational_polynomial",
+        (-0.2, 0.05, 5e-4, -3e-4, 0.01, 1e-3, 0.0, 0.0, 0.002, -0.001, 0.001, 0.0005),
+    ),
+    (
+        "rational_polynomial",
+        (-0.2, 0.05, 5e-4, 0.0, 0.01, 1e-3, 0.0, 0.0, 0.002, 0.0, 0.001, 0.0, 0.02, -0.01),
+    ),
     ("equidistant", (-0.02, 0.005, -0.001, 0.0)),
     ("equidistant", ()),
 ]
@@ -23,7 +30,9 @@ LENSES = [
 
 @pytest.mark.parametrize(("model", "coefficients"), LENSES)
 def test_every_model_leads_there_and_back(model, coefficients):
-    straight = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 9), np.linspace(-0.5, 0.5, 9)), axis=-1).reshape(-1, 2)
+    straight = np.stack(
+        np.meshgrid(np.linspace(-0.7, 0.7, 9), np.linspace(-0.5, 0.5, 9)), axis=-1
+    ).reshape(-1, 2)
     bent = lenses.bend(straight, model, coefficients)
     assert np.abs(bent - straight).max() > 0.01
     assert lenses.straighten(bent, model, coefficients) == pytest.approx(straight, abs=1e-8)
@@ -39,8 +48,12 @@ def test_the_polynomial_is_opencvs():
     coefficients = LENSES[2][1]
     bent = np.array([[0.3, -0.2], [0.0, 0.0], [-0.4, 0.35]])
     enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
-    theirs = cv2.undistortPoints(bent[:, None], np.eye(3), np.array(coefficients), None, None, None, enough)
-    assert lenses.straighten(bent, "rational_polynomial", coefficients) == pytest.approx(theirs[:, 0], abs=1e-6)
+    theirs = cv2.undistortPoints(
+        bent[:, None], np.eye(3), np.array(coefficients), None, None, None, enough
+    )
+    assert lenses.straighten(bent, "rational_polynomial", coefficients) == pytest.approx(
+        theirs[:, 0], abs=1e-6
+    )
 
 
 def test_nothing_is_seen_beyond_where_a_lens_folds():

@@ -15,8 +15,14 @@ from models.geometry.rle import decode, encode, encode_labels
         (np.ones((2, 3), bool), "06"),  # an empty background run first
         (np.array([[0, 1], [0, 1]], bool), "22"),
         (np.zeros((10, 10), bool), "T3"),  # 100 = 4 + 3 * 32: first group with the continuation bit
-        (np.zeros((4, 4), bool), "`0"),  # 16 needs a second group: its own top bit would read as a sign
-        (np.array([[0, 1, 0, 0, 0, 1]], bool), "1130"),  # the fourth run, 1, is stored less the second, 1
+        (
+            np.zeros((4, 4), bool),
+            "`0",
+        ),  # 16 needs a second group: its own top bit would read as a sign
+        (
+            np.array([[0, 1, 0, 0, 0, 1]], bool),
+            "1130",
+        ),  # the fourth run, 1, is stored less the second, 1
     ],
 )
 def test_known_strings(mask, counts):
@@ -57,7 +63,9 @@ def test_empty_mask():
     assert decode("", (0, 5)).shape == (0, 5)
 
 
-@pytest.mark.parametrize("counts", ["5", "T", "\x01", "~", "PPPPPPPPPPPPPPPPPPPPPPPP0", "~~~~~~~~~~~~~~~0"])
+@pytest.mark.parametrize(
+    "counts", ["5", "T", "\x01", "~", "PPPPPPPPPPPPPPPPPPPPPPPP0", "~~~~~~~~~~~~~~~0"]
+)
 def test_broken_strings_are_refused(counts):
     with pytest.raises(ValueError, match="run"):
         decode(counts, (2, 3))

@@ -11,9 +11,12 @@ from tests.models.harnesses import section, topology
 
 LENGTHS = {"main": 200.0, "long": 150.0, "short": 60.0, "stem": 90.0, "tail": 110.0}
 DRAWING = [
-    Drawn("main", "P", "Q", 100), Drawn("long", "P", "X1", 75), Drawn("short", "P", "X2", 30),
-    Drawn("stem", "Q", "X3", 45), Drawn("tail", "Q", "X4", 55),
-]  # fmt: skip
+    Drawn("main", "P", "Q", 100),
+    Drawn("long", "P", "X1", 75),
+    Drawn("short", "P", "X2", 30),
+    Drawn("stem", "Q", "X3", 45),
+    Drawn("tail", "Q", "X4", 55),
+]
 
 
 def harness(without: str = ""):
@@ -46,7 +49,9 @@ def test_a_missing_branch_is_named():
     seen, names = harness(without="short")
     match = match_drawing(seen, DRAWING)
     assert match.missing == ("short",)
-    assert {name: names[k] for name, (k,) in match.sections.items()} == {n: n for n in LENGTHS if n != "short"}
+    assert {name: names[k] for name, (k,) in match.sections.items()} == {
+        n: n for n in LENGTHS if n != "short"
+    }
 
 
 def test_an_extra_section_is_pointed_out():
@@ -56,7 +61,8 @@ def test_an_extra_section_is_pointed_out():
 
 
 def test_a_clip_that_cuts_a_branch_in_two_is_seen_through():
-    """The drawing knows that there is no branch-point: both halves of the main branch carry its name."""
+    """The drawing knows that there is no branch-point: both halves of the main branch carry its
+    name."""
     seen, _ = harness()
     tail, _, short, stem, long = seen.sections
     halves = [section([(100, 240), (180, 240)], (0, 2)), section([(180, 240), (300, 240)], (2, 1))]
@@ -79,10 +85,14 @@ def test_equal_lengths_are_reported_as_ambiguous():
     twins = [replace(b, length=50.0) if b.name in ("stem", "tail") else b for b in DRAWING]
     seen, _ = harness()
     same = topology(
-        [section([(300, 240), (300, 340)], (1, -1)), *seen.sections[1:3], section([(300, 240), (400, 240)], (1, -1)),
-         seen.sections[4]],
+        [
+            section([(300, 240), (300, 340)], (1, -1)),
+            *seen.sections[1:3],
+            section([(300, 240), (400, 240)], (1, -1)),
+            seen.sections[4],
+        ],
         [(100, 240), (300, 240)],
-    )  # fmt: skip
+    )
     assert match_drawing(same, twins).ambiguous
 
 
@@ -91,7 +101,9 @@ def test_connectors_tell_twins_apart():
     seen, _ = harness()
     plain = section([(300, 240), (300, 340)], (1, -1))
     plugged = replace(section([(300, 240), (400, 240)], (1, -1)), end_widths=(8.0, 20.0))
-    same = topology([plain, *seen.sections[1:3], plugged, seen.sections[4]], [(100, 240), (300, 240)])
+    same = topology(
+        [plain, *seen.sections[1:3], plugged, seen.sections[4]], [(100, 240), (300, 240)]
+    )
     match = match_drawing(same, twins, connectors=["X3"])
     assert match.sections["stem"] == (3,)
     assert match.sections["tail"] == (0,)

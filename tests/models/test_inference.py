@@ -21,11 +21,23 @@ from tests.processes import ROOT
 
 
 def test_networks_report_nothing_to_anybody(tmp_path):
-    """ONNX Runtime kept an id of the machine in the home folder, and a thread that sends its use to its maker."""
+    """ONNX Runtime kept an id of the machine in the home folder, and a thread that sends its use to
+    its maker."""
     program = "from models.weights import inference\ninference.load('ariadne_plus_triplet')\n"
-    plain = {"HOME": str(tmp_path), "PATH": os.environ["PATH"], "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    plain = {
+        "HOME": str(tmp_path),
+        "PATH": os.environ["PATH"],
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT, env=plain, capture_output=True, text=True, check=True, timeout=120
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env=plain,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
     )
     assert list(tmp_path.iterdir()) == []
     assert "elemetry" not in done.stderr
@@ -86,9 +98,16 @@ class Doubler(nn.Module):
 
 
 CARD = export.Card(
-    version="1", task="test", default=True, input="(n, 3)", license="Apache-2.0", origin="a test",
-    preprocess={}, training={"seed": 0}, metrics={},
-)  # fmt: skip
+    version="1",
+    task="test",
+    default=True,
+    input="(n, 3)",
+    license="Apache-2.0",
+    origin="a test",
+    preprocess={},
+    training={"seed": 0},
+    metrics={},
+)
 
 
 @pytest.fixture
@@ -102,7 +121,9 @@ def weights(tmp_path, monkeypatch):
 
 def test_export_registers_what_can_then_be_loaded(weights):
     examples = [torch.rand(n, 3) for n in (4, 2, 9)]
-    difference = export.export(Doubler(), "doubler", CARD, examples, {0: torch.export.Dim("n")}, 1e-6)
+    difference = export.export(
+        Doubler(), "doubler", CARD, examples, {0: torch.export.Dim("n")}, 1e-6
+    )
     assert difference == 0.0
     network = inference.load("doubler")
     assert network(np.ones((5, 3), np.float32)).tolist() == [[2.0] * 3] * 5
@@ -116,7 +137,9 @@ def test_a_network_that_weighs_other_columns_is_refused_by_their_names():
             columns = MOVE_FEATURES if spec.task == "moves" else FEATURES[spec.task]
             network = inference.load(name)
             assert network.weighing(columns) is network
-            with pytest.raises(FeaturesDifferError, match=rf"{name} .*lacks \['new'\], expects \['{columns[0]}'\]"):
+            with pytest.raises(
+                FeaturesDifferError, match=rf"{name} .*lacks \['new'\], expects \['{columns[0]}'\]"
+            ):
                 network.weighing(("new", *columns[1:]))
             with pytest.raises(FeaturesDifferError, match="another order"):
                 network.weighing(columns[::-1])
@@ -126,14 +149,18 @@ class Adder(nn.Module):
     def forward(self, nodes: Tensor, edges: Tensor) -> tuple[Tensor, Tensor]:
         """(n, 3) and (2, e) to (n, 3), the sums of the nodes' neighbors, and (n,) their degrees."""
         sums = torch.zeros_like(nodes).index_add(0, edges[1], nodes[edges[0]])
-        return sums, nodes.new_zeros(nodes.shape[0]).index_add(0, edges[1], torch.ones(edges.shape[1]))
+        return sums, nodes.new_zeros(nodes.shape[0]).index_add(
+            0, edges[1], torch.ones(edges.shape[1])
+        )
 
 
 def test_a_network_with_several_inputs_and_outputs(weights):
     """Message passing over any number of nodes and edges, none included."""
     cases = [(torch.rand(n, 3), torch.randint(0, n, (2, e))) for n, e in ((5, 7), (2, 3), (4, 0))]
     axes = [{0: torch.export.Dim("nodes")}, {1: torch.export.Dim("edges")}]
-    export.export(Adder(), "adder", CARD, cases, axes, 1e-6, ("nodes", "edges"), ("sums", "degrees"))
+    export.export(
+        Adder(), "adder", CARD, cases, axes, 1e-6, ("nodes", "edges"), ("sums", "degrees")
+    )
     edges = np.array([[0, 1], [2, 2]])
     sums, degrees = inference.load("adder").run(np.eye(3, dtype=np.float32), edges)
     assert sums.tolist() == [[0, 0, 0], [0, 0, 0], [1, 1, 0]]

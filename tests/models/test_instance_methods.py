@@ -126,16 +126,22 @@ def test_a_huge_picture_is_answered_in_its_own_pixels(methods, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("corners", [[[40, 40], [40, 160], [200, 160]], [[40, 40], [120, 160], [160, 40], [260, 160]]])
+@pytest.mark.parametrize(
+    "corners", [[[40, 40], [40, 160], [200, 160]], [[40, 40], [120, 160], [160, 40], [260, 160]]]
+)
 def test_a_bent_cable_is_one_or_unsure(methods, name, corners):
-    """RT-DLO gave every leg as a cable of its own, all sure; Ariadne+ found nothing of the right angle."""
+    """RT-DLO gave every leg as a cable of its own, all sure; Ariadne+ found nothing of the right
+    angle."""
     instances = methods[name](drawn(np.array(corners), width=12)).instances
     assert instances
     assert len(instances) == 1 or min(i.score for i in instances) < 0.8
 
 
 def test_a_kink_between_two_colors_stays_two_cables():
-    left, right = np.array([[40.0, 60.0], [160.0, 180.0]]), np.array([[160.0, 180.0], [280.0, 60.0]])
+    left, right = (
+        np.array([[40.0, 60.0], [160.0, 180.0]]),
+        np.array([[160.0, 180.0], [280.0, 60.0]]),
+    )
     scene = rt_dlo.extract(drawn(left, right), colored((left, RED), (right, BLUE)))
     assert len(scene.instances) == 2
 
@@ -144,6 +150,8 @@ def test_a_kink_between_two_colors_stays_two_cables():
 @pytest.mark.parametrize("widths", [3, 6, 14])
 def test_a_short_bar_alone_in_a_mask_is_found_and_unsure(methods, name, widths):
     """Less likely a cable than not, it was left out, and the answer was empty."""
-    (bar,) = methods[name](drawn(np.array([[60.0, 120.0], [60.0 + 12 * widths, 120.0]]), width=12)).instances
+    (bar,) = methods[name](
+        drawn(np.array([[60.0, 120.0], [60.0 + 12 * widths, 120.0]]), width=12)
+    ).instances
     assert bar.length_px == pytest.approx(12 * (widths + 1), abs=12)
     assert bar.score < 0.8

@@ -32,7 +32,8 @@ def test_no_strands_no_meetings():
 
 @pytest.mark.parametrize(("wiggles", "expected"), [(2, 0), (3, 1)])
 def test_centerlines_that_weave_count_by_parity(wiggles, expected):
-    """Strands that share a stretch intersect a few times by noise: even is a touch, odd one crossing."""
+    """Strands that share a stretch intersect a few times by noise: even is a touch, odd one
+    crossing."""
     xs = 150 + 5.0 * np.arange(wiggles + 1)
     weave = [
         [20, 100],
@@ -77,6 +78,16 @@ def test_equal_colors_leave_the_order_open():
 
 
 def test_seam_of_a_ring_is_no_crossing():
-    """The last point of a ring is its first; what happens around it is one place, not two ends of a strand."""
-    seam = [[100, 100], [106, 101], [200, 100], [200, 200], [100, 200], [100, 110], [102, 98], [100, 100]]
+    """The last point of a ring is its first; what happens around it is one place, not two ends of a
+    strand."""
+    seam = [
+        [100, 100],
+        [106, 101],
+        [200, 100],
+        [200, 200],
+        [100, 200],
+        [100, 110],
+        [102, 98],
+        [100, 100],
+    ]
     assert find_meetings([Strand.of(np.array(seam, float), 10.0)]) == []

@@ -27,8 +27,8 @@ COURSES = {1: [(20, 60), (380, 90)], 2: [(20, 190), (380, 170)], 3: [(200, 10), 
 
 
 def strands() -> tuple[Scene, np.ndarray, np.ndarray, np.ndarray]:
-    """Three strands, the third across both others: scene, probability, mask, picture. The network is unsure of the
-    second."""
+    """Three strands, the third across both others: scene, probability, mask, picture. The network
+    is unsure of the second."""
     ids = np.zeros(SIZE, np.uint8)
     picture = np.full((*SIZE, 3), 60, np.uint8)
     for k, course in COURSES.items():
@@ -88,17 +88,26 @@ def test_what_lies_alone_is_hardly_a_cable_at_half_the_probability() -> None:
     assert hardly(np.array([0.05]), least).tolist() == [True]
 
 
-@pytest.mark.parametrize(("course", "kept"), [([(394, 0), (394, 239)], False), ([(385, 0), (385, 239)], True),
-                                              ([(396, 0), (396, 110), (200, 200)], True)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("course", "kept"),
+    [
+        ([(394, 0), (394, 239)], False),
+        ([(385, 0), (385, 239)], True),
+        ([(396, 0), (396, 110), (200, 200)], True),
+    ],
+)
 def test_a_strip_along_the_border_is_no_cable(course: list[tuple[int, int]], kept: bool) -> None:
-    """The margin of a poster that ends beside the picture's border was a sure cable: it shows one edge only."""
+    """The margin of a poster that ends beside the picture's border was a sure cable: it shows one
+    edge only."""
     picture = np.full((*SIZE, 3), 60, np.uint8)
     mask = np.zeros(SIZE, np.uint8)
     cv2.polylines(mask, [np.array(course, np.int32)], False, 1, 10)
     picture[mask > 0] = (200, 180, 40)
     scene = extract(mask > 0, picture)
     assert len(scene.instances) == 1
-    found = without_lookalikes(scene, np.where(mask, 0.99, 0.01).astype(np.float32), mask > 0, picture, rule(0.2))
+    found = without_lookalikes(
+        scene, np.where(mask, 0.99, 0.01).astype(np.float32), mask > 0, picture, rule(0.2)
+    )
     assert bool(found.instances) == kept
 
 
@@ -111,8 +120,12 @@ def test_nothing_changes_in_an_empty_scene() -> None:
 @pytest.mark.parametrize("points", [1, 2])
 def test_evidence_of_the_shortest_lines_is_finite(points: int) -> None:
     scene, probability, mask, picture = strands()
-    short = replace(scene.instances[0], centerline_xy=scene.instances[0].centerline_xy[:points], length_px=0.0)
-    rows = likeness(replace(scene, instances=(short,), crossings=()), probability, mask, picture).rows()
+    short = replace(
+        scene.instances[0], centerline_xy=scene.instances[0].centerline_xy[:points], length_px=0.0
+    )
+    rows = likeness(
+        replace(scene, instances=(short,), crossings=()), probability, mask, picture
+    ).rows()
     assert rows.shape == (1, len(Likeness._fields))
     assert np.isfinite(rows).all()
 

@@ -36,7 +36,9 @@ def mask_of(course: Sequence[tuple[int, int]], until: int = 400) -> np.ndarray:
     return mask > 0
 
 
-def added(picture: np.ndarray, seen: np.ndarray, chance: float = 1.0, certainty: float = 0.99) -> np.ndarray:
+def added(
+    picture: np.ndarray, seen: np.ndarray, chance: float = 1.0, certainty: float = 0.99
+) -> np.ndarray:
     scene = extract(seen, picture)
     probability = np.where(seen, certainty, 0.01).astype(np.float32)
     return continued(scene, np.full(len(scene.instances), chance), probability, seen, picture)
@@ -62,7 +64,8 @@ ACROSS = [(258, 0), (246, 239)]
 
 
 def test_a_cable_that_is_lost_where_another_covers_it_goes_on_behind_that_one() -> None:
-    """Half of a cable was missing: the strand that covers it where it was lost was taken for its end."""
+    """Half of a cable was missing: the strand that covers it where it was lost was taken for its
+    end."""
     picture, other, whole = drawn([COURSE, ACROSS]), mask_of(ACROSS), mask_of(COURSE)
     seen = mask_of(COURSE, until=238) | other
     found = added(picture, seen)
@@ -78,7 +81,8 @@ def test_what_ends_under_another_cable_ends_there() -> None:
 
 @pytest.mark.parametrize(("other", "goes_on"), [(0.4, False), (1.0, True)])
 def test_a_doubtful_one_is_continued_only_beside_a_cable(other: float, goes_on: bool) -> None:
-    """A gray cable on gray ground, doubted and yet seen to go on, stayed half; alone it may be a joint."""
+    """A gray cable on gray ground, doubted and yet seen to go on, stayed half; alone it may be a
+    joint."""
     beside = [(0, 40), (399, 50)]
     picture, seen = drawn([COURSE, beside]), mask_of(COURSE, until=250) | mask_of(beside)
     scene = extract(seen, picture)
@@ -100,7 +104,9 @@ def test_a_scratch_that_leads_nowhere_is_no_cable() -> None:
     assert not added(picture, mask_of(course, until=200)).any()
 
 
-@pytest.mark.parametrize(("chance", "certainty"), [(0.4, 0.99), (1.0, 0.7)], ids=["lookalike", "unsure"])
+@pytest.mark.parametrize(
+    ("chance", "certainty"), [(0.4, 0.99), (1.0, 0.7)], ids=["lookalike", "unsure"]
+)
 def test_what_may_be_no_cable_is_not_continued(chance: float, certainty: float) -> None:
     assert not added(drawn([COURSE]), mask_of(COURSE, until=250), chance, certainty).any()
 
@@ -116,7 +122,9 @@ def test_an_empty_scene_is_continued_by_nothing() -> None:
     nothing = np.zeros(SIZE, np.float32)
     scene = Scene((), (), np.zeros(SIZE, np.uint8))
     picture = np.zeros((*SIZE, 3), np.uint8)
-    assert not continued(scene, np.zeros(0), nothing, nothing > 0, picture, ContinuationParams()).any()
+    assert not continued(
+        scene, np.zeros(0), nothing, nothing > 0, picture, ContinuationParams()
+    ).any()
 
 
 def test_probability_and_foreground_agree_once_settled() -> None:
@@ -147,8 +155,11 @@ def speck() -> np.ndarray:
     return mask > 0
 
 
-def test_pieces_too_short_for_an_instance_leave_a_picture_in_which_nothing_is_likely_a_cable() -> None:
-    """The end of a railing at the picture's border stayed in the foreground: no instance, so nobody had rated it."""
+def test_pieces_too_short_for_an_instance_leave_a_picture_in_which_nothing_is_likely_a_cable() -> (
+    None
+):
+    """The end of a railing at the picture's border stayed in the foreground: no instance, so nobody
+    had rated it."""
     seen = speck()
     settled = settle(drawn([]), np.where(seen, 0.8, 0.01).astype(np.float32), seen, 0.5)
     assert not settled.cable.any()
@@ -163,7 +174,8 @@ def test_pieces_beside_a_cable_stay() -> None:
 
 
 def test_a_slab_that_fills_a_good_part_of_the_picture_stays() -> None:
-    """A network of somebody's own sees what it was trained to see; no method finds an instance there."""
+    """A network of somebody's own sees what it was trained to see; no method finds an instance
+    there."""
     seen = np.zeros(SIZE, bool)
     seen[:, :150] = True
     settled = settle(drawn([]), np.where(seen, 0.99, 0.01).astype(np.float32), seen, 0.5)

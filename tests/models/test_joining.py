@@ -10,7 +10,11 @@ import pytest
 from models.reconstruction.joining import JoinParams, join_costs, partners, rejoin
 from models.reconstruction.matching import without_leaps
 from models.reconstruction.piece_ends import PieceEnds
-from models.reconstruction.reconstruct import NotReconstructable, ReconstructParams, reconstruct_strand
+from models.reconstruction.reconstruct import (
+    NotReconstructable,
+    ReconstructParams,
+    reconstruct_strand,
+)
 from models.reconstruction.views import Strand, View
 from tests.models.known_cables import about, above, arc, views_of
 
@@ -20,7 +24,9 @@ ROW = [above(-0.03), above(0.0), above(0.03)]
 
 def crossing_at(angle: float, apart_m: float = 0.006) -> list[np.ndarray]:
     """Two equal DLOs that cross in the middle of the picture, one ``apart_m`` over the other."""
-    lower, upper = (arc(0.16, bend=1.0, rise=0.008) @ about(2, turn).T for turn in (-angle / 2, angle / 2))
+    lower, upper = (
+        arc(0.16, bend=1.0, rise=0.008) @ about(2, turn).T for turn in (-angle / 2, angle / 2)
+    )
     return [lower, upper + np.array([0.0, 0.0, apart_m])]
 
 
@@ -29,11 +35,15 @@ def doubtful(view: View, reach_px: float) -> View:
     apart = np.linalg.norm(view.strands[0].xy[:, None] - view.strands[1].xy[None], axis=2)
     middle = view.strands[0].xy[np.unravel_index(np.argmin(apart), apart.shape)[0]]
     unknown = [np.hypot(*(s.xy - middle).T) < reach_px for s in view.strands]
-    return replace(view, strands=tuple(replace(s, known=~u) for s, u in zip(view.strands, unknown, strict=True)))
+    return replace(
+        view,
+        strands=tuple(replace(s, known=~u) for s, u in zip(view.strands, unknown, strict=True)),
+    )
 
 
 def swapped(view: View) -> View:
-    """The view with both strands cut in the middle of the doubtful stretch, each going on as the other."""
+    """The view with both strands cut in the middle of the doubtful stretch, each going on as the
+    other."""
     a, b = view.strands
     i, j = (int(np.median(np.flatnonzero(~s.known))) for s in (a, b))
     return replace(view, strands=(_spliced(a, i, b, j), _spliced(b, j, a, i)))
@@ -68,7 +78,9 @@ def test_right_joins_stay():
     for before, after in zip(views, rejoin(views), strict=True):
         assert len(after.view.strands) == 2
         assert np.argmax(after.share_px, axis=1).tolist() == [0, 1]
-        assert after.view.strands[0].length_px == pytest.approx(before.strands[0].length_px, rel=0.02)
+        assert after.view.strands[0].length_px == pytest.approx(
+            before.strands[0].length_px, rel=0.02
+        )
 
 
 def test_views_without_doubt_stay_as_they_are():
@@ -87,7 +99,8 @@ def test_a_view_without_strands_stays_empty():
 def test_a_strand_of_which_nothing_is_known_is_no_curve():
     views = views_of([arc()], ROW)
     views[1] = replace(
-        views[1], strands=(replace(views[1].strands[0], known=np.zeros_like(views[1].strands[0].known)),)
+        views[1],
+        strands=(replace(views[1].strands[0], known=np.zeros_like(views[1].strands[0].known)),),
     )
     assert len(rejoin(views)[1].view.strands) == 1
     with pytest.raises(NotReconstructable):
@@ -95,9 +108,12 @@ def test_a_strand_of_which_nothing_is_known_is_no_curve():
 
 
 def test_a_dlo_is_reconstructed_through_wrong_joins():
-    """Five crossing cables of one color were followed in 91 of 100 cases: the joins of the pictures were believed."""
+    """Five crossing cables of one color were followed in 91 of 100 cases: the joins of the pictures
+    were believed."""
     truths = crossing_at(0.6)
-    views = [j.view for j in rejoin([swapped(doubtful(v, 18.0)) for v in views_of(truths, ROW, 1, 0.2)])]
+    views = [
+        j.view for j in rejoin([swapped(doubtful(v, 18.0)) for v in views_of(truths, ROW, 1, 0.2)])
+    ]
     found = reconstruct_strand(views, 1, 0, ReconstructParams())
     true = [views[1].camera.project(t) for t in truths]
     seen = views[1].camera.project(found.curve.points_m)
@@ -110,7 +126,9 @@ def ends(*rows: tuple[float, float, float, float, float]) -> PieceEnds:
     x, y, degrees, disparity, sigma = (np.array(c) for c in zip(*rows, strict=True))
     turn = np.radians(degrees)
     outward = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    return PieceEnds(np.stack([x, y], axis=1), outward, disparity, np.zeros(len(x)), sigma, np.zeros(len(x)))
+    return PieceEnds(
+        np.stack([x, y], axis=1), outward, disparity, np.zeros(len(x)), sigma, np.zeros(len(x))
+    )
 
 
 FREE = (0.0, 900.0, 90.0, 0.0, np.inf)
@@ -119,15 +137,22 @@ FREE = (0.0, 900.0, 90.0, 0.0, np.inf)
 
 def test_what_goes_straight_on_at_the_same_depth_costs_least():
     facing = ends(
-        FREE, (0.0, 0.0, 0.0, 60.0, 0.5),
-        (30.0, 0.0, 180.0, 60.0, 0.5), FREE,
-        (30.0, 0.0, 150.0, 60.0, 0.5), FREE,
-        (30.0, 0.0, 180.0, 63.0, 0.5), FREE,
-        (30.0, 0.0, 0.0, 60.0, 0.5), FREE,
-    )  # fmt: skip
+        FREE,
+        (0.0, 0.0, 0.0, 60.0, 0.5),
+        (30.0, 0.0, 180.0, 60.0, 0.5),
+        FREE,
+        (30.0, 0.0, 150.0, 60.0, 0.5),
+        FREE,
+        (30.0, 0.0, 180.0, 63.0, 0.5),
+        FREE,
+        (30.0, 0.0, 0.0, 60.0, 0.5),
+        FREE,
+    )
     straight, bent, deeper, away = join_costs(facing, np.arange(5), 8.0, PARAMS)[1, [2, 4, 6, 8]]
     assert straight == pytest.approx(30 / (PARAMS.far_widths * 8.0))
-    assert bent == pytest.approx(straight + np.radians(30) ** 2 / (PARAMS.turn**2 + (30 * PARAMS.bend) ** 2))
+    assert bent == pytest.approx(
+        straight + np.radians(30) ** 2 / (PARAMS.turn**2 + (30 * PARAMS.bend) ** 2)
+    )
     assert deeper == pytest.approx(straight + PARAMS.depth_at_most)
     assert away == np.inf
 
@@ -139,8 +164,14 @@ def test_a_depth_that_nobody_knows_costs_nothing():
 
 
 def test_an_arc_bends_less_than_an_s():
-    shapes = ends(FREE, (0.0, 0.0, 20.0, 0.0, np.inf), (30.0, 0.0, 160.0, 0.0, np.inf), FREE,
-                  (30.0, 0.0, 200.0, 0.0, np.inf), FREE)  # fmt: skip
+    shapes = ends(
+        FREE,
+        (0.0, 0.0, 20.0, 0.0, np.inf),
+        (30.0, 0.0, 160.0, 0.0, np.inf),
+        FREE,
+        (30.0, 0.0, 200.0, 0.0, np.inf),
+        FREE,
+    )
     arc_like, s_like = join_costs(shapes, np.arange(3), 8.0, PARAMS)[1, [2, 4]]
     straight = 30 / (PARAMS.far_widths * 8.0)
     assert s_like - straight == pytest.approx(3 * (arc_like - straight))
@@ -171,7 +202,8 @@ def test_of_three_ends_one_stays_alone():
 
 
 def test_past_a_leap_of_the_depth_nothing_is_believed():
-    """Where a DLO was found in no other view, its rays met other DLOs at a quarter of the distance."""
+    """Where a DLO was found in no other view, its rays met other DLOs at a quarter of the
+    distance."""
     depth = np.array([0.30, 0.31, np.nan, 0.30, 0.29, 0.07, 0.07])
     kept = without_leaps(depth, np.full(6, 0.01), steepest=6.0)
     assert kept[:5] == pytest.approx(depth[:5], nan_ok=True)

@@ -1,4 +1,5 @@
-"""Pegs, clips and edges: routes, ways around pegs with numeric answers, contact, and plans that end on a route."""
+"""Pegs, clips and edges: routes, ways around pegs with numeric answers, contact, and plans that end
+on a route."""
 
 from __future__ import annotations
 
@@ -57,9 +58,12 @@ def test_a_route_around_two_pegs_bends_both_ways():
     shape = Route(stops, 0.03, np.array([0.0, 0.0])).shape(0.4, 81)
     assert shape[:, 1].min() < -0.02
     assert shape[:, 1].max() > 0.02
-    assert Fixtures(np.array([s.xy for s in stops]), np.array([s.xy for s in stops]), np.full(2, 0.02)).gap(
-        shape[:-1], shape[1:]
-    ).min() > 0.005  # fmt: skip
+    assert (
+        Fixtures(np.array([s.xy for s in stops]), np.array([s.xy for s in stops]), np.full(2, 0.02))
+        .gap(shape[:-1], shape[1:])
+        .min()
+        > 0.005
+    )
 
 
 def test_the_order_of_stops_counts():
@@ -87,7 +91,8 @@ def test_pegs_with_no_room_between_them():
 
 
 @pytest.mark.parametrize(
-    ("y", "turn", "inside"), [(0.0, 0.0, True), (0.004, 0.0, True), (0.008, 0.0, False), (0.0, 0.8, False)]
+    ("y", "turn", "inside"),
+    [(0.0, 0.0, True), (0.004, 0.0, True), (0.008, 0.0, False), (0.0, 0.8, False)],
 )
 def test_a_clip_holds_what_is_between_its_walls_and_along_it(y, turn, inside):
     clip = Clip(PEG + np.array([0.0, y]), turn, 0.005)
@@ -98,12 +103,14 @@ def test_a_clip_holds_what_is_between_its_walls_and_along_it(y, turn, inside):
 
 
 def test_the_way_around_a_peg_is_that_of_a_pulled_string():
-    """A DLO above a peg that should be below it: its end comes back, around the peg, to its place."""
+    """A DLO above a peg that should be below it: its end comes back, around the peg, to its
+    place."""
     fixtures = pegs((0.2, 0.0), radius=0.001)
     above, below = straight(0.05, 0.3), straight(-0.05, 0.3)
     ways = detours(above[None], below, fixtures)[0]
     assert np.allclose(ways[:20], 0.1, atol=1e-6)  # not beyond the peg: straight down
-    # The last point: back to the peg, across on its left, and out again; a string at the peg itself is shorter.
+    # The last point: back to the peg, across on its left, and out again; a string at the peg itself
+    # is shorter.
     assert np.isclose(ways[-1], 0.3, atol=0.011)
     assert ways[-1] > 2 * np.hypot(0.1, 0.05)
     way = string_ways(above, below, fixtures, [FINE - 1])[0]
@@ -128,10 +135,15 @@ def test_rows_of_contact_are_the_gradient_of_its_energy():
     """Against differences: the depth's derivatives by the first node and by all headings."""
     rng = np.random.default_rng(5)
     fixtures, heading = pegs((0.02, 0.004), radius=0.02), rng.normal(0, 0.3, 5)
-    nodes = lambda q: np.vstack([q[:2], q[:2] + np.cumsum(0.01 * np.column_stack([np.cos(q[2:]), np.sin(q[2:])]), 0)])  # noqa: E731
+
+    def nodes(q):
+        steps = 0.01 * np.column_stack([np.cos(q[2:]), np.sin(q[2:])])
+        return np.vstack([q[:2], q[:2] + np.cumsum(steps, 0)])
 
     def energy(q: np.ndarray) -> float:
-        return 1e5 * float((pushes(nodes(q)[None], fixtures, np.zeros((1, 0), bool)).depth ** 2).sum())
+        return 1e5 * float(
+            (pushes(nodes(q)[None], fixtures, np.zeros((1, 0), bool)).depth ** 2).sum()
+        )
 
     q = np.concatenate([[0.0, 0.001], heading])
     right, system = np.zeros((1, 7)), np.zeros((1, 7, 7))
@@ -165,7 +177,8 @@ def test_a_clip_holds_a_dlo_that_is_pulled_sideways():
     clip = Clip(PEG, 0.0, 0.003)
     action = np.array([18]), np.array([[0.0, 0.05, 0.0]])
     held, free = (
-        World(Fixtures(clips=clips), Limits()).ways(straight(0.0)[None], *action)[0, -1] for clips in ([clip], [])
+        World(Fixtures(clips=clips), Limits()).ways(straight(0.0)[None], *action)[0, -1]
+        for clips in ([clip], [])
     )
     assert in_clip(clip, held) is not None
     assert in_clip(clip, free) is None
@@ -177,11 +190,19 @@ def test_stiffness_is_found_among_fixtures():
     edges, before = np.array([4, 12, 26]), np.repeat(straight(0.0)[None], 3, 0)
     for true in (0.055, 0.6):
         after = World(fixtures, Limits(), true).ways(before, edges, moves)[:, -1]
-        assert abs(np.log(likely_stiffness(World(fixtures, Limits()), before, edges, moves, after) / true)) < 0.7
+        assert (
+            abs(
+                np.log(
+                    likely_stiffness(World(fixtures, Limits()), before, edges, moves, after) / true
+                )
+            )
+            < 0.7
+        )
 
 
 def test_a_dlo_on_the_wrong_side_of_a_peg_is_threaded_around_it():
-    """By the model's own foresight, from below a peg to above it; in straight distances a plan rests at the peg."""
+    """By the model's own foresight, from below a peg to above it; in straight distances a plan
+    rests at the peg."""
     peg = np.array([0.32, 0.03])
     fixtures, state = pegs((0.32, 0.03), radius=0.016), straight(0.0, 0.4)
     route = Route([Stop(peg, 0.016, -1)], 0.02, state[0])
@@ -205,7 +226,8 @@ def test_the_gripper_keeps_out_of_areas_on_its_whole_way():
 
 
 def test_the_rough_look_keeps_what_is_best():
-    """Of all actions that are possible, looked at exactly, none is better than those that were picked roughly."""
+    """Of all actions that are possible, looked at exactly, none is better than those that were
+    picked roughly."""
     fixtures, state = pegs((0.25, 0.035), radius=0.014), straight(0.0)
     goal, world = Goal(straight(0.07, x=0.02)), World(fixtures, Limits())
     found = routed(world, state, goal, most=3)

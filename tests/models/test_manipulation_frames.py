@@ -38,7 +38,8 @@ def test_where_the_dlo_lies_and_which_end_is_first_do_not_matter(kind):
     local = frames(kind, states, edges).to_frame(states)
     moved = frames(kind, elsewhere, edges).to_frame(elsewhere)
     turned_round = frames(kind, reverse, 14 - edges).to_frame(reverse)
-    # A principal axis has two directions: the frame may be half a turn away, with the nodes the other way round.
+    # A principal axis has two directions: the frame may be half a turn away, with the nodes the
+    # other way round.
     half = -local[:, ::-1] if kind == "principal" else local
     for other in (moved, turned_round):
         same = np.abs(other - local).max((1, 2)) < 1e-9
@@ -80,4 +81,7 @@ def test_derivatives_go_to_the_world_like_points():
     directions = np.random.default_rng(1).normal(size=(4, 16, 2, 3))
     for k in range(3):
         there = placed.to_world(placed.to_frame(states) + 1e-3 * directions[..., k])
-        assert np.abs((there - states) / 1e-3 - placed.jacobian_to_world(directions)[..., k]).max() < 1e-9
+        assert (
+            np.abs((there - states) / 1e-3 - placed.jacobian_to_world(directions)[..., k]).max()
+            < 1e-9
+        )

@@ -28,7 +28,9 @@ EDGE, MOVE = np.array([14]), np.array([[0.0, 0.06, 0.0]])
 @pytest.fixture(scope="module")
 def shipped() -> Dynamics:
     runtime = Runtime(threads=1)
-    return Dynamics(*(load(n, runtime) for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope")))
+    return Dynamics(
+        *(load(n, runtime) for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope"))
+    )
 
 
 def rope(stiffness_m: float, count: int = 1) -> Sliders:
@@ -54,7 +56,9 @@ def test_a_limp_dlo_only_bends_near_the_gripper_a_stiff_one_turns_as_a_whole():
 
 
 def test_mirrored_actions_have_mirrored_outcomes():
-    up, down = slide(np.tile(LINE, (2, 1, 1)), np.tile(EDGE, 2), np.concatenate([MOVE, -MOVE]), rope(0.3, 2))
+    up, down = slide(
+        np.tile(LINE, (2, 1, 1)), np.tile(EDGE, 2), np.concatenate([MOVE, -MOVE]), rope(0.3, 2)
+    )
     assert up == pytest.approx(down * [1, -1], abs=1e-9)
     back = slide(LINE[:, ::-1], 14 - EDGE, MOVE, rope(0.3))[0]
     assert back[::-1] == pytest.approx(up, abs=2e-3)
@@ -79,7 +83,9 @@ def history(step, count: int = 5) -> History:
 
 @pytest.mark.parametrize("stiffness", [0.1, 1.5])
 def test_dry_friction_is_recognized_with_its_stiffness(shipped, stiffness):
-    seen = history(lambda s, a: slide(s, a.edge, np.column_stack([a.shift, a.turn]), rope(stiffness)))
+    seen = history(
+        lambda s, a: slide(s, a.edge, np.column_stack([a.shift, a.turn]), rope(stiffness))
+    )
     belief = believed(shipped, ROPE, seen)
     assert belief.weights[0] < 0.05
     assert belief.stiffness[belief.best - 1] == pytest.approx(stiffness, rel=0.5)
@@ -88,7 +94,9 @@ def test_dry_friction_is_recognized_with_its_stiffness(shipped, stiffness):
 
 def test_viscous_friction_is_recognized(shipped):
     known = Ropes.same(1, 0.05, 0.3, 15.0, LENGTH)
-    belief = believed(shipped, np.array([0.05, 0.3, 15.0]), history(lambda s, a: simulate(s, a, known)))
+    belief = believed(
+        shipped, np.array([0.05, 0.3, 15.0]), history(lambda s, a: simulate(s, a, known))
+    )
     assert belief.best == 0
     assert belief.weights[0] > 0.9
     assert belief.springs_back_m(half_circle()[0]) == 0
@@ -126,7 +134,10 @@ def test_reasons(shipped):
     assert reason_of(certain, half_circle()[0], Limits(), 0.01)[0] == "local_optimum"
     assert reason_of(certain, half_circle()[0], Limits(shift=0.01), 0.01)[0] == "limits"
     stiff = history(lambda s, a: slide(s, a.edge, np.column_stack([a.shift, a.turn]), rope(4.0)))
-    assert reason_of(believed(shipped, ROPE, stiff), half_circle()[0], Limits(), 0.01)[0] == "springs_back"
+    assert (
+        reason_of(believed(shipped, ROPE, stiff), half_circle()[0], Limits(), 0.01)[0]
+        == "springs_back"
+    )
 
 
 @pytest.mark.parametrize(
@@ -144,7 +155,8 @@ def test_progress(errors, expected):
 
 
 def foreseen(step, slipped: float, dynamics: Dynamics) -> Belief:
-    """The belief after random actions of which ``step`` has the outcome, but for a shift by ``slipped`` m."""
+    """The belief after random actions of which ``step`` has the outcome, but for a shift by
+    ``slipped`` m."""
     seen = history(step)
     return believed(dynamics, ROPE, replace(seen, after=seen.after + np.array([0.0, slipped])))
 
@@ -154,7 +166,8 @@ def dragged(state: np.ndarray, action: Actions) -> np.ndarray:
 
 
 def test_what_was_foretold_is_not_what_was_learned_from_it(shipped):
-    """The model that is taken at last explains the first motions as well, but nobody knew it then."""
+    """The model that is taken at last explains the first motions as well, but nobody knew it
+    then."""
     belief = foreseen(dragged, 0.0, shipped)
     assert belief.foretold_m.shape == belief.history.after.shape
     assert belief.surprising > belief.unexplained
@@ -163,18 +176,26 @@ def test_what_was_foretold_is_not_what_was_learned_from_it(shipped):
 
 
 def test_who_was_often_surprised_is_less_sure(shipped):
-    """Stated probabilities of stiff ropes were .29 too high: how far off earlier forecasts were did not count."""
+    """Stated probabilities of stiff ropes were .29 too high: how far off earlier forecasts were did
+    not count."""
     target = slide(LINE, np.array([11]), np.array([[-0.03, 0.08, 0.5]]), rope(0.2))[0]
     as_foretold, surprised = (foreseen(dragged, off, shipped) for off in (0.0, 0.03))
-    chances = [chance_of_half(b, LINE[0], target, 11, np.array([-0.03, 0.08, 0.5])) for b in (as_foretold, surprised)]
+    chances = [
+        chance_of_half(b, LINE[0], target, 11, np.array([-0.03, 0.08, 0.5]))
+        for b in (as_foretold, surprised)
+    ]
     assert chances[0] > chances[1] + 0.02
     assert surprised.surprising > as_foretold.surprising
 
 
 def test_optimism_is_the_share_by_which_actions_fell_short(shipped):
-    """Two motions of 40 mm towards the target, of which 20 and 0 mm were short: (0.5 + 0) / (2 + 1)."""
+    """Two motions of 40 mm towards the target, of which 20 and 0 mm were short: (0.5 + 0) / (2 +
+    1)."""
     seen = History(
-        np.stack([LINE[0], LINE[0]]), np.array([3, 3]), np.zeros((2, 3)), np.stack([LINE[0] + [0.0, 0.04]] * 2)
+        np.stack([LINE[0], LINE[0]]),
+        np.array([3, 3]),
+        np.zeros((2, 3)),
+        np.stack([LINE[0] + [0.0, 0.04]] * 2),
     )
     foretold = np.stack([LINE[0] + [0.0, 0.06], LINE[0] + [0.0, 0.04]])
     belief = replace(Belief.certain(shipped, ROPE), history=seen, foretold_m=foretold)

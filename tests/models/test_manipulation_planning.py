@@ -14,7 +14,13 @@ from models.manipulation.least_squares import SolverParams, minimize
 from models.manipulation.limits import Limits, checks, inside
 from models.manipulation.parameters import MID_RANGE, History, estimate
 from models.manipulation.planning import plan
-from models.manipulation.resampling import back_to_points, edge_of_points, node_edge_of, node_edges_within, to_nodes
+from models.manipulation.resampling import (
+    back_to_points,
+    edge_of_points,
+    node_edge_of,
+    node_edges_within,
+    to_nodes,
+)
 from models.manipulation.scaling import MOVE_SCALE, scale_rope, unscale_rope
 from models.manipulation.simulator import Actions, Ropes, SimulationParams, simulate, straight
 from models.manipulation.swept import enters, ways
@@ -29,7 +35,8 @@ ROPE = np.array([0.05, *MID_RANGE])
 
 
 class Towed:
-    """Every node goes along with the gripped edge, less the farther away: w = 1 / (1 + |i - edge|); no turning."""
+    """Every node goes along with the gripped edge, less the farther away: w = 1 / (1 + |i - edge|);
+    no turning."""
 
     def predict(self, states, edges, moves, rope):
         return states + self._weights(states, edges)[..., None] * moves[:, None, :2]
@@ -51,18 +58,23 @@ TOWED = Belief.certain(Towed(), ROPE)
 @pytest.fixture(scope="module")
 def shipped() -> Dynamics:
     runtime = Runtime(threads=1)
-    return Dynamics(*(load(n, runtime) for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope")))
+    return Dynamics(
+        *(load(n, runtime) for n in ("dynamics", "dynamics_by_move", "dynamics_by_rope"))
+    )
 
 
 def test_the_solver_finds_known_minima_of_many_problems_at_once():
-    """Two distances to x and y of a point: the minimum is the point itself; a box holds the third back."""
+    """Two distances to x and y of a point: the minimum is the point itself; a box holds the third
+    back."""
     points = np.array([[0.3, -0.2], [0.0, 0.0], [3.0, 0.1]])
 
     def residuals(x):
         r = (x - points)[:, None]
         return r, np.broadcast_to(np.eye(2), (len(x), 1, 2, 2))
 
-    found = minimize(residuals, np.full((3, 2), 0.5), -np.ones(2), np.ones(2), np.ones(2), SolverParams(steps=20))
+    found = minimize(
+        residuals, np.full((3, 2), 0.5), -np.ones(2), np.ones(2), np.ones(2), SolverParams(steps=20)
+    )
     assert found.x == pytest.approx(np.array([[0.3, -0.2], [0.0, 0.0], [1.0, 0.1]]), abs=1e-3)
     assert found.cost == pytest.approx([0, 0, 2.0], abs=1e-3)
 
@@ -111,7 +123,9 @@ def test_limits_bind():
     found, _ = plan(TOWED, STATE, target, Limits(box=box, no_grasp=(7, 8), shift=0.02), 1)
     assert not {7, 8} & set(found.edge.tolist())
     assert np.abs(found.move[:, :2]).max() <= 0.02 + 1e-12
-    assert all(c.passed for k in range(len(found.edge)) for c in checks(STATE, found, k, Limits(box=box)))
+    assert all(
+        c.passed for k in range(len(found.edge)) for c in checks(STATE, found, k, Limits(box=box))
+    )
     assert found.predicted[..., 1].max() <= 0.03
 
 
@@ -208,15 +222,20 @@ def test_world_derivatives_are_differences(shipped):
     assert np.abs(value - shipped.predict(before, seen.edge, move, rope)).max() < 1e-5
     for k, step in enumerate((2e-3, 2e-3, 2e-2)):
         ahead, behind = (
-            shipped.predict(before, seen.edge, move + sign * step * np.eye(3)[k], rope) for sign in (1, -1)
+            shipped.predict(before, seen.edge, move + sign * step * np.eye(3)[k], rope)
+            for sign in (1, -1)
         )
         assert np.abs((ahead - behind) / (2 * step) - slopes[..., k]).max() < 0.03
     _, by_rope = shipped.by_rope(before, seen.edge, move, rope)
     for k, step in enumerate((0.01, 0.3)):
         ahead, behind = (
-            shipped.predict(before, seen.edge, move, rope + sign * step * np.eye(3)[k + 1]) for sign in (1, -1)
+            shipped.predict(before, seen.edge, move, rope + sign * step * np.eye(3)[k + 1])
+            for sign in (1, -1)
         )
-        assert np.abs((ahead - behind) / (2 * step) - by_rope[..., k]).max() < 0.05 * np.abs(by_rope[..., k]).max()
+        assert (
+            np.abs((ahead - behind) / (2 * step) - by_rope[..., k]).max()
+            < 0.05 * np.abs(by_rope[..., k]).max()
+        )
 
 
 def test_the_shipped_network_predicts_what_it_never_saw(shipped):
@@ -224,7 +243,10 @@ def test_the_shipped_network_predicts_what_it_never_saw(shipped):
     rng = np.random.default_rng(123)
     seen = generate(rng, 100, 5, Ropes.random(rng, 100))
     reached = shipped.predict(
-        seen.before.astype(float), seen.edge, seen.move.astype(float), seen.rope[:, :3].astype(float)
+        seen.before.astype(float),
+        seen.edge,
+        seen.move.astype(float),
+        seen.rope[:, :3].astype(float),
     )
     moved = shape_distance(seen.before, seen.after).mean()
     assert shape_distance(reached, seen.after).mean() / moved < 0.1

@@ -1,4 +1,5 @@
-"""The analytical model: its energy, its forces, momentum, rest, refinement of the step, and forward Euler."""
+"""The analytical model: its energy, its forces, momentum, rest, refinement of the step, and forward
+Euler."""
 
 from __future__ import annotations
 
@@ -27,12 +28,15 @@ def bent(seed: int, count: int = 3, nodes: int = 7) -> np.ndarray:
     return nearly_straight(rng, np.full(count, 0.3), nodes) + rng.normal(0, 0.01, (count, nodes, 2))
 
 
-def action(edge: int, dx: float = 0.0, dy: float = 0.0, turn: float = 0.0, count: int = 1) -> Actions:
+def action(
+    edge: int, dx: float = 0.0, dy: float = 0.0, turn: float = 0.0, count: int = 1
+) -> Actions:
     return Actions(np.full(count, edge), np.tile([dx, dy], (count, 1)), np.full(count, turn))
 
 
 def test_a_right_angle_by_hand():
-    """Three nodes, edges of 0.1 m at a right angle: the energy is k_b (pi/2)^2 / 2, and nothing is stretched."""
+    """Three nodes, edges of 0.1 m at a right angle: the energy is k_b (pi/2)^2 / 2, and nothing is
+    stretched."""
     state = np.array([[[0.0, 0.0], [0.1, 0.0], [0.1, 0.1]]])
     rope = Ropes.same(1, 0.05, 0.3, 10.0, 0.2)
     assert bend_angles(state)[0, 0] == pytest.approx(np.pi / 2)
@@ -88,7 +92,9 @@ def test_the_gripped_edge_goes_exactly_where_it_is_taken():
 def test_a_stiff_cable_turns_more_of_itself_than_a_limp_one():
     limp, stiff = (Ropes.same(1, 0.05, k_b, 20.0, 0.45) for k_b in (0.05, 1.0))
     state = straight(limp.length, 16)
-    moved = [np.hypot(*(simulate(state, action(0, 0, 0.1), rope) - state)[0].T) for rope in (limp, stiff)]
+    moved = [
+        np.hypot(*(simulate(state, action(0, 0, 0.1), rope) - state)[0].T) for rope in (limp, stiff)
+    ]
     assert (moved[1][3:7] > moved[0][3:7]).all()
 
 
@@ -107,16 +113,22 @@ def test_a_finer_step_changes_little_and_less_the_finer():
     exact = simulate(state, acts, ropes, SimulationParams(steps=640))
     errors = []
     for steps in (20, 40, 80):
-        off = np.hypot(*np.moveaxis(simulate(state, acts, ropes, SimulationParams(steps=steps)) - exact, -1, 0))
+        off = np.hypot(
+            *np.moveaxis(simulate(state, acts, ropes, SimulationParams(steps=steps)) - exact, -1, 0)
+        )
         errors.append(off.mean() / np.hypot(*np.moveaxis(exact - state, -1, 0)).mean())
     assert errors[1] < 0.01
     assert errors[0] > errors[1] > errors[2]
 
 
 def test_forward_euler_with_tiny_steps_gives_the_same():
-    """The thesis's integration of eq. 5.1, for a rope soft enough that it is stable at 10 microseconds."""
+    """The thesis's integration of eq. 5.1, for a rope soft enough that it is stable at 10
+    microseconds."""
     rope = Ropes.same(1, 0.1, 0.1, 20.0, 0.5)
-    act, params = action(3, 0.02, 0.02, 0.3), SimulationParams(axial=3e3, duration_s=0.15, steps=200)
+    act, params = (
+        action(3, 0.02, 0.02, 0.3),
+        SimulationParams(axial=3e3, duration_s=0.15, steps=200),
+    )
     state = straight(rope.length, 16)
     position, velocity = state.copy(), np.zeros_like(state)
     steps = 15_000
@@ -144,9 +156,14 @@ def test_turning_the_table_turns_the_answer():
 
 
 def test_samples_follow_one_another_and_the_seed_decides():
-    first, second = (generate(np.random.default_rng(7), 4, 3, Ropes.random(np.random.default_rng(8), 4)) for _ in "ab")
+    first, second = (
+        generate(np.random.default_rng(7), 4, 3, Ropes.random(np.random.default_rng(8), 4))
+        for _ in "ab"
+    )
     assert len(first) == 12
-    assert all(np.array_equal(getattr(first, n), getattr(second, n)) for n in first.__dataclass_fields__)
+    assert all(
+        np.array_equal(getattr(first, n), getattr(second, n)) for n in first.__dataclass_fields__
+    )
     assert np.array_equal(first.before[4:8], first.after[:4])
     assert np.ptp(first.rope[::4], axis=0).max() == 0
 

@@ -14,7 +14,14 @@ import torch
 from models.synthesis import __main__ as synthesis_command
 from models.synthesis.datasets import Mixture, exact_counts, load, samples_in, write_sample
 from models.training.foreground import mixture
-from models.training.foreground.mixture import Ledger, Pictures, factorial_arms, factorial_table, run_all, stack
+from models.training.foreground.mixture import (
+    Ledger,
+    Pictures,
+    factorial_arms,
+    factorial_table,
+    run_all,
+    stack,
+)
 from models.training.foreground.networks import build
 
 pytestmark = pytest.mark.slow
@@ -25,7 +32,10 @@ def mixed(sizes: tuple[int, ...], weights: tuple[float, ...], seed: int = 0) -> 
 
 
 def dark_and_bright(count: int, value: int) -> Pictures:
-    return Pictures(torch.full((count, 3, 32, 32), value, dtype=torch.uint8), torch.zeros((count, 32, 32)).byte())
+    return Pictures(
+        torch.full((count, 3, 32, 32), value, dtype=torch.uint8),
+        torch.zeros((count, 32, 32)).byte(),
+    )
 
 
 def test_counts_are_exact_and_the_seed_decides():
@@ -48,7 +58,8 @@ def test_nothing_comes_twice_before_all_came_once():
 
 
 @pytest.mark.parametrize(
-    ("sizes", "weights"), [((3, 0), (0.5, 0.5)), ((3, 3), (0, 0)), ((3, 3), (2, -1)), ((3,), (1, 1))]
+    ("sizes", "weights"),
+    [((3, 0), (0.5, 0.5)), ((3, 3), (0, 0)), ((3, 3), (2, -1)), ((3,), (1, 1))],
 )
 def test_weights_and_sizes_that_make_no_mixed(sizes, weights):
     with pytest.raises(ValueError, match="source"):
@@ -89,7 +100,9 @@ def test_finished_runs_are_not_run_again(tmp_path):
     arms = {name: (lambda n=name: n) for name in "abc"}
     with pytest.raises(KeyboardInterrupt):
         run_all(arms, Ledger(tmp_path / "runs.json", {"width": 1}), train)
-    run_all({name: arms[name] for name in "ab"}, Ledger(tmp_path / "runs.json", {"width": 1}), train)
+    run_all(
+        {name: arms[name] for name in "ab"}, Ledger(tmp_path / "runs.json", {"width": 1}), train
+    )
     assert trained == ["a", "b"]
     with pytest.raises(ValueError, match="other settings"):
         Ledger(tmp_path / "runs.json", {"width": 2})
@@ -97,7 +110,9 @@ def test_finished_runs_are_not_run_again(tmp_path):
 
 def test_what_the_renderer_writes_is_a_set(tmp_path, monkeypatch):
     size = ["--width", "96", "--height", "64"]
-    monkeypatch.setattr("sys.argv", ["synthesis", "render", str(tmp_path), "--count", "2", "--clutter", "0", *size])
+    monkeypatch.setattr(
+        "sys.argv", ["synthesis", "render", str(tmp_path), "--count", "2", "--clutter", "0", *size]
+    )
     synthesis_command.main()
     loaded = [load(sample) for sample in samples_in(tmp_path)]
     assert [rgb.shape for rgb, _ in loaded] == [(64, 96, 3)] * 2
@@ -109,9 +124,22 @@ def test_the_commands_train_measure_and_continue(tmp_path, capsys):
     for k in range(4):
         ids = np.zeros((32, 64), np.uint8)
         ids[10 + k : 20 + k] = 1
-        write_sample(tmp_path / "set", f"c{k % 2}_{k}", rng.integers(0, 255, (32, 64, 3), np.uint8), ids)
+        write_sample(
+            tmp_path / "set", f"c{k % 2}_{k}", rng.integers(0, 255, (32, 64, 3), np.uint8), ids
+        )
     out, folder = str(tmp_path / "runs.json"), str(tmp_path / "set")
-    common = ["--minutes-per-run", "0.003", "--width", "64", "--height", "32", "--test", folder, "--out", out]
+    common = [
+        "--minutes-per-run",
+        "0.003",
+        "--width",
+        "64",
+        "--height",
+        "32",
+        "--test",
+        folder,
+        "--out",
+        out,
+    ]
     command = ["compare", f"a={folder}", f"b={folder}", *common]
     assert mixture.main(command) == 0
     first = json.loads((tmp_path / "runs.json").read_text())["runs"]
@@ -127,13 +155,31 @@ def test_the_commands_train_measure_and_continue(tmp_path, capsys):
 
 def test_networks_are_compared_on_the_same_pictures(tmp_path, capsys):
     out = str(tmp_path / "runs.json")
-    common = ["--minutes-per-run", "0.001", "--width", "64", "--height", "32", "--batch", "2", "--out", out]
+    common = [
+        "--minutes-per-run",
+        "0.001",
+        "--width",
+        "64",
+        "--height",
+        "32",
+        "--batch",
+        "2",
+        "--out",
+        out,
+    ]
     names = ["compact", "deeplab_resnet50/8"]
-    assert mixture.main(["networks", *names, "--count", "3", "--test", str(one_picture(tmp_path)), *common]) == 0
+    assert (
+        mixture.main(
+            ["networks", *names, "--count", "3", "--test", str(one_picture(tmp_path)), *common]
+        )
+        == 0
+    )
     runs = json.loads((tmp_path / "runs.json").read_text())["runs"]
     trained = ["compact_run0", "deeplab_resnet50/8_run0"]
     assert list(runs) == ["no network", *(f"untrained {key}" for key in trained), *trained]
-    assert runs["compact_run0"]["parameters"] == sum(p.numel() for p in build("compact").parameters())
+    assert runs["compact_run0"]["parameters"] == sum(
+        p.numel() for p in build("compact").parameters()
+    )
     assert runs["untrained compact_run0"]["pictures"] == 0 < runs["compact_run0"]["pictures"]
     assert set(runs["no network"]["dice"]) == {"a", "all"}
     assert "deeplab_resnet50/8_run0" in capsys.readouterr().out
@@ -155,12 +201,29 @@ def test_with_marked_photographs_those_kept_aside_are_measured_too(tmp_path):
     for folder in ("imgs", "masks"):
         (tmp_path / folder).mkdir()
     for k in range(40):
-        cv2.imwrite(str(tmp_path / "imgs" / f"table_{k}.png"), rng.integers(0, 255, (32, 64, 3), np.uint8))
+        cv2.imwrite(
+            str(tmp_path / "imgs" / f"table_{k}.png"), rng.integers(0, 255, (32, 64, 3), np.uint8)
+        )
         cv2.imwrite(str(tmp_path / "masks" / f"table_{k}.png"), labels)
     out = tmp_path / "runs.json"
     test = ["--test", str(one_picture(tmp_path / "test")), "--out", str(out)]
-    common = ["--minutes-per-run", "0.0005", "--width", "64", "--height", "32", "--batch", "2", *test]
-    assert mixture.main(["factorial", "--real", str(tmp_path), "--marked", "--scale", "0.001", *common]) == 0
+    common = [
+        "--minutes-per-run",
+        "0.0005",
+        "--width",
+        "64",
+        "--height",
+        "32",
+        "--batch",
+        "2",
+        *test,
+    ]
+    assert (
+        mixture.main(
+            ["factorial", "--real", str(tmp_path), "--marked", "--scale", "0.001", *common]
+        )
+        == 0
+    )
     runs = json.loads(out.read_text())["runs"]
     assert len(runs) == 9
     assert {tuple(run["photographs"]) for run in runs.values()} == {("all", "table")}

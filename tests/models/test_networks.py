@@ -1,4 +1,5 @@
-"""The DeepLabV3+ family: published sizes, the forward contract, Swin's windows, export, and training by name."""
+"""The DeepLabV3+ family: published sizes, the forward contract, Swin's windows, export, and
+training by name."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ TINY: dict[str, Encoder] = {
 
 
 def lively(encoder: Encoder) -> DeepLab:
-    """A tiny network whose every part shows in the output (fresh ones are nearly constant: ``gamma`` is 1e-6)."""
+    """A tiny network whose every part shows in the output (fresh ones are nearly constant:
+    ``gamma`` is 1e-6)."""
     network = DeepLab(encoder, 16, 8)
     generator = torch.Generator().manual_seed(0)
     for name, parameter in network.named_parameters():
@@ -63,7 +65,9 @@ def pictures(count: int, height: int, width: int) -> Tensor:
 def test_encoder_has_the_published_number_of_parameters(name, millions):
     with torch.device("meta"):
         network = build(name)
-    assert sum(p.numel() for p in network.features.parameters()) == pytest.approx(millions * 1e6, rel=0.01)
+    assert sum(p.numel() for p in network.features.parameters()) == pytest.approx(
+        millions * 1e6, rel=0.01
+    )
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -102,7 +106,10 @@ def test_resnet_trades_stride_for_dilation_in_the_last_stage():
 
 def test_published_weights_fit_the_encoder():
     encoder = ResNet((1, 1, 1, 1), 4)
-    weights = {"layer4.0.conv2.weight": torch.ones(32, 32, 3, 3), "fc.weight": torch.ones(1000, 128)}
+    weights = {
+        "layer4.0.conv2.weight": torch.ones(32, 32, 3, 3),
+        "fc.weight": torch.ones(1000, 128),
+    }
     assert DeepLab(encoder, 8, 4).load_encoder(weights) == 1
     assert float(encoder.layer4[0].conv2.weight.min()) == 1.0
 
@@ -172,7 +179,9 @@ def test_exported_equals_torch_at_every_size(kind, tmp_path, monkeypatch):
 def test_training_by_name_gives_the_encoder_its_own_rate_and_resumes(tmp_path):
     learning = Learning("deeplab_convnext_t", 8, Config(minutes=1.0), encoder_rate=0.4)
     encoder, decoder = learning.course.optimizer.param_groups
-    assert sum(p.numel() for p in encoder["params"]) == sum(p.numel() for p in learning.network.features.parameters())
+    assert sum(p.numel() for p in encoder["params"]) == sum(
+        p.numel() for p in learning.network.features.parameters()
+    )
     image = torch.zeros(2, 3, 32, 32, dtype=torch.uint8)
     image[:, 0, 10:20] = 255
     learning.network.train()

@@ -30,7 +30,9 @@ def test_without_the_extra_it_says_what_to_install():
         render(0)
 
 
-needs_mitsuba = pytest.mark.skipif(not installed(), reason="needs mitsuba (requirements/photoreal.in)")
+needs_mitsuba = pytest.mark.skipif(
+    not installed(), reason="needs mitsuba (requirements/photoreal.in)"
+)
 
 
 @needs_mitsuba
@@ -38,18 +40,23 @@ def test_equal_seeds_give_equal_pictures_and_labels():
     one, other = render(1), render(1)
     assert one.rgb.equal(other.rgb)
     assert one.ids.equal(other.ids)
-    assert all(np.array_equal(a, b) for a, b in zip(one.centerlines, other.centerlines, strict=True))
+    assert all(
+        np.array_equal(a, b) for a, b in zip(one.centerlines, other.centerlines, strict=True)
+    )
 
 
 @needs_mitsuba
 @pytest.mark.parametrize("seed", range(4))
 def test_centerlines_lie_on_their_cables(seed):
-    """A visible sample lies on its own id; most of each cable inside the picture is visible or under another."""
+    """A visible sample lies on its own id; most of each cable inside the picture is visible or
+    under another."""
     scene = render(seed)
     ids = scene.ids.numpy()
     assert scene.ids.max() <= len(scene.centerlines)
     assert scene.rgb.shape == (3, 96, 160)
-    for number, (curve, seen) in enumerate(zip(scene.centerlines, scene.visible, strict=True), start=1):
+    for number, (curve, seen) in enumerate(
+        zip(scene.centerlines, scene.visible, strict=True), start=1
+    ):
         xy = np.rint(curve[:, :2]).astype(int)
         inside = ((xy >= 0) & (xy < (160, 96))).all(1)
         assert (ids[xy[seen, 1], xy[seen, 0]] == number).all()

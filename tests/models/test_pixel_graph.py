@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from models.strands.foreground import Foreground
-from models.strands.pixel_graph import FREE, doubled, halved, pixel_graph, skeleton_of, smoothed, trace
+from models.strands.pixel_graph import (
+    FREE,
+    doubled,
+    halved,
+    pixel_graph,
+    skeleton_of,
+    smoothed,
+    trace,
+)
 
 
 def drawn(*rows: str) -> np.ndarray:

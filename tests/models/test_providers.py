@@ -16,7 +16,8 @@ SMALL = "ariadne_plus_triplet"
 
 @pytest.fixture
 def machine(monkeypatch):
-    """``machine(installed, works)``: what sessions are then opened with, and how often CUDA was looked for."""
+    """``machine(installed, works)``: what sessions are then opened with, and how often CUDA was
+    looked for."""
 
     def pretend(installed: list[str], works: list[str]) -> tuple[list[list[str]], list[None]]:
         asked: list[list[str]] = []
@@ -24,7 +25,9 @@ def machine(monkeypatch):
 
         def opened(_data, _options, providers):
             asked.append(providers)
-            return SimpleNamespace(get_providers=lambda: [*(p for p in providers if p in works and p != CPU), CPU])
+            return SimpleNamespace(
+                get_providers=lambda: [*(p for p in providers if p in works and p != CPU), CPU]
+            )
 
         providers._load_cuda.cache_clear()
         monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: installed)
@@ -63,9 +66,12 @@ def test_the_processor_stands_in_where_it_is_named(machine, installed):
 
 @pytest.mark.parametrize("installed", [[CPU], [CUDA, CPU]], ids=["not installed", "without a GPU"])
 def test_whoever_wants_a_gpu_alone_is_not_given_the_processor(machine, installed):
-    """A worker that was to use a GPU ran on the processor, ten times slower, and nothing said so."""
+    """A worker that was to use a GPU ran on the processor, ten times slower, and nothing said
+    so."""
     machine(installed, works=[])
-    with pytest.raises(ProviderMissingError, match=f"on {CUDA}, which does not work here.*Name {CPU} last"):
+    with pytest.raises(
+        ProviderMissingError, match=f"on {CUDA}, which does not work here.*Name {CPU} last"
+    ):
         opened_on([CUDA])
 
 

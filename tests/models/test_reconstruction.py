@@ -43,14 +43,19 @@ def test_rays_through_a_point_meet_in_it():
 
 
 def test_parallel_rays_meet_nowhere():
-    centers, directions = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[[0.0, 0, 1]], [[0.0, 0, 1]]])
+    centers, directions = (
+        np.array([[0.0, 0, 0], [1.0, 0, 0]]),
+        np.array([[[0.0, 0, 1]], [[0.0, 0, 1]]]),
+    )
     assert np.isnan(nearest_to_rays(centers, directions)).all()
 
 
 def test_a_weight_of_zero_leaves_a_ray_out():
     centers = np.array([[0.0, 0, 0], [1.0, 0, 0], [5.0, 5, 5]])
     point = np.array([0.5, 0.5, 1.0])
-    directions = np.stack([(point - centers[0])[None], (point - centers[1])[None], np.array([[1.0, 0, 0]])])
+    directions = np.stack(
+        [(point - centers[0])[None], (point - centers[1])[None], np.array([[1.0, 0, 0]])]
+    )
     weights = np.array([[1.0], [1.0], [0.0]])
     assert nearest_to_rays(centers, directions, weights)[0] == pytest.approx(point)
 
@@ -61,8 +66,12 @@ def test_exact_centerlines_are_matched_exactly():
     index = np.linspace(0, len(middle.strands[0].xy) - 1, 20).astype(int)
     matched = match(middle, middle.strands[0], index, [left, right], MatchParams())
     assert matched.found.all()
-    points = middle.camera.center + matched.depth[:, None] * middle.camera.rays(middle.strands[0].xy[index])
-    assert 1000 * curves.distances(points, truth).max() < 0.4  # the chords between points 5 px apart
+    points = middle.camera.center + matched.depth[:, None] * middle.camera.rays(
+        middle.strands[0].xy[index]
+    )
+    assert (
+        1000 * curves.distances(points, truth).max() < 0.4
+    )  # the chords between points 5 px apart
 
 
 def test_noise_of_half_a_pixel_costs_less_than_a_single_point_would():
@@ -78,7 +87,11 @@ def test_noise_of_half_a_pixel_costs_less_than_a_single_point_would():
 @pytest.mark.parametrize(
     "cameras",
     [
-        [above(-0.04, turn=about(1, -0.15)), above(0.0), above(0.04, turn=about(1, 0.15))],  # converging
+        [
+            above(-0.04, turn=about(1, -0.15)),
+            above(0.0),
+            above(0.04, turn=about(1, 0.15)),
+        ],  # converging
         [above(-0.03, turn=about(2, 0.5)), above(0.0), above(0.03, turn=about(2, -0.3))],  # rolled
         [above(-0.03, z=0.22), above(0.0, z=0.25), above(0.03, z=0.3)],  # at other distances
         [above(-0.03, -0.02), above(0.03, 0.02)],  # two, aslant
@@ -102,7 +115,10 @@ def test_a_dlo_along_the_baseline_works_and_says_that_it_is_less_certain():
 
 
 def test_identical_crossing_dlos_are_told_apart():
-    truths = [arc(0.16) @ about(2, angle).T + np.array([0, 0, 0.004 * k]) for k, angle in enumerate((0.0, 0.9, 1.9))]
+    truths = [
+        arc(0.16) @ about(2, angle).T + np.array([0, 0, 0.004 * k])
+        for k, angle in enumerate((0.0, 0.9, 1.9))
+    ]
     views = views_of(truths, ROW, 5, 0.3)
     views[0] = replace(views[0], strands=views[0].strands[::-1])
     found = reconstruct_all(views, PARAMS)
@@ -114,8 +130,13 @@ def test_identical_crossing_dlos_are_told_apart():
 
 def test_a_self_crossing_is_followed_through():
     t = np.linspace(-2.2, 2.2, 3000)
-    truth = np.stack([0.05 * np.sin(t * 1.4), 0.05 * np.sin(t * 0.9) + 0.01 * t, 0.01 + 0.004 * np.sin(t)], axis=1)
-    found = reconstruct_strand(views_of([truth], [above(0, -0.03), above(0), above(0, 0.03)], 2, 0.2), 1, 0, PARAMS)
+    truth = np.stack(
+        [0.05 * np.sin(t * 1.4), 0.05 * np.sin(t * 0.9) + 0.01 * t, 0.01 + 0.004 * np.sin(t)],
+        axis=1,
+    )
+    found = reconstruct_strand(
+        views_of([truth], [above(0, -0.03), above(0), above(0, 0.03)], 2, 0.2), 1, 0, PARAMS
+    )
     assert errors_mm(found, truth).mean() < 1.0
     assert found.curve.length_m == pytest.approx(arc_lengths(truth)[-1], rel=0.05)
 
@@ -155,7 +176,12 @@ def test_what_lies_behind_the_cameras_is_no_curve():
     up = np.diag([1.0, -1.0, -1.0])
     views = views_of([arc()], ROW)
     behind = [
-        View(replace(v.camera, T_world_camera=_turned(v.camera.T_world_camera, up)), v.strands, v.name) for v in views
+        View(
+            replace(v.camera, T_world_camera=_turned(v.camera.T_world_camera, up)),
+            v.strands,
+            v.name,
+        )
+        for v in views
     ]
     swapped = [behind[2], behind[1], behind[0]]
     crossed = [replace(v, camera=c.camera) for v, c in zip(behind, swapped, strict=True)]
@@ -170,8 +196,8 @@ def _turned(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 def test_the_stated_uncertainty_covers_the_truth():
-    """90 % ellipsoids across the curve, over DLOs whose errors are independent from point to point and from view to
-    view: so nothing is said to be shared, and nothing to stray."""
+    """90 % ellipsoids across the curve, over DLOs whose errors are independent from point to point
+    and from view to view: so nothing is said to be shared, and nothing to stray."""
     independent = ReconstructParams(shared_px=0.0, stray=0.0)
     inside = []
     for seed in range(12):

@@ -40,7 +40,9 @@ def test_the_best_baseline_is_the_widest_that_keeps_a_straight_dlo_in_view():
 def test_nearer_is_better_down_to_the_limit():
     plan = plan_views(line(0.02), [above(0.0)], PlanParams(optimise="bz", nearest_m=0.15))
     assert plan.delta_z_m == pytest.approx(-0.1)
-    near, far = (plan_views(line(0.02), [above(0.0)], PlanParams(optimise=o)) for o in ("bz", "fixed"))
+    near, far = (
+        plan_views(line(0.02), [above(0.0)], PlanParams(optimise=o)) for o in ("bz", "fixed")
+    )
     assert near.expected_sigma_m < far.expected_sigma_m
 
 
@@ -105,7 +107,11 @@ def test_sections_become_one_curve():
 def test_the_order_of_a_scan_from_the_middle_is_taken_as_well():
     """The last piece of one direction lies inside the one before it, and runs the other way."""
     truth = arc(0.4, count=4000)
-    sections = [curve_through(truth[0:1000][::-1]), curve_through(truth[0:1600][::-1]), curve_through(truth[1200:4000])]
+    sections = [
+        curve_through(truth[0:1000][::-1]),
+        curve_through(truth[0:1600][::-1]),
+        curve_through(truth[1200:4000]),
+    ]
     merged = merge(sections, MergeParams())
     assert merged.curve.length_m == pytest.approx(0.4, rel=0.03)
 
@@ -126,10 +132,15 @@ def test_an_outlier_is_passed_over():
 
 
 def test_sections_that_contradict_one_another_still_give_a_curve():
-    """Where every point of a window was an outlier the weights were all zero, and the curve was NaN."""
+    """Where every point of a window was an outlier the weights were all zero, and the curve was
+    NaN."""
     truth = arc(0.4, count=4000)
-    bent = curve_through(truth[0:2000] + np.array([0, 0, 0.04]) * np.linspace(0, 1, 2000)[:, None] ** 8)
-    merged = merge([bent, curve_through(truth[1000:4000]), curve_through(truth[1900:4000])], MergeParams())
+    bent = curve_through(
+        truth[0:2000] + np.array([0, 0, 0.04]) * np.linspace(0, 1, 2000)[:, None] ** 8
+    )
+    merged = merge(
+        [bent, curve_through(truth[1000:4000]), curve_through(truth[1900:4000])], MergeParams()
+    )
     assert np.isfinite(merged.curve.points_m).all()
     assert merged.outliers > 0
 
@@ -143,11 +154,16 @@ def test_sections_of_another_dlo_are_named():
 def test_a_long_dlo_gets_as_many_points_as_an_answer_holds():
     """28 m at 5 mm were an internal error."""
     x = np.linspace(0, 30, 900)
-    parts = [np.stack([x[k : k + 320], np.sin(x[k : k + 320]), 0 * x[k : k + 320]], axis=1) for k in (0, 290, 580)]
+    parts = [
+        np.stack([x[k : k + 320], np.sin(x[k : k + 320]), 0 * x[k : k + 320]], axis=1)
+        for k in (0, 290, 580)
+    ]
     sections = [curve_through(part) for part in parts]
     merged = merge(sections, MergeParams(window_m=0.3))
     assert len(merged.curve.points_m) == 5000
-    assert merged.curve.length_m == pytest.approx(curve_through(np.concatenate(parts)).length_m, rel=0.5)
+    assert merged.curve.length_m == pytest.approx(
+        curve_through(np.concatenate(parts)).length_m, rel=0.5
+    )
     with pytest.raises(NotMergeable, match="at most 5000") as caught:
         merge(sections, MergeParams(spacing_m=0.005, coarser=False))
     assert caught.value.about == "spacing_m"
@@ -155,8 +171,13 @@ def test_a_long_dlo_gets_as_many_points_as_an_answer_holds():
 
 def test_windows_that_hold_too_much_are_refused_before_the_work():
     one = curve_through(arc())
-    dense = Curve(one.spline, np.repeat(one.points_m, 50, axis=0), np.repeat(one.covariance_m2, 50, axis=0),
-                  np.repeat(one.radius_m, 50), one.radius_sigma_m)  # fmt: skip
+    dense = Curve(
+        one.spline,
+        np.repeat(one.points_m, 50, axis=0),
+        np.repeat(one.covariance_m2, 50, axis=0),
+        np.repeat(one.radius_m, 50),
+        one.radius_sigma_m,
+    )
     many = [dense] * 6
     with pytest.raises(NotMergeable) as caught:
         merge(many, MergeParams(window_m=10.0, spacing_m=1e-5))

@@ -1,4 +1,5 @@
-"""Depth that cannot be seen is said to be unknown, with what to move; depth that can be seen is not."""
+"""Depth that cannot be seen is said to be unknown, with what to move; depth that can be seen is
+not."""
 
 from __future__ import annotations
 
@@ -7,7 +8,12 @@ import pytest
 
 from models.reconstruction import curves
 from models.reconstruction.published import dlo3ds
-from models.reconstruction.reconstruct import NotReconstructable, Reconstruction, ReconstructParams, reconstruct_strand
+from models.reconstruction.reconstruct import (
+    NotReconstructable,
+    Reconstruction,
+    ReconstructParams,
+    reconstruct_strand,
+)
 from models.reconstruction.uncertainty import depth_warning
 from tests.models.known_cables import about, above, arc, views_of
 
@@ -22,7 +28,9 @@ def found(
     truth: np.ndarray, places: tuple[float, ...], seed: int, noise: float = 0.15
 ) -> tuple[Reconstruction, str | None]:
     cameras = [above(x) for x in places]
-    made = reconstruct_strand(views_of([truth], cameras, seed, noise), len(places) // 2, 0, ReconstructParams())
+    made = reconstruct_strand(
+        views_of([truth], cameras, seed, noise), len(places) // 2, 0, ReconstructParams()
+    )
     return made, depth_warning(made.curve, [cameras[k] for k in made.used])
 
 
@@ -34,7 +42,8 @@ def believed(made: Reconstruction, truth: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("truth", [along_x(), along_x(0.0004)], ids=["straight", "nearly"])
 def test_a_dlo_along_the_way_of_the_camera(truth, seed):
-    """36 mm wrong at a stated 6.9 mm, without a word: noise of the strand's direction was taken for evidence."""
+    """36 mm wrong at a stated 6.9 mm, without a word: noise of the strand's direction was taken for
+    evidence."""
     made, warning = found(truth, (-0.03, 0.0, 0.03), seed)
     assert believed(made, truth).max() < 2.0
     assert "runs along the way of the camera" in warning
@@ -86,7 +95,8 @@ def test_the_published_method_refuses_equal_pictures_from_several_places():
 
 @pytest.mark.parametrize("tilt", [0.0, 1.0, 1.35])
 def test_the_published_method_states_about_what_it_errs(tilt):
-    """It took half a pixel as the least noise: 32 mm were stated on a DLO near its rows that was 1.4 mm off."""
+    """It took half a pixel as the least noise: 32 mm were stated on a DLO near its rows that was
+    1.4 mm off."""
     truth = arc(bend=0.5) @ about(2, tilt).T
     views = views_of([truth], [above(x) for x in (-0.025, 0.0, 0.025)], 3, 0.15)
     made = dlo3ds.reconstruct(views, 1, 0, dlo3ds.Dlo3dsParams())

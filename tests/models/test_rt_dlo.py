@@ -18,10 +18,13 @@ UP = np.array([[60.0, 200.0], [260.0, 40.0]])
 
 
 def deviation(centerline: np.ndarray, truth: np.ndarray) -> float:
-    """Largest distance of a centerline point, the round caps left out, to a densely drawn true line."""
+    """Largest distance of a centerline point, the round caps left out, to a densely drawn true
+    line."""
     steps = np.linspace(0, 1, 500)[:, None]
     dense = np.concatenate([a + steps * (b - a) for a, b in pairwise(truth)])
-    return float(np.hypot(*(centerline[1:-1, None] - dense[None]).transpose(2, 0, 1)).min(axis=1).max())
+    return float(
+        np.hypot(*(centerline[1:-1, None] - dense[None]).transpose(2, 0, 1)).min(axis=1).max()
+    )
 
 
 def test_straight_bar():
@@ -105,7 +108,9 @@ def test_parallel_strands_stay_apart():
     scene = extract(drawn(upper, upper + np.array([0, 14])))
     assert len(scene.instances) == 2
     assert scene.crossings == ()
-    assert sorted(i.centerline_xy[:, 1].mean() for i in scene.instances) == pytest.approx([100, 114], abs=1.5)
+    assert sorted(i.centerline_xy[:, 1].mean() for i in scene.instances) == pytest.approx(
+        [100, 114], abs=1.5
+    )
     assert {scene.labels[100, 160], scene.labels[114, 160]} == {1, 2}
 
 
@@ -129,7 +134,8 @@ def test_gap_in_the_mask_is_bridged_and_labelled():
 
 
 def test_shallow_crossing_with_a_long_shared_stretch():
-    """Algorithm 4 alone pairs strands at each of the two forks, and may join a strand to the wrong one."""
+    """Algorithm 4 alone pairs strands at each of the two forks, and may join a strand to the wrong
+    one."""
     one = np.array([[20.0, 100.0], [300.0, 140.0]])
     other = one * np.array([1, -1]) + np.array([0, 240])
     scene = extract(drawn(one, other))
@@ -165,7 +171,9 @@ def test_same_input_gives_the_same_bytes():
     mask, image = drawn(DOWN, UP, loop()), colored((DOWN, BLUE), (UP, RED))
     first, second = extract(mask, image), extract(mask, image)
     assert first.labels.tobytes() == second.labels.tobytes()
-    assert [i.centerline_xy.tobytes() for i in first.instances] == [i.centerline_xy.tobytes() for i in second.instances]
+    assert [i.centerline_xy.tobytes() for i in first.instances] == [
+        i.centerline_xy.tobytes() for i in second.instances
+    ]
     assert [vars(c) | {"over": vars(c.over), "under": vars(c.under)} for c in first.crossings] == [
         vars(c) | {"over": vars(c.over), "under": vars(c.under)} for c in second.crossings
     ]
@@ -211,13 +219,17 @@ def test_ugly_masks_give_a_valid_scene(name, with_image):
     assert_valid(scene, mask)
 
 
-@pytest.mark.parametrize("params", [RtDloParams(1e-9), RtDloParams(1.0, 64, 0.0), RtDloParams(0.15, 2, 0.99)])
+@pytest.mark.parametrize(
+    "params", [RtDloParams(1e-9), RtDloParams(1.0, 64, 0.0), RtDloParams(0.15, 2, 0.99)]
+)
 def test_extreme_parameters_do_no_harm(params):
     extract(drawn(DOWN, UP), None, params)
 
 
 def test_long_strip_keeps_its_length():
-    (strand,) = extract(drawn(np.array([[0.0, 10.0], [7999.0, 10.0]]), width=7, shape=(20, 8000))).instances
+    (strand,) = extract(
+        drawn(np.array([[0.0, 10.0], [7999.0, 10.0]]), width=7, shape=(20, 8000))
+    ).instances
     assert strand.length_px == pytest.approx(7999, abs=10)
     assert [e.kind for e in strand.endpoints] == ["border", "border"]
 

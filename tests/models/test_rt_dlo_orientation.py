@@ -1,4 +1,5 @@
-"""Orientation of patches: the analytic axis, the network's shape, its labels, and the exported file."""
+"""Orientation of patches: the analytic axis, the network's shape, its labels, and the exported
+file."""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ def bar_patch(degrees: float, width: int = 9) -> np.ndarray:
     """``(1, s, s)`` patch in the middle of a bar of this direction."""
     step = 90 * np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
     center = np.array([100.0, 100.0])
-    distances = distance_map(drawn(np.array([center - step, center + step]), width=width, shape=(201, 201)))
+    distances = distance_map(
+        drawn(np.array([center - step, center + step]), width=width, shape=(201, 201))
+    )
     return read_patches(distances, center[None], np.array([width / 2]))
 
 

@@ -24,7 +24,9 @@ RED, BLUE = (200, 30, 30), (30, 40, 190)
 def total(partner, pairs, costs, stop) -> float:
     table = {(a, b): c for (a, b), c in zip(pairs.tolist(), costs, strict=True)}
     links = {(min(k, int(p)), max(k, int(p))) for k, p in enumerate(partner) if p != k}
-    return sum(table[link] for link in links) + sum(stop[k] for k, p in enumerate(partner) if p == k)
+    return sum(table[link] for link in links) + sum(
+        stop[k] for k, p in enumerate(partner) if p == k
+    )
 
 
 def test_matching_takes_the_best_total_not_the_best_link():
@@ -39,7 +41,8 @@ def test_an_end_stops_where_every_link_is_dearer():
 
 
 def test_a_section_along_which_only_one_strand_would_lead_is_not_shared():
-    """Section 0 (ends 0, 1) given up, 2 and 4 would be joined at a lower total; but then nothing leads along it."""
+    """Section 0 (ends 0, 1) given up, 2 and 4 would be joined at a lower total; but then nothing
+    leads along it."""
     pairs = np.array([[2, 4], [0, 2], [0, 4], [6, 8], [4, 6], [0, 1]])
     costs = np.array([2.9, 2.2, -1.8, -8.0, -0.25, 1.0])
     via = np.array([-1, -1, -1, -1, 0, 0])
@@ -53,7 +56,9 @@ def test_a_stub_may_stop_at_a_crossing_for_less():
     mask = drawn(*bars, np.array([[200.0, 60.0], [200.0, 100.0]]))
     sections = sections_of(trace(Foreground.of(mask)), distance_map(mask), None)
     stops, at_crossing = _stops(sections, 3.0), sections.node >= 0
-    stub = (sections.node[np.arange(len(stops)) ^ 1] < 0) & ~sections.at_border[np.arange(len(stops)) ^ 1]
+    stub = (sections.node[np.arange(len(stops)) ^ 1] < 0) & ~sections.at_border[
+        np.arange(len(stops)) ^ 1
+    ]
     assert np.count_nonzero(stub & at_crossing) == 1
     assert 0.5 < stops[stub & at_crossing].item() < 2.0
     assert (stops[at_crossing & ~stub] == 3.0).all()
@@ -73,13 +78,16 @@ def test_a_cable_that_bends_in_a_gap_is_seen_there():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_large_groups_are_matched_almost_as_cheaply_as_by_trying_everything(seed):
-    """Groups above 8 ends go through the relaxation: compared with the exact solver on the same 10 ends."""
+    """Groups above 8 ends go through the relaxation: compared with the exact solver on the same 10
+    ends."""
     rng = np.random.default_rng(seed)
     pairs = np.array(list(combinations(range(10), 2)))
     costs, stop = rng.normal(1, 2, len(pairs)), np.full(10, 1.0)
     partner = match(10, pairs, costs, stop)
     assert (partner[partner] == np.arange(10)).all()
-    best = _cheapest(tuple(range(10)), {tuple(p): c for p, c in zip(pairs.tolist(), costs, strict=True)}, stop)
+    best = _cheapest(
+        tuple(range(10)), {tuple(p): c for p, c in zip(pairs.tolist(), costs, strict=True)}, stop
+    )
     assert total(partner, pairs, costs, stop) <= best + 1.5
 
 
@@ -120,7 +128,8 @@ def test_straight_bar(width):
 @pytest.mark.parametrize("top", range(100, 104))
 @pytest.mark.parametrize("width", [9, 10, 11, 12])
 def test_width_and_middle_do_not_depend_on_where_the_strand_lies(top, width):
-    """A halved mask's skeleton lay up to two pixels beside the middle, and a strand of 9 px was measured as 5."""
+    """A halved mask's skeleton lay up to two pixels beside the middle, and a strand of 9 px was
+    measured as 5."""
     mask = np.zeros((240, 320), bool)
     mask[top : top + width, 20:300] = True
     (bar,) = extract(mask).instances
@@ -130,7 +139,10 @@ def test_width_and_middle_do_not_depend_on_where_the_strand_lies(top, width):
 
 def test_three_strands_through_one_place():
     angles = np.deg2rad([10, 70, 130])
-    lines = [np.array([[160, 120]]) + np.array([[-100], [100]]) * np.array([np.cos(a), np.sin(a)]) for a in angles]
+    lines = [
+        np.array([[160, 120]]) + np.array([[-100], [100]]) * np.array([np.cos(a), np.sin(a)])
+        for a in angles
+    ]
     scene = extract(drawn(*lines))
     assert len(scene.instances) == 3
     assert len(scene.crossings) == 3
@@ -150,7 +162,8 @@ def test_three_strands_through_one_place():
     ],
 )
 def test_three_strands_through_nearly_one_place(width, lines):
-    """A few pixels of skeleton between two of three crossings were a section of their own: one strand was cut."""
+    """A few pixels of skeleton between two of three crossings were a section of their own: one
+    strand was cut."""
     mask = np.zeros((240, 320), np.uint8)
     for line in lines:
         cv2.line(mask, *line, 1, width)
@@ -184,7 +197,10 @@ def test_gap_is_bridged_and_labelled():
 
 def test_gap_between_unlike_strands_stays():
     """Same direction, same width, but one is red and one is blue, and background shows between."""
-    left, right = np.array([[20.0, 120.0], [140.0, 120.0]]), np.array([[180.0, 120.0], [300.0, 120.0]])
+    left, right = (
+        np.array([[20.0, 120.0], [140.0, 120.0]]),
+        np.array([[180.0, 120.0], [300.0, 120.0]]),
+    )
     scene = extract(drawn(left, right), colored((left, RED), (right, BLUE)))
     assert len(scene.instances) == 2
 
@@ -233,7 +249,10 @@ def test_a_thin_mask_is_widened_to_the_edges_in_the_picture():
 
 
 def test_scores_are_probabilities_and_a_short_loose_piece_is_less_sure():
-    long, short = np.array([[20.0, 60.0], [319.0, 60.0]]), np.array([[150.0, 180.0], [205.0, 180.0]])
+    long, short = (
+        np.array([[20.0, 60.0], [319.0, 60.0]]),
+        np.array([[150.0, 180.0], [205.0, 180.0]]),
+    )
     scores = [i.score for i in extract(drawn(long, short)).instances]
     assert scores[0] > 0.8
     assert len(scores) == 1 or scores[1] < scores[0]
@@ -247,7 +266,12 @@ def test_same_input_gives_the_same_bytes():
 
 
 @pytest.mark.parametrize(
-    "params", [SectionMatchingParams(0, 0, -5), SectionMatchingParams(4, 50, 20), SectionMatchingParams(0.7, 20, 0)]
+    "params",
+    [
+        SectionMatchingParams(0, 0, -5),
+        SectionMatchingParams(4, 50, 20),
+        SectionMatchingParams(0.7, 20, 0),
+    ],
 )
 def test_extreme_parameters_do_no_harm(params):
     extract(drawn(loop()), None, params)

@@ -36,7 +36,9 @@ def red_is_cable(planes: np.ndarray) -> np.ndarray:
     return np.where(planes[:, :1] > 0.5, 8.0, -8.0).astype(np.float32)
 
 
-@pytest.mark.parametrize("size", [(1, 1), (20, 8000), (31, 33), (64, 64), (33, 50), (360, 640), (641, 127)])
+@pytest.mark.parametrize(
+    "size", [(1, 1), (20, 8000), (31, 33), (64, 64), (33, 50), (360, 640), (641, 127)]
+)
 def test_any_size_comes_back_at_its_own_size(size):
     probability = segment(np.zeros((*size, 3), np.uint8), red_is_cable, SETTINGS)
     assert probability.shape == size
@@ -64,7 +66,12 @@ def test_a_reduced_picture_comes_back_where_it_was():
 
 @pytest.mark.parametrize(
     ("size", "seen"),
-    [((20, 1500), (32, 1504)), ((40, 4000), (32, 2048)), ((200, 400), (32, 64)), ((5, 5), (32, 32))],
+    [
+        ((20, 1500), (32, 1504)),
+        ((40, 4000), (32, 2048)),
+        ((200, 400), (32, 64)),
+        ((5, 5), (32, 32)),
+    ],
 )
 def test_a_strip_is_not_reduced_to_nothing(size, seen):
     shapes = []
@@ -160,15 +167,17 @@ def test_a_network_that_finds_nothing_is_not_exported(metrics, tmp_path, capsys,
 
 def test_validation_reports_and_draws(tmp_path):
     scenes = SceneParams(size=(32, 64), empty_share=0.4)
-    metrics = validate(CompactNetwork().eval(), tmp_path / "sheet.png", TexturePool(()), scenes, count=12)
+    metrics = validate(
+        CompactNetwork().eval(), tmp_path / "sheet.png", TexturePool(()), scenes, count=12
+    )
     assert set(metrics) == {"dice", "false"}
     assert 0 <= metrics["dice"] <= 1
     assert (tmp_path / "sheet.png").exists()
 
 
 def test_an_exported_network_can_be_trained_further():
-    """Batch normalizations are folded away in the file: unfolded, the function is the same, in training mode
-    with the statistics of the same pictures too."""
+    """Batch normalizations are folded away in the file: unfolded, the function is the same, in
+    training mode with the statistics of the same pictures too."""
     network = CompactNetwork()
     file = WEIGHTS / "foreground_compact.onnx"
     pictures = torch.randn(1, 3, 64, 96, generator=torch.Generator().manual_seed(0))
@@ -183,8 +192,8 @@ def test_an_exported_network_can_be_trained_further():
 
 @pytest.mark.parametrize("name", ["foreground_deeplab_convnext_t", "foreground_deeplab_resnet50"])
 def test_so_can_one_whose_normalizations_are_not_in_a_row(name):
-    """A ResNet's are ``bn1`` beside ``conv1``, the linear layers of the others lose their names in the file: a training
-    could not go on once its checkpoint was gone."""
+    """A ResNet's are ``bn1`` beside ``conv1``, the linear layers of the others lose their names in
+    the file: a training could not go on once its checkpoint was gone."""
     training = manifest()[name].training
     network = build(training["network"], training["slim"])
     pictures = torch.randn(2, 3, 64, 96, generator=torch.Generator().manual_seed(0))
@@ -200,7 +209,9 @@ def test_a_swin_goes_on_from_its_checkpoint_alone():
     """The exporter turns its tables of relative positions into what they stand for."""
     training = manifest()["foreground_deeplab_swin_t"].training
     with pytest.raises(ValueError, match=r"the file has no .*relative_position_bias_table"):
-        unfold(WEIGHTS / "foreground_deeplab_swin_t.onnx", build(training["network"], training["slim"]))
+        unfold(
+            WEIGHTS / "foreground_deeplab_swin_t.onnx", build(training["network"], training["slim"])
+        )
 
 
 def test_the_eight_bit_network_sees_what_the_full_one_sees():
@@ -218,13 +229,25 @@ def test_every_convolution_but_the_first_is_quantized(tmp_path):
     """With all of them in 8 bits, photographs lost .7 Dice."""
     spec = manifest()["foreground_compact"]
     settings = replace(ForegroundInput.from_manifest(spec.preprocess), long_side=128)
-    quantize(WEIGHTS / spec.file, tmp_path / "small.onnx", settings, calibrating(load_pool(None), 2, None))
+    quantize(
+        WEIGHTS / spec.file,
+        tmp_path / "small.onnx",
+        settings,
+        calibrating(load_pool(None), 2, None),
+    )
     graph = onnx.load(tmp_path / "small.onnx").graph
     quantized = {o for n in graph.node if n.op_type == "DequantizeLinear" for o in n.output}
     fed = [[i in quantized for i in n.input[:2]] for n in graph.node if n.op_type == "Conv"]
     assert fed == [[False, False]] * SINGLE + [[True, True]] * (len(fed) - SINGLE)
-    session = onnxruntime.InferenceSession(tmp_path / "small.onnx", providers=["CPUExecutionProvider"])
-    assert session.run(None, {"input": np.zeros((1, 3, 64, 64), np.float32)})[0].shape == (1, 1, 64, 64)
+    session = onnxruntime.InferenceSession(
+        tmp_path / "small.onnx", providers=["CPUExecutionProvider"]
+    )
+    assert session.run(None, {"input": np.zeros((1, 3, 64, 64), np.float32)})[0].shape == (
+        1,
+        1,
+        64,
+        64,
+    )
 
 
 def test_photographs_of_the_training_set_join_those_that_set_the_ranges(tmp_path):
@@ -242,7 +265,12 @@ def test_photographs_of_the_training_set_join_those_that_set_the_ranges(tmp_path
 
 def test_a_small_picture_is_enlarged_as_far_as_the_network_wants():
     settings = replace(SETTINGS, long_side=960, most_enlarged=1.5)
-    assert [network_scale(size, settings) for size in ((360, 640), (100, 160), (540, 960), (1080, 1920))] == [
-        1.5, 1.5, 1.0, 0.5,
-    ]  # fmt: skip
+    assert [
+        network_scale(size, settings) for size in ((360, 640), (100, 160), (540, 960), (1080, 1920))
+    ] == [
+        1.5,
+        1.5,
+        1.0,
+        0.5,
+    ]
     assert network_scale((100, 160), replace(settings, most_enlarged=1.0)) == 1.0

@@ -1,4 +1,5 @@
-"""Foreground at the picture's edge: what runs along it is found whole and as wide as it is, what leaves goes on."""
+"""Foreground at the picture's edge: what runs along it is found whole and as wide as it is, what
+leaves goes on."""
 
 from __future__ import annotations
 
@@ -14,7 +15,10 @@ from tests.models.drawn_masks import drawn
 from tests.models.harnesses import shipped
 
 SHAPE = (180, 320)
-METHODS = {m.__name__.rsplit(".", 1)[-1]: m.extract for m in (section_matching, rt_dlo, fastdlo, ariadne_plus)}
+METHODS = {
+    m.__name__.rsplit(".", 1)[-1]: m.extract
+    for m in (section_matching, rt_dlo, fastdlo, ariadne_plus)
+}
 
 
 def along(gap: int, width: int = 12, span: tuple[int, int] = (0, 320)) -> np.ndarray:
@@ -55,8 +59,8 @@ AROUND = (
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("case", ALONG)
 def test_a_cable_along_the_border_is_found_whole(name, case):
-    """The picture's edge was no background: the default method and FASTDLO lost the cable, the others found it twice
-    as wide as it is."""
+    """The picture's edge was no background: the default method and FASTDLO lost the cable, the
+    others found it twice as wide as it is."""
     mask, width, length = ALONG[case]
     length = mask.shape[0] if mask.shape != SHAPE else length
     scene = METHODS[name](mask, None)
@@ -68,7 +72,8 @@ def test_a_cable_along_the_border_is_found_whole(name, case):
 
 @pytest.mark.parametrize("case", ALONG)
 def test_topology_finds_a_cable_along_the_border(case):
-    """Every one of them was an empty answer, some because the slit to the border was filled like a hole."""
+    """Every one of them was an empty answer, some because the slit to the border was filled like a
+    hole."""
     mask, width, _ = ALONG[case]
     topology = extract(mask, *shipped())
     (section,) = topology.sections
@@ -80,7 +85,8 @@ def test_topology_finds_a_cable_along_the_border(case):
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("line", AROUND, ids=["one corner", "two corners", "ring"])
 def test_a_cable_around_the_corners_is_one(name, line):
-    """RT-DLO cut every path at a right angle; superpixels of Ariadne+, smaller than the cable is wide, forked there."""
+    """RT-DLO cut every path at a right angle; superpixels of Ariadne+, smaller than the cable is
+    wide, forked there."""
     (cable,) = METHODS[name](drawn(np.array(line), width=12, shape=SHAPE), None).instances
     assert cable.width_px == pytest.approx(12, abs=1.5)
     assert cable.closed == (line[0] == line[-1])

@@ -8,7 +8,8 @@ from models.strands.walks import follow
 
 
 def test_sections_are_entered_in_order_and_rings_are_known():
-    """Three sections in a string (ends 0 to 5), the middle one backwards, and two in a ring (6 to 9)."""
+    """Three sections in a string (ends 0 to 5), the middle one backwards, and two in a ring (6 to
+    9)."""
     partner = np.array([0, 3, 4, 1, 2, 5, 9, 8, 7, 6])
     assert follow(partner) == [([0, 3, 4], False), ([6, 8], True)]
 

@@ -54,7 +54,9 @@ def test_parallel_neighbor_keeps_about_its_gap():
 
 def test_a_horizontal_ribbon_covers_exactly_its_width():
     """Width 6 about y = 20: rows 17 to 23 are touched, the outer two half covered."""
-    ribbon = rasterize(strand(straight(-5, 20, 45, 20), np.full(200, 3.0, np.float32), CPU), (40, 40))
+    ribbon = rasterize(
+        strand(straight(-5, 20, 45, 20), np.full(200, 3.0, np.float32), CPU), (40, 40)
+    )
     column = ribbon.index % 40 == 20
     rows = (ribbon.index[column] // 40).tolist()
     alpha = dict(zip(rows, ribbon.alpha[column].tolist(), strict=True))
@@ -65,8 +67,19 @@ def test_a_horizontal_ribbon_covers_exactly_its_width():
 
 @pytest.mark.parametrize("pattern", ["plain", *_PATTERN])
 def test_every_pattern_gives_finite_colors_and_opaque_middles(pattern):
-    ribbon = rasterize(strand(straight(0, 20, 60, 20), np.full(200, 6.0, np.float32), CPU), (40, 60))
-    look = Look((0.8, 0.2, 0.1), (0.1, 0.2, 0.9), pattern, 12.0, gloss=0.5, shininess=30.0, grain=0.0, opacity=1.0)
+    ribbon = rasterize(
+        strand(straight(0, 20, 60, 20), np.full(200, 6.0, np.float32), CPU), (40, 60)
+    )
+    look = Look(
+        (0.8, 0.2, 0.1),
+        (0.1, 0.2, 0.9),
+        pattern,
+        12.0,
+        gloss=0.5,
+        shininess=30.0,
+        grain=0.0,
+        opacity=1.0,
+    )
     color, alpha = appearance(ribbon, look, FLAT, 0, np.random.default_rng(0))
     assert color.expand(3, len(alpha)).shape == (3, len(ribbon.index))
     assert torch.isfinite(color).all()
@@ -74,8 +87,12 @@ def test_every_pattern_gives_finite_colors_and_opaque_middles(pattern):
 
 
 def test_a_transparent_cable_shows_the_ground_more_in_its_middle_than_at_its_rim():
-    ribbon = rasterize(strand(straight(0, 20, 60, 20), np.full(200, 8.0, np.float32), CPU), (40, 60))
-    look = Look((1, 1, 1), (1, 1, 1), "plain", 12.0, gloss=0.0, shininess=4.0, grain=0.0, opacity=0.5)
+    ribbon = rasterize(
+        strand(straight(0, 20, 60, 20), np.full(200, 8.0, np.float32), CPU), (40, 60)
+    )
+    look = Look(
+        (1, 1, 1), (1, 1, 1), "plain", 12.0, gloss=0.0, shininess=4.0, grain=0.0, opacity=0.5
+    )
     _, alpha = appearance(ribbon, look, FLAT, 0, np.random.default_rng(0))
     assert float(alpha[ribbon.offset.abs() < 0.1].max()) < 0.55
     assert float(alpha[(ribbon.offset.abs() > 0.85) & (ribbon.alpha == 1)].min()) > 0.55
@@ -127,7 +144,9 @@ def test_a_polygon_is_filled_inside_only():
 def test_connectors_and_ties_take_the_label_away(seed):
     canvas = Canvas(torch.full((3, 120, 160), 0.5))
     canvas.ids[:] = 7
-    (tie if seed % 4 == 0 else terminal)(canvas, np.random.default_rng(seed), np.array([80.0, 60.0]), 0.3, 6.0)
+    (tie if seed % 4 == 0 else terminal)(
+        canvas, np.random.default_rng(seed), np.array([80.0, 60.0]), 0.3, 6.0
+    )
     assert 0 < int((canvas.ids == 0).sum()) < 120 * 160 / 2
 
 
@@ -140,7 +159,8 @@ def test_fine_jpeg_changes_almost_nothing_and_coarse_jpeg_does():
 def test_equal_seeds_give_equal_bytes_and_others_do_not():
     params = SceneParams(size=(96, 160))
     first, again, other = (
-        to_uint8(render_scene(np.random.default_rng(seed), params, NO_TEXTURES).rgb) for seed in (3, 3, 4)
+        to_uint8(render_scene(np.random.default_rng(seed), params, NO_TEXTURES).rgb)
+        for seed in (3, 3, 4)
     )
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()

@@ -22,7 +22,9 @@ FLAT = Light((0.0, 0.0, 1.0), ambient=1.0, shadow=0.0, softness=0, color=(1.0, 1
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
-def line(points: list[tuple[float, float]], heights: tuple[float, float], n: int = 300) -> np.ndarray:
+def line(
+    points: list[tuple[float, float]], heights: tuple[float, float], n: int = 300
+) -> np.ndarray:
     t = np.linspace(0, 1, n)
     legs = np.linspace(0, 1, len(points))
     xy = [np.interp(t, legs, [p[i] for p in points]) for i in (0, 1)]
@@ -83,7 +85,10 @@ def test_a_self_crossing_shows_the_pass_that_lies_higher():
 
 def test_heights_agree_with_the_order_at_every_crossing():
     rng = np.random.default_rng(5)
-    curves = [line([tuple(rng.uniform(0, 100, 2)) for _ in range(6)], (rng.random(), rng.random())) for _ in range(4)]
+    curves = [
+        line([tuple(rng.uniform(0, 100, 2)) for _ in range(6)], (rng.random(), rng.random()))
+        for _ in range(4)
+    ]
     plan = stack(curves, [2.0] * 4)
     assert len(plan.meetings) > 10
     for meeting in plan.meetings:

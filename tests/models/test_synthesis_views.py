@@ -18,7 +18,9 @@ GRAY = np.full((64, 64, 3), 120, np.uint8)
 
 def straight(radius: float = 0.004, height: float = 0.02) -> Cable3D:
     y = np.linspace(-0.2, 0.2, 500)
-    return Cable3D(np.stack([np.zeros(500), y, np.full(500, height)], axis=1), radius, (0.9, 0.1, 0.1))
+    return Cable3D(
+        np.stack([np.zeros(500), y, np.full(500, height)], axis=1), radius, (0.9, 0.1, 0.1)
+    )
 
 
 def shot(scene: Scene3D, camera: Camera, seed: int = 0):
@@ -40,14 +42,19 @@ def test_it_moves_with_the_camera_as_the_projection_says():
     for x in (-0.03, 0.02):
         camera = camera_above(np.array([x, 0.0]), 0.25, SMALL)
         expected = camera.project(np.array([[0.0, 0.0, 0.02]]))[0, 0]
-        assert np.flatnonzero(shot(scene, camera).ids[60] == 1).mean() == pytest.approx(expected, abs=0.6)
+        assert np.flatnonzero(shot(scene, camera).ids[60] == 1).mean() == pytest.approx(
+            expected, abs=0.6
+        )
 
 
 def test_the_upper_cable_hides_the_lower_one():
     lower = straight(height=0.01)
     upper = replace(lower, points_m=lower.points_m[:, [1, 0, 2]] + np.array([0, 0, 0.02]))
     for cables, on_top in (((lower, upper), 2), ((upper, lower), 1)):
-        assert shot(Scene3D(cables, GRAY, PLAIN), camera_above(np.zeros(2), 0.25, SMALL)).ids[60, 80] == on_top
+        assert (
+            shot(Scene3D(cables, GRAY, PLAIN), camera_above(np.zeros(2), 0.25, SMALL)).ids[60, 80]
+            == on_top
+        )
 
 
 def test_the_lens_bends_the_picture():
@@ -94,7 +101,9 @@ def test_an_arm_reports_where_it_is_and_takes_the_picture_there():
 def test_encoders_may_be_off():
     scene = Scene3D((straight(),), GRAY, PLAIN)
     camera = camera_above(np.zeros(2), 0.25, SMALL)
-    steady, shaky = (SimulatedArm(scene, camera, np.random.default_rng(0), jitter_m=j) for j in (0.0, 0.01))
+    steady, shaky = (
+        SimulatedArm(scene, camera, np.random.default_rng(0), jitter_m=j) for j in (0.0, 0.01)
+    )
     assert steady.picture() == steady.picture()
     assert shaky.picture() != shaky.picture()
     assert shaky.pose() == camera.T_world_camera.tolist()

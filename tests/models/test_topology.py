@@ -1,4 +1,5 @@
-"""Mask to topology with the shipped networks: drawn masks with known answers, random scenes, and what is no harness."""
+"""Mask to topology with the shipped networks: drawn masks with known answers, random scenes, and
+what is no harness."""
 
 from __future__ import annotations
 
@@ -47,7 +48,10 @@ def test_a_plain_cable_is_one_section_from_tip_to_tip(networks):
 
 
 def test_a_branch_is_a_branch_point_of_three_sections(networks):
-    topology = found(networks, drawn(np.array([[0, 120], [319, 120]]), np.array([[160, 120], [230, 239]]), width=12))
+    topology = found(
+        networks,
+        drawn(np.array([[0, 120], [319, 120]]), np.array([[160, 120], [230, 239]]), width=12),
+    )
     assert topology.status == "branched"
     assert counts(topology) == (3, 1, 0)
     assert sorted(topology.branch_points[0].sections) == [0, 1, 2]
@@ -66,7 +70,8 @@ def test_two_cables_that_cross_are_two_sections(networks):
 
 
 def lens() -> tuple[np.ndarray, np.ndarray]:
-    """Two cables that cross twice and lie nearly upon one another in between, at x from 130 to 190."""
+    """Two cables that cross twice and lie nearly upon one another in between, at x from 130 to
+    190."""
     x = np.linspace(20, 300, 200)
     off = 3 * ((x - 160) ** 2 / 30**2 - 1)
     return np.stack((x, 120 + off), axis=1), np.stack((x, 120 - off), axis=1)
@@ -82,11 +87,15 @@ def test_two_cables_that_lie_upon_one_another_cross_twice(networks):
 def test_a_loop_that_is_cut_on_both_sides_of_its_upper_pass_still_crosses_itself(networks):
     """The bridge over the cut leads over the strand that it belongs to."""
     start, end = np.array([80.0, 230.0]), np.array([240.0, 230.0])
-    mask = drawn(np.concatenate(([start], circle((160, 75), 50, 0.6, -np.pi - 0.6), [end])), width=11)
+    mask = drawn(
+        np.concatenate(([start], circle((160, 75), 50, 0.6, -np.pi - 0.6), [end])), width=11
+    )
     (crossing,) = found(networks, mask).crossings
     passes = [(tip - crossing.xy) / np.hypot(*(tip - crossing.xy)) for tip in (start, end)]
-    upper, cut = (drawn(crossing.xy + np.array([[-n], [n]]) * way, width=w)
-                  for way, n, w in zip(passes, (30, 12), (11, 15), strict=True))  # fmt: skip
+    upper, cut = (
+        drawn(crossing.xy + np.array([[-n], [n]]) * way, width=w)
+        for way, n, w in zip(passes, (30, 12), (11, 15), strict=True)
+    )
     topology = found(networks, mask & ~(cut & ~upper))
     assert counts(topology) == (1, 0, 1)
     assert np.hypot(*np.subtract(topology.crossings[0].xy, crossing.xy)) < 6
@@ -115,12 +124,16 @@ def test_a_ring_is_closed(networks):
     assert counts(topology) == (1, 0, 0)
 
 
-@pytest.mark.parametrize("mask", [np.zeros((120, 160), bool), np.ones((120, 160), bool), np.eye(3, dtype=bool)])
+@pytest.mark.parametrize(
+    "mask", [np.zeros((120, 160), bool), np.ones((120, 160), bool), np.eye(3, dtype=bool)]
+)
 def test_no_harness_is_an_answer(networks, mask):
     topology = found(networks, mask)
     assert counts(topology)[1:] == (0, 0)
     # A picture that is all foreground was a "plain" topology of one strand.
-    assert topology.status == "unsure" if mask.mean() == 1 else topology.status in ("empty", "plain")
+    assert (
+        topology.status == "unsure" if mask.mean() == 1 else topology.status in ("empty", "plain")
+    )
 
 
 def test_noise_is_said_to_be_too_complex(networks):
@@ -138,11 +151,16 @@ def test_a_gap_in_a_cable_is_bridged(networks):
 
 
 def test_a_strand_that_the_upper_one_interrupts_goes_on_behind_it(networks):
-    """Once two ends facing each other across a strand gave no crossing, and one end a branch-point."""
+    """Once two ends facing each other across a strand gave no crossing, and one end a
+    branch-point."""
     mask = drawn(np.array([[20, 120], [300, 120]]), width=20)
-    both = mask | drawn(np.array([[160, 20], [160, 102]]), np.array([[160, 138], [160, 220]]), width=10)
+    both = mask | drawn(
+        np.array([[160, 20], [160, 102]]), np.array([[160, 138], [160, 220]]), width=10
+    )
     assert counts(found(networks, both)) == (2, 0, 1)
-    one = mask | drawn(np.array([[160, 20], [160, 120]]), np.array([[160, 142], [160, 220]]), width=10)
+    one = mask | drawn(
+        np.array([[160, 20], [160, 120]]), np.array([[160, 142], [160, 220]]), width=10
+    )
     assert counts(found(networks, one)) == (2, 0, 1)
 
 
@@ -184,7 +202,9 @@ def test_a_large_picture_is_answered_in_its_own_pixels(networks):
     topology = found(networks, large)
     assert topology.size == (2400, 3200)
     assert np.hypot(*np.subtract(topology.crossings[0].xy, (1600, 1200))) < 60
-    assert topology.sections[0].width == pytest.approx(10 * found(networks, small).sections[0].width, rel=0.15)
+    assert topology.sections[0].width == pytest.approx(
+        10 * found(networks, small).sections[0].width, rel=0.15
+    )
 
 
 def test_an_image_of_another_size_is_refused(networks):
@@ -204,7 +224,9 @@ def test_the_picture_tells_which_is_on_top(networks, first):
     strands = [(CROSS[0], (200, 40, 40)), (CROSS[1], (40, 60, 200))]
     ordered = strands if first == 0 else strands[::-1]
     topology = found(networks, drawn(*CROSS), image=colored(*ordered))
-    expected = 1 if first == 1 else -1  # the later one is on top; the second strand rises to the right
+    expected = (
+        1 if first == 1 else -1
+    )  # the later one is on top; the second strand rises to the right
     assert np.sign(upper(topology)) == expected
     assert topology.crossings[0].order_score > 0.8
 
@@ -231,12 +253,15 @@ def test_points_in_space_tell_which_is_on_top_and_far_ones_do_not(networks):
 def test_the_same_mask_gives_the_same_answer(networks):
     mask = drawn(*CROSS, loop())
     first, second = found(networks, mask), found(networks, mask)
-    assert all(np.array_equal(a.xy, b.xy) for a, b in zip(first.sections, second.sections, strict=True))
+    assert all(
+        np.array_equal(a.xy, b.xy) for a, b in zip(first.sections, second.sections, strict=True)
+    )
     assert first.crossings[0].xy == second.crossings[0].xy
 
 
 def test_random_scenes_are_read_right(networks):
-    """A small part of the benchmark's floor: link Dice .944, branch-points .915, crossings .949 on 280 scenes."""
+    """A small part of the benchmark's floor: link Dice .944, branch-points .915, crossings .949 on
+    280 scenes."""
     branch, crossing, dice = Tally(), Tally(), []
     for k in range(24):
         rng = np.random.default_rng([77, k])
@@ -252,7 +277,9 @@ def test_random_scenes_are_read_right(networks):
 
 
 def test_a_seed_gives_the_same_harness_and_its_labels_fit_its_mask():
-    (harness, graph), (_, again) = (draw_scene(np.random.default_rng(3), HarnessParams(), PLAIN) for _ in range(2))
+    (harness, graph), (_, again) = (
+        draw_scene(np.random.default_rng(3), HarnessParams(), PLAIN) for _ in range(2)
+    )
     assert np.array_equal(graph.xy, again.xy)
     truth = true_graph(harness, graph)
     assert np.array_equal(truth.links, true_graph(harness, again).links)
@@ -263,7 +290,9 @@ def test_a_seed_gives_the_same_harness_and_its_labels_fit_its_mask():
 
 
 def test_asked_for_crossings_and_branch_points_are_there():
-    params = HarnessParams(branch_points=(3, 3), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(2, 2))
+    params = HarnessParams(
+        branch_points=(3, 3), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(2, 2)
+    )
     harness = make_harness(np.random.default_rng(8), params)
     assert len(harness.branch_xy) == 3
     assert len(harness.crossings) == 2
@@ -277,7 +306,11 @@ def test_messages_are_summed_over_neighbors():
         torch.nn.init.ones_(linear.weight)
         if linear.bias is not None:
             torch.nn.init.zeros_(linear.bias)
-    out = layer(torch.tensor([[1.0], [2.0], [4.0]]), torch.tensor([[0, 1], [1, 2]]), torch.tensor([[10.0], [20.0]]))
+    out = layer(
+        torch.tensor([[1.0], [2.0], [4.0]]),
+        torch.tensor([[0, 1], [1, 2]]),
+        torch.tensor([[10.0], [20.0]]),
+    )
     assert out[:, 0].tolist() == [1 + 10 + 2 + 1, (1 + 2 + 10) + (4 + 2 + 20) + 2, 2 + 20 + 4 + 4]
 
 
@@ -285,13 +318,18 @@ def test_messages_are_summed_over_neighbors():
 def test_the_shipped_network_takes_any_number_of_nodes_and_edges(networks, nodes, edges):
     rng = np.random.default_rng(nodes)
     links, orientations, classes = networks[0].run(
-        rng.random((nodes, PATCH, PATCH), np.float32), rng.random((nodes, NODE_FEATURES), np.float32),
-        rng.integers(0, nodes, (2, edges)), rng.random((edges, EDGE_FEATURES), np.float32),
-    )  # fmt: skip
+        rng.random((nodes, PATCH, PATCH), np.float32),
+        rng.random((nodes, NODE_FEATURES), np.float32),
+        rng.integers(0, nodes, (2, edges)),
+        rng.random((edges, EDGE_FEATURES), np.float32),
+    )
     assert links.shape == (edges,)
     assert orientations.shape == (nodes, 180)
     assert classes.shape == (nodes, 2)
-    assert all(np.isfinite(o).all() and (o >= 0).all() and (o <= 1).all() for o in (links, orientations, classes))
+    assert all(
+        np.isfinite(o).all() and (o >= 0).all() and (o <= 1).all()
+        for o in (links, orientations, classes)
+    )
 
 
 def test_several_graphs_at_once_give_what_each_gives_alone():
@@ -299,10 +337,14 @@ def test_several_graphs_at_once_give_what_each_gives_alone():
     torch.manual_seed(0)
     network = TopologyNetwork().eval()
     parts = [
-        (torch.rand(n, PATCH, PATCH), torch.rand(n, NODE_FEATURES), torch.randint(0, n, (2, e)),
-         torch.rand(e, EDGE_FEATURES))
+        (
+            torch.rand(n, PATCH, PATCH),
+            torch.rand(n, NODE_FEATURES),
+            torch.randint(0, n, (2, e)),
+            torch.rand(e, EDGE_FEATURES),
+        )
         for n, e in ((5, 8), (7, 11))
-    ]  # fmt: skip
+    ]
     joined = [torch.cat(p) for p in zip(*[(a, b, d) for a, b, _, d in parts], strict=True)]
     edges = torch.cat((parts[0][2], parts[1][2] + 5), dim=1)
     with torch.no_grad():

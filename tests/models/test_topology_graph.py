@@ -1,4 +1,5 @@
-"""From masks to graphs: skeletons with known joints, spurs, gaps; node density; what is too complex."""
+"""From masks to graphs: skeletons with known joints, spurs, gaps; node density; what is too
+complex."""
 
 from __future__ import annotations
 
@@ -40,7 +41,9 @@ def test_a_tee_has_one_joint_of_three_strands():
 
 
 def test_a_cross_of_two_skeleton_joints_becomes_one_of_four():
-    web = traced(drawn(np.array([[60, 40], [260, 200]]), np.array([[60, 200], [260, 40]]), width=14))
+    web = traced(
+        drawn(np.array([[60, 40], [260, 200]]), np.array([[60, 200], [260, 40]]), width=14)
+    )
     assert sorted(degrees(web).values()) == [1, 1, 1, 1, 4]
 
 

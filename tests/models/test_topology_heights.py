@@ -1,4 +1,5 @@
-"""What depth shows where strands meet: a harness that branches, or a strand that lies upon another one."""
+"""What depth shows where strands meet: a harness that branches, or a strand that lies upon another
+one."""
 
 from __future__ import annotations
 
@@ -36,7 +37,11 @@ def seen(
 ) -> Topology:
     """The topology of the mask with a table 0.6 m away on which the strands are so high."""
     noise = np.random.default_rng(3).normal(0, noise_m, mask.shape)
-    return extract(mask, *networks, surfaces=[order.depth_map((0.6 - height_m + noise).astype(np.float32), focal_px)])
+    return extract(
+        mask,
+        *networks,
+        surfaces=[order.depth_map((0.6 - height_m + noise).astype(np.float32), focal_px)],
+    )
 
 
 def bump(x: float, y: float, height_m: float, reach_px: float) -> np.ndarray:
@@ -80,7 +85,8 @@ def test_what_a_sensor_does_not_tell_apart_changes_nothing(networks):
 
 
 def test_what_rises_by_less_than_half_a_thickness_is_no_strand_upon_another_one(networks):
-    """10 px at 0.6 m are 15 mm with 400 px of focal length, 5 mm with 1200. A bundle that sagged was a crossing."""
+    """10 px at 0.6 m are 15 mm with 400 px of focal length, 5 mm with 1200. A bundle that sagged
+    was a crossing."""
     raised = bump(161, 120, 0.0055, 15)
     assert counts(seen(networks, raised, 0.0001, focal_px=1200)) == (2, 0, 1)
     assert counts(seen(networks, raised, 0.0001, focal_px=400)) == (3, 1, 0)

@@ -1,4 +1,5 @@
-"""DLO-WSL: crops, the reading of lines, agreement of corrections, polygons; with a reader that needs no network."""
+"""DLO-WSL: crops, the reading of lines, agreement of corrections, polygons; with a reader that
+needs no network."""
 
 from __future__ import annotations
 
@@ -11,7 +12,13 @@ from models.tracked_labels.correction import CorrectionParams, best_path
 from models.tracked_labels.crops import MIDDLE, SIZE, in_crop, pixels_per_crop_pixel, upright_crops
 from models.tracked_labels.lines import read_lines
 from models.tracked_labels.outlines import Strand, draw_ids, find_crossings, outline
-from models.tracked_labels.strokes import StrokeError, in_robot_frame, project_stroke, smooth_stroke, stretches
+from models.tracked_labels.strokes import (
+    StrokeError,
+    in_robot_frame,
+    project_stroke,
+    smooth_stroke,
+    stretches,
+)
 from models.tracked_labels.tracked import TrackedParams, label_tracked
 from models.tracked_labels.trajectory import Ellipsoid, ellipsoid_poses
 from models.weights.inference import default_name, load
@@ -23,7 +30,9 @@ WIDTH_M = 0.01
 def test_a_crop_has_its_point_in_the_middle_and_the_dlo_upright():
     image = np.zeros((200, 200, 3), np.uint8)
     cv2.line(image, (20, 20), (180, 180), (255, 255, 255), 7)
-    crop = upright_crops(image, np.array([[100.0, 100.0]]), np.array([[1.0, 1.0]]), np.array([1.0]))[0]
+    crop = upright_crops(
+        image, np.array([[100.0, 100.0]]), np.array([[1.0, 1.0]]), np.array([1.0])
+    )[0]
     lit = crop[:, :, 0] > 127
     columns = np.array([np.flatnonzero(row).mean() for row in lit])
     assert np.abs(columns - MIDDLE).max() < 0.6
@@ -34,8 +43,12 @@ def test_a_moved_point_shows_the_dlo_at_its_offset():
     """The offset is measured towards the quarter turn of the tangent."""
     image = np.zeros((200, 300, 3), np.uint8)
     image[97:104] = 255  # a horizontal bar around y = 100
-    crop = upright_crops(image, np.array([[150.0, 94.0]]), np.array([[1.0, 0.0]]), np.array([1.0]))[0]
-    assert np.flatnonzero(crop[SIZE // 2, :, 0] > 127).mean() - MIDDLE == pytest.approx(6.0, abs=0.6)
+    crop = upright_crops(image, np.array([[150.0, 94.0]]), np.array([[1.0, 0.0]]), np.array([1.0]))[
+        0
+    ]
+    assert np.flatnonzero(crop[SIZE // 2, :, 0] > 127).mean() - MIDDLE == pytest.approx(
+        6.0, abs=0.6
+    )
     local = in_crop(np.array([[150.0, 100.0]]), np.array([150.0, 94.0]), np.array([1.0, 0.0]), 1.0)
     np.testing.assert_allclose(local, [[MIDDLE + 6, MIDDLE]], atol=1e-9)
 
@@ -74,9 +87,13 @@ def test_the_trajectory_lies_on_its_ellipsoid_and_looks_at_the_center():
     np.testing.assert_allclose(np.sum(at**2, axis=1), 1)
     camera_z = poses[:, :3, 2]
     towards = np.array([0.1, -0.2, 0.05]) - poses[:, :3, 3]
-    np.testing.assert_allclose(camera_z, towards / np.linalg.norm(towards, axis=1)[:, None], atol=1e-9)
+    np.testing.assert_allclose(
+        camera_z, towards / np.linalg.norm(towards, axis=1)[:, None], atol=1e-9
+    )
     # Eq. 2.3 by hand: theta 90 degrees, phi 0 is straight along -y.
-    np.testing.assert_allclose(ellipsoid.at(np.array([np.pi / 2]), np.array([0.0])), [[0.1, -0.6, 0.05]], atol=1e-12)
+    np.testing.assert_allclose(
+        ellipsoid.at(np.array([np.pi / 2]), np.array([0.0])), [[0.1, -0.6, 0.05]], atol=1e-12
+    )
     with pytest.raises(ValueError, match="at least one view"):
         ellipsoid_poses(ellipsoid, 0, 8)
 
@@ -91,14 +108,18 @@ def test_few_clicks_become_an_even_smooth_line():
     np.testing.assert_allclose(line[[0, -1]], clicks[[0, -1]], atol=0.003)
 
 
-@pytest.mark.parametrize("points", [[[0, 0, 0]], [[0, 0, 0], [0, 0, 1e-9]], [[0, 0, 0], [np.nan, 0, 1]]])
+@pytest.mark.parametrize(
+    "points", [[[0, 0, 0]], [[0, 0, 0], [0, 0, 1e-9]], [[0, 0, 0], [np.nan, 0, 1]]]
+)
 def test_what_is_no_line_is_refused(points):
     with pytest.raises(StrokeError):
         smooth_stroke(np.array(points, float), 0.01, 0.001)
 
 
 def test_projection_keeps_sample_numbers_and_marks_what_is_seen():
-    camera = Camera(INTRINSICS, look_at(np.array([0, 0, 0.5]), np.zeros(3), np.array([0.0, -1.0, 0.0])))
+    camera = Camera(
+        INTRINSICS, look_at(np.array([0, 0, 0.5]), np.zeros(3), np.array([0.0, -1.0, 0.0]))
+    )
     points = np.array([[0, 0, 0], [0.1, 0, 0], [5, 0, 0], [0, 0, 2.0]], float)
     seen = project_stroke(points, camera)
     np.testing.assert_allclose(seen.xy[:2], [[159.5, 119.5], [159.5 + 300 * 0.1 / 0.5, 119.5]])
@@ -116,7 +137,9 @@ def bright_reader(crops):
     center = np.where(count > 0, (lit * columns).sum(1) / np.maximum(count, 1), MIDDLE)
     line = np.exp(-((columns - center[:, None]) ** 2) / 4) + 1e-4
     line[count == 0] = 1.0
-    return (line / line.sum(1, keepdims=True)).astype(np.float32), np.maximum(count, 1)[:, None].repeat(SIZE, 1)
+    return (line / line.sum(1, keepdims=True)).astype(np.float32), np.maximum(count, 1)[
+        :, None
+    ].repeat(SIZE, 1)
 
 
 def true_line():
@@ -125,7 +148,10 @@ def true_line():
 
 
 def cameras(count=6):
-    return [Camera(INTRINSICS, pose) for pose in ellipsoid_poses(Ellipsoid(0.3, 0.3, 0.35, (0, 0, 0)), 1, count)]
+    return [
+        Camera(INTRINSICS, pose)
+        for pose in ellipsoid_poses(Ellipsoid(0.3, 0.3, 0.35, (0, 0, 0)), 1, count)
+    ]
 
 
 def drawn(camera, points):
@@ -145,8 +171,12 @@ def test_labels_of_wrong_strokes_are_moved_onto_the_dlo(agree):
     params = TrackedParams(correction=CorrectionParams(agree=agree))
     images, masks = zip(*views, strict=True)
     found = label_tracked(images, cameras(), [clicks], [WIDTH_M], bright_reader, params)
-    raw = label_tracked(images, cameras(), [clicks], [WIDTH_M], bright_reader, TrackedParams(correct=False))
-    after, before = (np.mean([iou(v.ids > 0, m) for v, m in zip(vs, masks, strict=True)]) for vs in (found, raw))
+    raw = label_tracked(
+        images, cameras(), [clicks], [WIDTH_M], bright_reader, TrackedParams(correct=False)
+    )
+    after, before = (
+        np.mean([iou(v.ids > 0, m) for v, m in zip(vs, masks, strict=True)]) for vs in (found, raw)
+    )
     assert before < 0.6
     assert after > (0.85 if agree else 0.8)
 
@@ -156,7 +186,8 @@ def iou(a, b):
 
 
 def test_a_covered_view_takes_the_others_word():
-    """One view shows nothing: where the DLO must be there follows from the others, not from where it was drawn."""
+    """One view shows nothing: where the DLO must be there follows from the others, not from where
+    it was drawn."""
     seen = cameras()
     views = [drawn(camera, true_line()) for camera in seen]
     images = [image for image, _ in views]
@@ -171,7 +202,12 @@ def test_width_is_measured_per_view():
     images = [image for image, _ in views]
     measured, given = (
         label_tracked(
-            images, cameras(3), [true_line()[::20]], [0.7 * WIDTH_M], bright_reader, TrackedParams(measured=m)
+            images,
+            cameras(3),
+            [true_line()[::20]],
+            [0.7 * WIDTH_M],
+            bright_reader,
+            TrackedParams(measured=m),
         )
         for m in (1.0, 0.0)
     )

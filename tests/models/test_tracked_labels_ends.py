@@ -1,4 +1,5 @@
-"""DLO-WSL past the thesis: strokes farther off than a crop reaches, ends along the DLO, lines up to the border."""
+"""DLO-WSL past the thesis: strokes farther off than a crop reaches, ends along the DLO, lines up to
+the border."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ def test_one_line_alone_stays_as_it_is():
 
 
 def short_sighted(crops):
-    """Sees nothing that is more than 8 px from the crop's middle: what is read there is as good as chance."""
+    """Sees nothing that is more than 8 px from the crop's middle: what is read there is as good as
+    chance."""
     dark = crops.copy()
     dark[:, :, : int(MIDDLE) - 8] = 0
     dark[:, :, int(MIDDLE) + 9 :] = 0
@@ -56,7 +58,9 @@ def test_a_stroke_that_ends_early_is_drawn_to_the_end(first, last):
     clicks = true_line()[np.linspace(first, last - 1, 9).astype(int)]
     asked = images, cameras(), [clicks], [WIDTH_M], bright_reader
     overlaps = [
-        np.mean([iou(v.ids > 0, m) for v, m in zip(label_tracked(*asked, params), masks, strict=True)])
+        np.mean(
+            [iou(v.ids > 0, m) for v, m in zip(label_tracked(*asked, params), masks, strict=True)]
+        )
         for params in (TrackedParams(), TrackedParams(ends=None))
     ]
     assert overlaps[0] > 0.88
@@ -67,7 +71,9 @@ def test_a_stroke_that_goes_on_past_the_end_is_cut():
     part = true_line()[15:185]
     views = [drawn(camera, part) for camera in cameras()]
     images, masks = zip(*views, strict=True)
-    labels = label_tracked(images, cameras(), [true_line()[::11]], [WIDTH_M], bright_reader, TrackedParams())
+    labels = label_tracked(
+        images, cameras(), [true_line()[::11]], [WIDTH_M], bright_reader, TrackedParams()
+    )
     assert np.mean([iou(v.ids > 0, m) for v, m in zip(labels, masks, strict=True)]) > 0.9
 
 

@@ -1,4 +1,5 @@
-"""The corrector's training data and network: truth of crops, mirrored truth, exported equals eager."""
+"""The corrector's training data and network: truth of crops, mirrored truth, exported equals
+eager."""
 
 from __future__ import annotations
 
@@ -12,7 +13,15 @@ from models.synthesis.scenes import Labelled, render_scene
 from models.synthesis.textures import load_pool
 from models.tracked_labels.crops import MIDDLE, SIZE
 from models.tracked_labels.lines import LineReading
-from models.training.corrector.corrector import FAMILY, NAME, CorrectorConfig, augment, corrector_loss, errors, marked
+from models.training.corrector.corrector import (
+    FAMILY,
+    NAME,
+    CorrectorConfig,
+    augment,
+    corrector_loss,
+    errors,
+    marked,
+)
 from models.training.corrector.crops import CropParams, contrast, crops_of, joined, read, write
 from models.training.corrector.network_corrector import CorrectorNetwork, CorrectorProbabilities
 from models.training.fit import fit
@@ -65,7 +74,9 @@ def test_augmented_crops_keep_their_truth():
     assert not torch.equal(at, torch.from_numpy(columns))
     light = moved.mean((1, 3))
     lit = (light > light.amax(1, keepdim=True) / 2).float()
-    torch.testing.assert_close((lit * torch.arange(SIZE)).sum(1) / lit.sum(1), at, atol=0.01, rtol=0)
+    torch.testing.assert_close(
+        (lit * torch.arange(SIZE)).sum(1) / lit.sum(1), at, atol=0.01, rtol=0
+    )
 
 
 def test_training_goes_on_and_learns(tmp_path):
@@ -78,14 +89,19 @@ def test_training_goes_on_and_learns(tmp_path):
     images = torch.from_numpy(many.images).float()
     truth = torch.from_numpy(many.columns), torch.from_numpy(many.widths)
     with torch.no_grad():
-        losses = [float(corrector_loss(*n(images), *truth, config.heat_px)) for n in (network, fresh)]
+        losses = [
+            float(corrector_loss(*n(images), *truth, config.heat_px)) for n in (network, fresh)
+        ]
     assert losses[0] < losses[1]
     again = fit(FAMILY, config, many, tmp_path / "state.pt")
-    assert all(torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True))
+    assert all(
+        torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True)
+    )
 
 
 def test_errors_are_those_of_the_offset():
-    """By hand: 1 px too far right, 3.5 too far left, right; half the width, twice the width, right."""
+    """By hand: 1 px too far right, 3.5 too far left, right; half the width, twice the width,
+    right."""
     made = crops()
     truth = made.take(np.arange(3))
     offsets = truth.columns - MIDDLE + np.array([1.0, -3.5, 0.0])
@@ -109,7 +125,8 @@ def test_only_crops_that_show_which_dlo_is_meant_are_marked():
 
 
 def scene(lines, ids=None):
-    """A picture of 100 × 100 with DLOs 6 px wide; as render_scene says it, as far as crops need it."""
+    """A picture of 100 × 100 with DLOs 6 px wide; as render_scene says it, as far as crops need
+    it."""
     curves = tuple(np.column_stack([line, np.zeros(len(line))]) for line in lines)
     drawn = np.zeros((100, 100), np.int16)
     for k, line in enumerate(lines, start=1):
@@ -117,11 +134,14 @@ def scene(lines, ids=None):
             drawn[max(y - 3, 0) : y + 4, max(x - 3, 0) : x + 4] = k
     widths = (6.0,) * len(lines)
     rgb = torch.zeros(3, 100, 100)
-    return Labelled(rgb, torch.from_numpy(drawn if ids is None else ids), curves, widths, (), (), None)
+    return Labelled(
+        rgb, torch.from_numpy(drawn if ids is None else ids), curves, widths, (), (), None
+    )
 
 
 def test_margins_count_other_dlos_and_the_same_one_where_it_comes_back():
-    """Two lines 20 px apart, or one that turns and comes back 20 px beside itself: the difference of distances."""
+    """Two lines 20 px apart, or one that turns and comes back 20 px beside itself: the difference
+    of distances."""
     x = np.arange(8.0, 92.0)
     there, back = np.stack([x, np.full(84, 40.0)], 1), np.stack([x[::-1], np.full(84, 60.0)], 1)
     turn = np.stack([np.full(19, 91.0), np.arange(41.0, 60.0)], 1)
@@ -146,7 +166,9 @@ def test_a_dlo_that_is_covered_on_the_crops_middle_row_gives_no_crop():
 def test_exported_outputs_are_probabilities_and_widths():
     network = load(NAME)
     for count in (1, 5):
-        columns, widths = network.run(np.random.default_rng(count).integers(0, 256, (count, SIZE, SIZE, 3), np.uint8))
+        columns, widths = network.run(
+            np.random.default_rng(count).integers(0, 256, (count, SIZE, SIZE, 3), np.uint8)
+        )
         assert columns.shape == widths.shape == (count, SIZE)
         np.testing.assert_allclose(columns.sum(1), 1, atol=1e-4)
         assert widths.min() > 0

@@ -19,10 +19,15 @@ FREE: tuple[EndpointKind, EndpointKind] = ("free", "free")
 SPLINE = Spline(degree=3, knots=np.zeros(0), control_xy=np.zeros((0, 2)))
 
 
-def instance(xy: np.ndarray, ends: tuple[EndpointKind, EndpointKind] = FREE, width: float = WIDTH) -> Instance:
+def instance(
+    xy: np.ndarray, ends: tuple[EndpointKind, EndpointKind] = FREE, width: float = WIDTH
+) -> Instance:
     length = float(arc_lengths(xy)[-1])
     points = resample(xy, max(int(length / 3), 2))
-    places = [Endpoint((float(x), float(y)), kind) for (x, y), kind in zip(points[[0, -1]], ends, strict=True)]
+    places = [
+        Endpoint((float(x), float(y)), kind)
+        for (x, y), kind in zip(points[[0, -1]], ends, strict=True)
+    ]
     return Instance(points, width, length, False, SPLINE, tuple(places), score=0.95)
 
 
@@ -55,7 +60,10 @@ def test_ids_stay_although_the_order_of_the_instances_changes() -> None:
     for t in range(60):
         rows = [100 + 40 * k + 12 * np.sin(0.2 * t + k) for k in range(4)]
         order = rng.permutation(4)
-        track = follow(track, scene(*(instance(wave(rows[k], 0.05 * t)[:: rng.choice([-1, 1])]) for k in order)))
+        track = follow(
+            track,
+            scene(*(instance(wave(rows[k], 0.05 * t)[:: rng.choice([-1, 1])]) for k in order)),
+        )
         ids = ids_by_number(track)
         now = [ids[int(np.flatnonzero(order == k)[0]) + 1] for k in range(4)]
         names = names or now
@@ -111,14 +119,18 @@ def test_a_cable_away_for_too_long_is_forgotten() -> None:
 
 
 def test_a_new_cable_gets_an_id_that_nobody_had() -> None:
-    tracks = run([scene(instance(wave(100))), scene(), scene(instance(wave(100)), instance(wave(300)))])
+    tracks = run(
+        [scene(instance(wave(100))), scene(), scene(instance(wave(100)), instance(wave(300)))]
+    )
     assert [(c.id, c.state) for c in tracks[-1].cables] == [(1, "seen"), (2, "new")]
     assert run([scene(instance(wave(300), width=20.0))])[0].cables[0].id == 1
 
 
 def test_two_cables_that_change_places_keep_their_ids() -> None:
     """They cross each other on the way: whole curves and velocities tell them apart."""
-    tracks = run([scene(instance(wave(150 + 3 * t)), instance(wave(250 - 3 * t, 1.0))) for t in range(34)])
+    tracks = run(
+        [scene(instance(wave(150 + 3 * t)), instance(wave(250 - 3 * t, 1.0))) for t in range(34)]
+    )
     last = {c.id: c.xy[:, 1].mean() for c in tracks[-1].cables}
     assert last[1] > last[2]
     assert len(tracks[-1].cables) == 2
@@ -133,7 +145,10 @@ def test_what_could_be_either_of_two_is_not_certain() -> None:
 
 def test_a_cable_that_comes_in_over_the_border_grows() -> None:
     whole = wave(200)
-    frames = [scene(instance(whole[200 - n :], ("border", "free"))) for n in (100, 120, 140, 160, 180, 200)]
+    frames = [
+        scene(instance(whole[200 - n :], ("border", "free")))
+        for n in (100, 120, 140, 160, 180, 200)
+    ]
     track = run(frames)[-1]
     assert [c.id for c in track.cables] == [1]
     assert track.cables[0].length_px == pytest.approx(float(arc_lengths(whole)[-1]), rel=0.05)
@@ -141,7 +156,10 @@ def test_a_cable_that_comes_in_over_the_border_grows() -> None:
 
 
 def crossed(over: int, score: float) -> Scene:
-    cables = instance(wave(200)), instance(np.column_stack([np.full(150, 300.0), np.linspace(80, 330, 150)]))
+    cables = (
+        instance(wave(200)),
+        instance(np.column_stack([np.full(150, 300.0), np.linspace(80, 330, 150)])),
+    )
     u = 0.49, 0.48
     ids = (1, 2) if over == 1 else (2, 1)
     places = [StrandPosition(k, u[k - 1]) for k in ids]
@@ -193,7 +211,9 @@ def lifted(y: float, apart: float) -> np.ndarray:
 
 def halves_changed(a: np.ndarray, b: np.ndarray) -> tuple[Instance, Instance]:
     """What a picture shows that goes on with the wrong strand in the middle."""
-    return instance(np.concatenate([a[:100], b[100:]])), instance(np.concatenate([b[:100], a[100:]]))
+    return instance(np.concatenate([a[:100], b[100:]])), instance(
+        np.concatenate([b[:100], a[100:]])
+    )
 
 
 def owners_of_ends(track: Track, a: np.ndarray, b: np.ndarray) -> list[int]:
@@ -219,7 +239,8 @@ def test_strands_met_tangled_are_told_apart_once_they_separate() -> None:
 
 
 def test_what_was_seen_alone_outweighs_a_picture_that_joins_it_wrongly() -> None:
-    """Two cables come to cross each other; then the pictures go on with the wrong strand at the crossing."""
+    """Two cables come to cross each other; then the pictures go on with the wrong strand at the
+    crossing."""
     x, track = np.linspace(60, 560, 200), Track()
     for t in range(14):
         apart = 110.0 - 11 * min(t, 10)
@@ -229,7 +250,9 @@ def test_what_was_seen_alone_outweighs_a_picture_that_joins_it_wrongly() -> None
         crossings = []
         if apart < 50:
             u = 0.5 + apart / 100
-            crossings = [Crossing((60 + 500 * u, 200.0), StrandPosition(1, u), StrandPosition(2, u), 0.6)]
+            crossings = [
+                Crossing((60 + 500 * u, 200.0), StrandPosition(1, u), StrandPosition(2, u), 0.6)
+            ]
         if t > 10:
             shown = list(halves_changed(a, b))
         track = follow(track, scene(*shown, crossings=crossings))
@@ -239,20 +262,26 @@ def test_what_was_seen_alone_outweighs_a_picture_that_joins_it_wrongly() -> None
 
 def test_a_doubt_that_goes_on_counts_once() -> None:
     """Thirty frames beside another cable made a certainty of nothing."""
-    tracks = run([scene(instance(wave(190)), instance(wave(210)))] + [scene(instance(wave(200)))] * 30)
+    tracks = run(
+        [scene(instance(wave(190)), instance(wave(210)))] + [scene(instance(wave(200)))] * 30
+    )
     assert min(c.certainty for c in tracks[-1].cables) > 0.2
 
 
 def test_a_place_keeps_its_arc_length_when_the_cable_grows_at_its_beginning() -> None:
     whole = wave(200)
-    frames = [scene(instance(whole[200 - n :], ("border", "free"))) for n in (100, 120, 140, 160, 180, 200)]
+    frames = [
+        scene(instance(whole[200 - n :], ("border", "free")))
+        for n in (100, 120, 140, 160, 180, 200)
+    ]
     first, last = (tracks.cables[0] for tracks in (run(frames)[0], run(frames)[-1]))
     assert first.start_px == 0.0
     assert last.start_px == pytest.approx(first.length_px - last.length_px, abs=WIDTH)
 
 
 def test_a_cable_that_was_met_too_short_gets_the_end_that_pictures_go_on_to_show() -> None:
-    """What one picture gave as its free end was believed for ever: the rest of the cable belonged to nobody."""
+    """What one picture gave as its free end was believed for ever: the rest of the cable belonged
+    to nobody."""
     line = wave(200)
     short = instance(line[:140])
     track = run([scene(short), *([scene(instance(line))] * 10)])[-1]
@@ -262,7 +291,8 @@ def test_a_cable_that_was_met_too_short_gets_the_end_that_pictures_go_on_to_show
 
 
 def test_a_cable_that_was_met_too_long_gets_the_end_that_pictures_go_on_to_show() -> None:
-    """A tail that was never there stayed out of view for ever, and took the pieces of other cables."""
+    """A tail that was never there stayed out of view for ever, and took the pieces of other
+    cables."""
     line = wave(200)
     tracks = run([scene(instance(line)), *([scene(instance(line[60:]))] * 10)])
     assert tracks[3].cables[0].covered
@@ -275,14 +305,17 @@ def test_a_cable_that_was_met_too_long_gets_the_end_that_pictures_go_on_to_show(
 def test_an_end_that_was_covered_comes_back_with_its_arc_length() -> None:
     line = wave(200)
     under_arm = scene(instance(line[60:]))
-    track = run([*([scene(instance(line))] * 5), *([under_arm] * 30), *([scene(instance(line))] * 40)])[-1]
+    track = run(
+        [*([scene(instance(line))] * 5), *([under_arm] * 30), *([scene(instance(line))] * 40)]
+    )[-1]
     (cable,) = track.cables
     assert (cable.id, cable.state) == (1, "seen")
     assert cable.start_px == pytest.approx(0.0, abs=WIDTH)
 
 
 def test_the_course_tells_how_far_a_piece_without_ends_has_slid() -> None:
-    """Only motion across a curve shows: errors along it added up while a cable was pulled to and fro."""
+    """Only motion across a curve shows: errors along it added up while a cable was pulled to and
+    fro."""
     x = np.linspace(-400, 1040, 1200)
     bent = np.column_stack([x, 200 + 60 * np.sin(x / 60) * np.exp(-(((x - 320) / 150) ** 2))])
     track, place = Track(), 600
@@ -299,7 +332,8 @@ def test_the_course_tells_how_far_a_piece_without_ends_has_slid() -> None:
 
 
 def test_a_gap_that_was_bridged_to_another_cable_is_not_part_of_either() -> None:
-    """Under an arm a picture joined the wrong halves: the bridge counted as length, and the other half was lost."""
+    """Under an arm a picture joined the wrong halves: the bridge counted as length, and the other
+    half was lost."""
     a, b = wave(150), wave(250)
     left, right = a[:, 0] < 240, a[:, 0] > 400
     mask = np.zeros((400, 640), np.uint8)

@@ -49,7 +49,8 @@ def test_ends_at_the_edge_of_an_arm_are_no_ends() -> None:
 
 
 def test_a_picture_that_joins_cables_under_an_arm_is_not_believed() -> None:
-    """Two cables that were met a moment ago are not firmly known: the picture was believed, and one of them cut."""
+    """Two cables that were met a moment ago are not firmly known: the picture was believed, and one
+    of them cut."""
     frames = [scene(joined(*ROWS[:2]), *parts(ROWS[2:]), *parts()[1:3])] * 30
     after = run([whole()] * 5 + frames + [whole()])[-1]
     assert [(cable.id, cable.state) for cable in after.cables] == [(k, "seen") for k in (1, 2, 3)]
@@ -61,7 +62,10 @@ def test_a_cable_that_is_taken_away_is_no_arm() -> None:
     """The others are whole."""
     two = scene(*(instance(wave(row)) for row in ROWS[:2]))
     track = run([whole()] * 20 + [two])[-1]
-    assert (track.cover.covered, [cable.state for cable in track.cables]) == (False, ["seen", "seen", "lost"])
+    assert (track.cover.covered, [cable.state for cable in track.cables]) == (
+        False,
+        ["seen", "seen", "lost"],
+    )
 
 
 def test_a_cable_far_from_all_others_is_new_beside_an_arm() -> None:
@@ -76,7 +80,9 @@ def test_cables_that_leave_the_picture_are_no_arm() -> None:
     for t in range(30):
         lines = [wave(row, dx=-16.0 * t) for row in ROWS]
         inside = [line[line[:, 0] >= 0] for line in lines]
-        frames.append(scene(*(instance(line, ("border" if t > 3 else "free", "free")) for line in inside)))
+        frames.append(
+            scene(*(instance(line, ("border" if t > 3 else "free", "free")) for line in inside))
+        )
     assert not any(track.cover.covered for track in run(frames))
 
 

@@ -27,8 +27,9 @@ def place_at(cable: TrackedCable, arc_px: float) -> np.ndarray:
 
 
 def test_an_end_that_is_not_there_does_not_move_the_places_of_a_cable() -> None:
-    """A cable was met with a piece of another one at its end; the end of its own was taken for that one the sooner, the
-    longer that was out of view, and all of its places slid along it by what it was too long."""
+    """A cable was met with a piece of another one at its end; the end of its own was taken for that
+    one the sooner, the longer that was out of view, and all of its places slid along it by what it
+    was too long."""
     line = wave(200)
     frames = [scene(instance(line))] * 45 + [scene(instance(line[20:], ("free", "border")))] * 60
     place = float(arc_lengths(line)[110])
@@ -38,16 +39,21 @@ def test_an_end_that_is_not_there_does_not_move_the_places_of_a_cable() -> None:
 
 
 def straight(slid_px: float) -> tuple[np.ndarray, tuple[EndpointKind, EndpointKind]]:
-    """What a picture shows of a straight cable of 900 px, and its ends; it has slid along itself."""
+    """What a picture shows of a straight cable of 900 px, and its ends; it has slid along
+    itself."""
     x = np.arange(-300.0, 601.0) + slid_px
     inside = (x >= 0) & (x < PICTURE_PX)
-    ends: tuple[EndpointKind, EndpointKind] = ("free" if inside[0] else "border", "free" if inside[-1] else "border")
+    ends: tuple[EndpointKind, EndpointKind] = (
+        "free" if inside[0] else "border",
+        "free" if inside[-1] else "border",
+    )
     return np.column_stack([x[inside], np.full(inside.sum(), 200.0)]), ends
 
 
 def test_a_known_end_tells_where_a_cable_is_that_has_slid_along_itself_unseen() -> None:
-    """Nothing shows how far a straight cable slides between two borders. Its other end came into view meanwhile, was
-    taken for known, and the end that had been known before was given up for it."""
+    """Nothing shows how far a straight cable slides between two borders. Its other end came into
+    view meanwhile, was taken for known, and the end that had been known before was given up for
+    it."""
     track = Track()
     for t in range(120):
         line, ends = straight(200 * (1 - np.cos(2 * np.pi * max(t - 12, 0) / 107)))
@@ -60,20 +66,27 @@ def test_a_known_end_tells_where_a_cable_is_that_has_slid_along_itself_unseen() 
 
 
 def test_a_cable_does_not_reach_beyond_an_end_of_it_that_is_known() -> None:
-    """A strand between two borders was longer than the cable was known to be on that side: the end was moved."""
+    """A strand between two borders was longer than the cable was known to be on that side: the end
+    was moved."""
     cable = run([scene(instance(*straight(0.0)))] * 10)[-1].cables[0]
     slid = replace(cable, adrift_px=100.0)
     line, ends = straight(0.0)
     for known, wanted in ((slid, cable.length_px), (cable, cable.length_px + 60)):
-        shown = scene(instance(line + np.array([60.0, 0.0]) * (line[:, :1] > 0), (ends[0], "border")))
-        after = follow(Track(1, (replace(known, velocity=np.zeros((NODES, 2))),), (), 2), shown).cables[0]
+        shown = scene(
+            instance(line + np.array([60.0, 0.0]) * (line[:, :1] > 0), (ends[0], "border"))
+        )
+        after = follow(
+            Track(1, (replace(known, velocity=np.zeros((NODES, 2))),), (), 2), shown
+        ).cables[0]
         assert after.start_px + after.length_px <= wanted + WIDTH
 
 
 def test_cables_laid_on_their_strands_together_and_one_by_one_are_the_same() -> None:
     tracks = run([scene(*(instance(wave(y, 0.02 * t)) for y in (100, 118, 300))) for t in range(8)])
     cables = tracks[-1].cables
-    samples = sample(observe(scene(*(instance(wave(y, 0.16)) for y in (100, 118, 300))), None, None))
+    samples = sample(
+        observe(scene(*(instance(wave(y, 0.16)) for y in (100, 118, 300))), None, None)
+    )
     predicted = [cable.xy + cable.velocity for cable in cables]
     together = registered(cables, predicted, samples)
     for cable, xy, found in zip(cables, predicted, together, strict=True):
@@ -83,8 +96,9 @@ def test_cables_laid_on_their_strands_together_and_one_by_one_are_the_same() -> 
 
 
 def test_a_cable_is_not_as_long_at_once_as_a_strand_that_a_picture_joined_to_another() -> None:
-    """A cable grew by a hundredth a frame towards strands that ended where another cable does, and cuts corners: after
-    some such frames its places had slid, and its length was that of no picture of it."""
+    """A cable grew by a hundredth a frame towards strands that ended where another cable does, and
+    cuts corners: after some such frames its places had slid, and its length was that of no picture
+    of it."""
     line = wave(200)
     step = (line[-1] - line[-2]) / np.hypot(*(line[-1] - line[-2]))
     longer = np.concatenate([line, line[-1] + step * np.arange(2.0, 22.0, 2.0)[:, None]])
@@ -94,16 +108,22 @@ def test_a_cable_is_not_as_long_at_once_as_a_strand_that_a_picture_joined_to_ano
 
 
 def test_the_course_moves_a_cable_along_itself_only_as_far_as_it_may_have_slid() -> None:
-    """In a tangle, the course of what is seen is not the cable's alone: it moved cables by widths to and fro whose
-    places had been known from their ends a frame ago."""
+    """In a tangle, the course of what is seen is not the cable's alone: it moved cables by widths
+    to and fro whose places had been known from their ends a frame ago."""
     x = np.linspace(60, 560, 200)
-    line, shifted = (np.column_stack([x, 200 + 40 * np.sin((x - off) / 30)]) for off in (0.0, 1.5 * WIDTH))
+    line, shifted = (
+        np.column_stack([x, 200 + 40 * np.sin((x - off) / 30)]) for off in (0.0, 1.5 * WIDTH)
+    )
     known = run([scene(instance(line))] * 30)[-1].cables[0]
     shown = observe(scene(instance(shifted[20:-20], ("hidden", "hidden"))), None, None)[0]
     along = arc_lengths(shown.xy)
-    piece = Piece(shown, shown.xy, along + arc_lengths(line)[20], 0.0, 1.0, False, np.ones(len(along)))
+    piece = Piece(
+        shown, shown.xy, along + arc_lengths(line)[20], 0.0, 1.0, False, np.ones(len(along))
+    )
     moved = []
     for adrift_px in (0.0, 10 * WIDTH):
         cable = replace(known, adrift_px=adrift_px)
-        moved.append(abs(float(recognised([piece], cable, known.xy)[0].position[0] - piece.position[0])))
+        moved.append(
+            abs(float(recognised([piece], cable, known.xy)[0].position[0] - piece.position[0]))
+        )
     assert moved[0] < 0.6 * moved[1]

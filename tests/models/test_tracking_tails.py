@@ -1,4 +1,5 @@
-"""Tails that went out of view: where they are supposed to be, and the strands that turn out to be they."""
+"""Tails that went out of view: where they are supposed to be, and the strands that turn out to be
+they."""
 
 from __future__ import annotations
 
@@ -21,7 +22,9 @@ def turned(t: float) -> np.ndarray:
     """A cable of which the right half turns about the middle by ``t`` rad, smoothly."""
     line = wave(200)
     steps = np.diff(line, axis=0)
-    angle = np.arctan2(steps[:, 1], steps[:, 0]) + t / (1 + np.exp(-(np.arange(len(steps)) - 100) / 12))
+    angle = np.arctan2(steps[:, 1], steps[:, 0]) + t / (
+        1 + np.exp(-(np.arange(len(steps)) - 100) / 12)
+    )
     ways = np.hypot(*steps.T)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     return np.concatenate([line[:1], line[:1] + np.cumsum(ways, axis=0)])
 
@@ -31,8 +34,8 @@ def left_half(line: np.ndarray) -> Instance:
 
 
 def test_a_tail_out_of_view_stays_where_it_was() -> None:
-    """What was in view bent a little on its way into a tangle; the tail was bent on and on by that, and swung away from
-    its cable by a right angle in some ten frames."""
+    """What was in view bent a little on its way into a tangle; the tail was bent on and on by that,
+    and swung away from its cable by a right angle in some ten frames."""
     cable = run([scene(instance(wave(200)))] * 20)[-1].cables[0]
     seen, xy = np.arange(NODES) < NODES // 2, cable.xy.copy()
     xy[seen, 1] -= 0.15 * np.maximum(np.arange(24.0) - 12, 0) ** 2
@@ -46,7 +49,8 @@ def test_a_tail_out_of_view_stays_where_it_was() -> None:
 
 
 def test_a_strand_that_comes_out_where_a_tail_went_in_is_the_tail() -> None:
-    """It came out elsewhere than it was supposed to: it became a new cable, and its own had no tail for ever."""
+    """It came out elsewhere than it was supposed to: it became a new cable, and its own had no tail
+    for ever."""
     whole, moved = turned(0.0), turned(0.5)
     frames = [scene(instance(whole))] * 10 + [scene(left_half(whole))] * 12
     # As long as what is missing may be under an arm, a track waits; then the picture is as usual.
@@ -72,12 +76,16 @@ def test_cables_that_are_long_known_do_not_become_one() -> None:
     found = [strand(observed, 0, 0.0, half), strand(observed, 1, half, whole.length_px)]
     own = {0: {0: piece(observed, 0.0, half)}, 1: {1: piece(observed, half, whole.length_px)}}
     older = replace(whole, met=200, joined=6)
-    assert cuts(found, own, [older, replace(whole, id=2, met=99, joined=6)])[0] == {0: (0.0, half), 1: None}
+    assert cuts(found, own, [older, replace(whole, id=2, met=99, joined=6)])[0] == {
+        0: (0.0, half),
+        1: None,
+    }
     assert cuts(found, own, [older, replace(whole, id=2, met=100, joined=6)])[0] == {}
 
 
 def test_strands_that_meet_in_a_corner_are_not_joined() -> None:
-    """At the edge of an arm a picture joined two cables for as long as the arm was there, and was believed."""
+    """At the edge of an arm a picture joined two cables for as long as the arm was there, and was
+    believed."""
     whole, observed = met()
     cables = [replace(whole, id=k, length_px=200.0, joined=12) for k in (1, 2)]
     found = [strand(observed, 0, 0.0, 80.0), strand(observed, 1, 80.0, 200.0)]

@@ -1,4 +1,5 @@
-"""Cables in contact keep their ids: they sweep over one another, and pictures join what does not belong together."""
+"""Cables in contact keep their ids: they sweep over one another, and pictures join what does not
+belong together."""
 
 from __future__ import annotations
 
@@ -30,7 +31,11 @@ def test_a_cable_that_sweeps_over_another_one_goes_on(speed: float) -> None:
     for t in range(int(200 / speed)):
         moving, still = upright(220 + speed * t), upright(320)
         apart = abs(220 + speed * t - 320)
-        shown = [instance(moving), instance(still)] if apart > WIDTH else [instance(0.5 * (moving + still))]
+        shown = (
+            [instance(moving), instance(still)]
+            if apart > WIDTH
+            else [instance(0.5 * (moving + still))]
+        )
         track = follow(track, scene(*shown))
     places = {cable.id: float(cable.xy[:, 0].mean()) for cable in track.cables}
     assert set(places) == {1, 2}
@@ -50,27 +55,35 @@ def met() -> tuple[TrackedCable, Observation]:
 
 def piece(observed: Observation, first: float, last: float) -> Piece:
     place = np.linspace(first, last, 20)
-    return Piece(observed, np.column_stack([place, np.full(20, 200.0)]), place, 0.1, 0.9, False, np.ones(20))
+    return Piece(
+        observed, np.column_stack([place, np.full(20, 200.0)]), place, 0.1, 0.9, False, np.ones(20)
+    )
 
 
 def test_a_piece_beyond_both_ends_shows_no_node() -> None:
     """A match whose pieces lie between no nodes ended the frame with an error of NumPy."""
     cable, observed = met()
-    after = moved(cable, cable.xy, cable.xy, [piece(observed, cable.length_px + 90, cable.length_px + 120)])
+    after = moved(
+        cable, cable.xy, cable.xy, [piece(observed, cable.length_px + 90, cable.length_px + 120)]
+    )
     assert not after.seen.any()
     assert np.isfinite(after.xy).all()
 
 
 def test_of_pieces_at_one_place_the_likelier_one_stays() -> None:
-    """Under an arm a picture joined half of a cable to another one; the unlikely piece drove out the right one."""
+    """Under an arm a picture joined half of a cable to another one; the unlikely piece drove out
+    the right one."""
     cable, observed = met()
     pieces = {7: piece(observed, 0, 300), 8: piece(observed, 50, 200)}
     assert contradicting(pieces, cable, {7: -20.0, 8: 90.0}) == [7]
     assert contradicting(pieces, cable, {7: 90.0, 8: 20.0}) == [8]
 
 
-def test_a_place_that_was_out_of_view_is_no_reason_to_leave_a_strand_that_goes_straight_on() -> None:
-    """The tail of a cable came in across the supposed place of another one, hidden one, and was given to that."""
+def test_a_place_that_was_out_of_view_is_no_reason_to_leave_a_strand_that_goes_straight_on() -> (
+    None
+):
+    """The tail of a cable came in across the supposed place of another one, hidden one, and was
+    given to that."""
     cable, observed = met()
     half = np.arange(NODES) < NODES // 2
     cable = replace(cable, seen=half)
@@ -85,15 +98,19 @@ def test_a_place_that_was_out_of_view_is_no_reason_to_leave_a_strand_that_goes_s
 
 
 def test_cables_met_with_wrong_halves_keep_the_ids_that_most_of_them_had() -> None:
-    """The longer half where pictures joined two cables decided: one took the strand of the other one, which was longer
-    elsewhere, and what it had been on got a new id."""
+    """The longer half where pictures joined two cables decided: one took the strand of the other
+    one, which was longer elsewhere, and what it had been on got a new id."""
     short, long = (
         replace(met()[0], id=k, length_px=length, ends=("free", "free"), firm=np.zeros(NODES))
         for k, length in ((1, 110.0), (2, 290.0))
     )
     observed = replace(met()[1], length_px=200.0)
     other = replace(observed, number=2)
-    found = [strand(observed, 0, 0.0, 60.0), strand(observed, 1, 60.0, 200.0), strand(other, 1, 0.0, 150.0)]
+    found = [
+        strand(observed, 0, 0.0, 60.0),
+        strand(observed, 1, 60.0, 200.0),
+        strand(other, 1, 0.0, 150.0),
+    ]
     found.append(strand(other, 0, 150.0, 200.0))
     own = {
         0: {0: piece(observed, 0, 60), 3: piece(other, 60, 110)},
@@ -110,8 +127,8 @@ def strand(observed: Observation, cable: int, first: float, last: float) -> Run:
 
 
 def test_two_cables_on_one_strand_become_the_older_one() -> None:
-    """Each was known to go on, out of view, where the other one was: they shared the strand for ever, and which of both
-    it was alternated."""
+    """Each was known to go on, out of view, where the other one was: they shared the strand for
+    ever, and which of both it was alternated."""
     whole, observed = met()
     half = 0.5 * whole.length_px
     older = replace(whole, met=90, joined=6)
@@ -125,10 +142,13 @@ def test_two_cables_on_one_strand_become_the_older_one() -> None:
 
 
 def test_pictures_that_go_on_to_contradict_the_track_are_right_at_last() -> None:
-    """Two cables that had exchanged their tails in a tangle kept them for ever: each had been seen alone since. Each
-    stays where its end was confirmed before that."""
+    """Two cables that had exchanged their tails in a tangle kept them for ever: each had been seen
+    alone since. Each stays where its end was confirmed before that."""
     whole, observed = met()
-    observed, other = replace(observed, length_px=200.0), replace(observed, length_px=200.0, number=2)
+    observed, other = (
+        replace(observed, length_px=200.0),
+        replace(observed, length_px=200.0, number=2),
+    )
     exchanged = [
         replace(whole, id=k, length_px=200.0, joined=12, doubted=doubted)
         for k, doubted in ((1, (-50, -5)), (2, (-60, -60)))

@@ -1,4 +1,5 @@
-"""One loop for every network: a tiny training of each, going on after a stop, and what is refused."""
+"""One loop for every network: a tiny training of each, going on after a stop, and what is
+refused."""
 
 from __future__ import annotations
 
@@ -42,7 +43,11 @@ TINY = {
 def source(tmp_path_factory):
     """A folder with samples of a renderer's and of the simulator's."""
     folder = tmp_path_factory.mktemp("training")
-    crops.write(folder / "crops", crops.CropParams(scenes=2, per_scene=10, height=192, width=256), load_pool(None))
+    crops.write(
+        folder / "crops",
+        crops.CropParams(scenes=2, per_scene=10, height=192, width=256),
+        load_pool(None),
+    )
     rng = np.random.default_rng(0)
     generate(rng, 40, 2, Ropes.random(rng, 40)).save(folder / "varied.npz")
     return folder
@@ -55,7 +60,9 @@ def of(name: str, folder) -> Source:
 
 
 def test_the_table_has_every_network_that_is_not_a_foreground_network():
-    files = {name for name in inference.manifest() if not name.startswith(("foreground", "dynamics_by"))}
+    files = {
+        name for name in inference.manifest() if not name.startswith(("foreground", "dynamics_by"))
+    }
     assert files == set(FAMILIES) == set(TINY)
 
 
@@ -81,7 +88,9 @@ def test_every_network_is_trained_measured_and_ready_for_export(name, source, mo
         assert inference.manifest()[exported.name].input == exported.input
         with torch.no_grad():
             out = exported.module.eval()(*exported.examples[0])
-        assert all(torch.isfinite(part).all() for part in (out if isinstance(out, tuple) else (out,)))
+        assert all(
+            torch.isfinite(part).all() for part in (out if isinstance(out, tuple) else (out,))
+        )
 
 
 class Line(nn.Module):
@@ -98,7 +107,9 @@ class Line(nn.Module):
 
 def line_family(**given) -> Family:
     def loss(network, samples, rows, rng, config):
-        x = torch.from_numpy(samples[rows] + rng.normal(0, 0.1, len(rows)).astype(np.float32))[:, None]
+        x = torch.from_numpy(samples[rows] + rng.normal(0, 0.1, len(rows)).astype(np.float32))[
+            :, None
+        ]
         return ((network(x) - 3 * x) ** 2).mean()
 
     def measure(network, samples, config):
@@ -108,14 +119,35 @@ def line_family(**given) -> Family:
         return {"rule": "no slope", "slope": 0.0}
 
     def exports(network, samples, config):
-        return [Exported("line", network, "line", "(n, 1)", "a test", {}, [(torch.rand(3, 1),)],
-                         [{0: torch.export.Dim("n")}], 1e-5, features=("x",))]  # fmt: skip
+        return [
+            Exported(
+                "line",
+                network,
+                "line",
+                "(n, 1)",
+                "a test",
+                {},
+                [(torch.rand(3, 1),)],
+                [{0: torch.export.Dim("n")}],
+                1e-5,
+                features=("x",),
+            )
+        ]
 
     def samples(config, source):
         return np.linspace(-1, 1, 64, dtype=np.float32), np.ones(4, np.float32)
 
-    return Family("line", Config, samples, lambda config, samples: Line(), loss, measure, without, exports,
-                  **{"least": {"slope": 2.0}, **given})  # fmt: skip
+    return Family(
+        "line",
+        Config,
+        samples,
+        lambda config, samples: Line(),
+        loss,
+        measure,
+        without,
+        exports,
+        **{"least": {"slope": 2.0}, **given},
+    )
 
 
 def test_a_training_that_was_stopped_ends_in_the_very_network_of_one_that_was_not(tmp_path):
@@ -149,10 +181,17 @@ def test_a_state_of_other_settings_is_refused_by_their_name(tmp_path):
 
 @pytest.mark.parametrize(
     ("settings", "named"),
-    [({"epochs": 0}, "epochs"), ({"minutes": -1.0}, "epochs"), ({"batch": 0}, "batch"), ({"rate": 0.0}, "rate"),
-     ({"rate": float("nan")}, "rate"), ({"warm_up": 1.0}, "warm_up"), ({"keep": 1.0}, "keep"),
-     ({"warm_up": 0.5, "hold": 0.5}, "hold")],
-)  # fmt: skip
+    [
+        ({"epochs": 0}, "epochs"),
+        ({"minutes": -1.0}, "epochs"),
+        ({"batch": 0}, "batch"),
+        ({"rate": 0.0}, "rate"),
+        ({"rate": float("nan")}, "rate"),
+        ({"warm_up": 1.0}, "warm_up"),
+        ({"keep": 1.0}, "keep"),
+        ({"warm_up": 0.5, "hold": 0.5}, "hold"),
+    ],
+)
 def test_settings_under_which_a_training_never_ends_or_begins_are_refused(settings, named):
     with pytest.raises(ValueError, match=named):
         Config(**settings)
@@ -165,7 +204,9 @@ def test_without_samples_there_is_no_training(tmp_path):
 
 def test_the_learning_rate_rises_then_falls():
     rates = [rate_at(share, 0.1) for share in (0.0, 0.05, 0.1, 0.5, 1.0)]
-    assert rates == pytest.approx([0.05, 0.525, 1.0, 0.01 + 0.495 * (1 + np.cos(np.pi * 4 / 9)), 0.01])
+    assert rates == pytest.approx(
+        [0.05, 0.525, 1.0, 0.01 + 0.495 * (1 + np.cos(np.pi * 4 / 9)), 0.01]
+    )
     assert rate_at(0.0, 0.0) == 1.0
     held = [rate_at(share, 0.1, 0.5) for share in (0.05, 0.1, 0.59, 0.8, 1.0)]
     assert held == pytest.approx([0.525, 1.0, 1.0, 0.505, 0.01])

@@ -1,6 +1,8 @@
-"""The deep run: ``python -m tests.properties --count 20000 [--kind plan_shape …]``; goes on after a failure.
+"""The deep run: ``python -m tests.properties --count 20000 [--kind plan_shape …]``; goes on after a
+failure.
 
-What became of the requests of each kind is added to ``build/bench/properties.json``, by kind and seed.
+What became of the requests of each kind is added to ``build/bench/properties.json``, by kind and
+seed.
 """
 
 from __future__ import annotations
@@ -53,9 +55,12 @@ def _run(bench: Bench, kind: str, count: int, start: int, show: int) -> Counter[
 
     @seed(start)
     @settings(
-        max_examples=count, deadline=None, database=None, phases=[Phase.generate],
+        max_examples=count,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
+    )
     @given(KINDS[kind])
     def one(request: Request) -> None:
         try:

@@ -43,8 +43,8 @@ class Bench:
         self._ids = {name: self.tools.blobs.put(data) for name, (data, _) in pool().items()}
 
     def outcome(self, kind: str, given: Request) -> str:
-        """``answered``, ``refused`` (by the contract) or ``failed`` (by the stage); raises AssertionError, or what the
-        stage raised, for anything else."""
+        """``answered``, ``refused`` (by the contract) or ``failed`` (by the stage); raises
+        AssertionError, or what the stage raised, for anything else."""
         text = json.dumps(self._with_pictures({"kind": kind} | given))
         try:
             request = REQUEST.validate_json(text)
@@ -74,14 +74,16 @@ class Bench:
 def _check_reason(error: InvalidInput, fields: Container[str]) -> None:
     if error.code == "invalid_numbers":
         raise AssertionError("refused only because arithmetic failed") from error.__cause__
-    assert error.code.startswith(("invalid_", "none_found", "unknown_", "too_", "size_")), error.code
+    assert error.code.startswith(("invalid_", "none_found", "unknown_", "too_", "size_")), (
+        error.code
+    )
     assert error.field.split(".")[0] in fields, f"no field {error.field}"
     assert "nan" not in error.message.lower().split(), error.message
 
 
 def check_finite(value: Any, path: str) -> None:
-    """Raises AssertionError for NaN and infinity anywhere; JSON of pydantic writes them as null, so null where a number
-    belongs is found by validating the result again."""
+    """Raises AssertionError for NaN and infinity anywhere; JSON of pydantic writes them as null, so
+    null where a number belongs is found by validating the result again."""
     if isinstance(value, float):
         assert math.isfinite(value), f"{path} is {value}"
     elif isinstance(value, dict | list):

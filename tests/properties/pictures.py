@@ -30,7 +30,10 @@ def pool() -> dict[str, tuple[bytes, tuple[int, int]]]:
         .repeat(3, 2)
         .astype(np.uint8),
     }
-    made |= {f"slide{k}": _strokes([[(30 + 5 * k, -5), (44 + 5 * k, 40), (36 + 5 * k, 80)]], 5) for k in range(3)}
+    made |= {
+        f"slide{k}": _strokes([[(30 + 5 * k, -5), (44 + 5 * k, 40), (36 + 5 * k, 80)]], 5)
+        for k in range(3)
+    }
     made |= {f"row{k}": _strokes([[(-5, 34 + k), (100, 36 + k)]], 5) for k in range(3)}
     found = {name: (_png(array), (array.shape[1], array.shape[0])) for name, array in made.items()}
     depth = np.full((SIZE[1], SIZE[0]), 400, np.uint16)

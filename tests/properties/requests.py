@@ -1,4 +1,5 @@
-"""A strategy for each job kind: requests as they come out of JSON, with ``{"picture": name}`` where a picture goes."""
+"""A strategy for each job kind: requests as they come out of JSON, with ``{"picture": name}`` where
+a picture goes."""
 
 from __future__ import annotations
 
@@ -10,8 +11,25 @@ from tests.properties.numbers import either, number, optional, polyline, pose
 from tests.properties.pictures import SIZE
 
 Request = dict[str, Any]
-PICTURES = ("cable", "two", "branch", "thin", "thick", "ring", "black", "white", "noise", "dot", "row", "column",
-            "checker", "alpha", "mask", "mask_two", "depth")  # fmt: skip
+PICTURES = (
+    "cable",
+    "two",
+    "branch",
+    "thin",
+    "thick",
+    "ring",
+    "black",
+    "white",
+    "noise",
+    "dot",
+    "row",
+    "column",
+    "checker",
+    "alpha",
+    "mask",
+    "mask_two",
+    "depth",
+)
 OF_ONE_SIZE = ("cable", "two", "branch", "thin", "thick", "ring", "noise", "alpha")
 
 
@@ -24,7 +42,11 @@ def noop() -> st.SearchStrategy[Request]:
 
 
 def segment() -> st.SearchStrategy[Request]:
-    more = {"threshold": number(0, 1), "regions": regions(), "reference": st.lists(picture(), max_size=2)}
+    more = {
+        "threshold": number(0, 1),
+        "regions": regions(),
+        "reference": st.lists(picture(), max_size=2),
+    }
     return st.fixed_dictionaries({"image": picture()}, optional=more)
 
 
@@ -44,7 +66,9 @@ def instances(draw: st.DrawFn) -> Request:
         "fastdlo": {"min_probability": (0, 1)},
         "ariadne_plus": {},
     }[method]
-    asked["params"] = {name: draw(number(*span)) for name, span in params.items() if draw(st.booleans())}
+    asked["params"] = {
+        name: draw(number(*span)) for name, span in params.items() if draw(st.booleans())
+    }
     if method == "ariadne_plus":
         asked["params"]["superpixels"] = draw(st.integers(0, 401))
     if method == "rt_dlo":
@@ -53,7 +77,10 @@ def instances(draw: st.DrawFn) -> Request:
     if draw(st.booleans()):
         asked["threshold"] = draw(number(0, 1))
     if draw(st.integers(0, 3)) == 0:
-        asked |= {"regions": draw(regions()), "reference": draw(st.lists(picture(OF_ONE_SIZE), max_size=2))}
+        asked |= {
+            "regions": draw(regions()),
+            "reference": draw(st.lists(picture(OF_ONE_SIZE), max_size=2)),
+        }
     return asked
 
 
@@ -62,13 +89,28 @@ def intrinsics(draw: st.DrawFn) -> Request:
     width, height = SIZE
     focal, middle = number(80, 120), (number(40, 56), number(30, 42))
     lens = draw(st.sampled_from(["plumb_bob", "plumb_bob", "rational_polynomial", "equidistant"]))
-    count = draw(st.sampled_from({"plumb_bob": [0, 0, 4, 5], "equidistant": [0, 4]}.get(lens, [0, 8, 12, 14, 3])))
+    count = draw(
+        st.sampled_from(
+            {"plumb_bob": [0, 0, 4, 5], "equidistant": [0, 4]}.get(lens, [0, 8, 12, 14, 3])
+        )
+    )
     bends = [draw(number(-0.1, 0.1)) for _ in range(count)]
     fx, fy, cx, cy = draw(focal), draw(focal), draw(middle[0]), draw(middle[1])
     if draw(st.booleans()):
-        return {"width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": bends,
-                "distortion_model": lens}  # fmt: skip
-    odd = {"binning_x": draw(st.sampled_from([0, 1, 2, 65])), "roi": {"width": draw(st.integers(0, 97)), "height": 72}}
+        return {
+            "width": width,
+            "height": height,
+            "fx": fx,
+            "fy": fy,
+            "cx": cx,
+            "cy": cy,
+            "distortion": bends,
+            "distortion_model": lens,
+        }
+    odd = {
+        "binning_x": draw(st.sampled_from([0, 1, 2, 65])),
+        "roi": {"width": draw(st.integers(0, 97)), "height": 72},
+    }
     info = {
         "width": width,
         "height": height,
@@ -90,15 +132,23 @@ def views(least: int, most: int) -> st.SearchStrategy[list[Request]]:
 
 @st.composite
 def slide(draw: st.DrawFn) -> list[Request]:
-    """Three pictures of one cable from a camera that slides, by about so much, or turns, or does not move."""
+    """Three pictures of one cable from a camera that slides, by about so much, or turns, or does
+    not move."""
     step = draw(st.sampled_from([-0.02, -0.02, -0.02, 0.02, 1e-4, 1e-6, 1.0, 0.0]))
     depth, lens = draw(number(0.25, 0.4, 0.1)), draw(intrinsics())
     name = draw(st.sampled_from(["slide", "slide", "row"]))
     order = draw(st.permutations(range(3)))
     made = []
     for k in range(3):
-        place = [[1, 0, 0, step * k], [0, -1, 0, draw(number(-1e-3, 1e-3))], [0, 0, -1, depth], [0, 0, 0, 1]]
-        made.append({"intrinsics": lens, "T_world_camera": place, "image": {"picture": f"{name}{order[k]}"}})
+        place = [
+            [1, 0, 0, step * k],
+            [0, -1, 0, draw(number(-1e-3, 1e-3))],
+            [0, 0, -1, depth],
+            [0, 0, 0, 1],
+        ]
+        made.append(
+            {"intrinsics": lens, "T_world_camera": place, "image": {"picture": f"{name}{order[k]}"}}
+        )
     return made[: draw(st.sampled_from([2, 3, 3]))]
 
 
@@ -116,10 +166,13 @@ def curve(draw: st.DrawFn) -> Request:
     control = (control * count)[:count]
     spread, sigma = draw(number(0, 1e-6)), draw(number(0, 1e-3))
     return {
-        "points_m": points, "covariance_m2": [[spread, 0, 0, spread, 0, spread]] * len(points),
-        "sigma_m": [sigma] * len(points), "spline": {"degree": degree, "knots": knots, "control_m": control},
-        "radius_m": draw(optional(number(0.001, 0.01))), "length_m": draw(number(0.2, 0.4)),
-    }  # fmt: skip
+        "points_m": points,
+        "covariance_m2": [[spread, 0, 0, spread, 0, spread]] * len(points),
+        "sigma_m": [sigma] * len(points),
+        "spline": {"degree": degree, "knots": knots, "control_m": control},
+        "radius_m": draw(optional(number(0.001, 0.01))),
+        "length_m": draw(number(0.2, 0.4)),
+    }
 
 
 @st.composite
@@ -129,10 +182,15 @@ def reconstruct(draw: st.DrawFn) -> Request:
         "method": draw(st.sampled_from(["spline_bundle", "dlo3ds"])),
     }
     if draw(st.integers(0, 3)) == 0:
-        asked["target"] = {"view": draw(st.integers(0, 3)), "xy": [draw(number(0, 96)), draw(number(0, 72))]}
+        asked["target"] = {
+            "view": draw(st.integers(0, 3)),
+            "xy": [draw(number(0, 96)), draw(number(0, 72))],
+        }
     if draw(st.integers(0, 3)) == 0:
         asked["previous"] = draw(curve())
-    return asked | {"points": draw(either(st.sampled_from([4, 20, 60, 1000]), st.sampled_from([20, 60, 3])))}
+    return asked | {
+        "points": draw(either(st.sampled_from([4, 20, 60, 1000]), st.sampled_from([20, 60, 3])))
+    }
 
 
 def next_view() -> st.SearchStrategy[Request]:
@@ -142,10 +200,15 @@ def next_view() -> st.SearchStrategy[Request]:
         optional={
             "pictures": either(st.integers(2, 16), st.integers(1, 17)),
             "optimise": st.sampled_from(["fixed", "b", "z", "bz"]),
-            "baseline_m": number(0.01, 0.1), "baseline_at_most_m": number(0.01, 1), "nearest_m": number(0.05, 0.2),
-            "delta_z_m": span, "margin_px": number(0, 20), "advance": st.booleans(), "overlap": number(0.05, 0.9),
+            "baseline_m": number(0.01, 0.1),
+            "baseline_at_most_m": number(0.01, 1),
+            "nearest_m": number(0.05, 0.2),
+            "delta_z_m": span,
+            "margin_px": number(0, 20),
+            "advance": st.booleans(),
+            "overlap": number(0.05, 0.9),
         },
-    )  # fmt: skip
+    )
 
 
 def merge_curves() -> st.SearchStrategy[Request]:
@@ -157,16 +220,32 @@ def merge_curves() -> st.SearchStrategy[Request]:
 
 def homography() -> st.SearchStrategy[list[list[float]]]:
     scale = number(0.002, 0.006)
-    usual = st.tuples(scale, scale, number(-0.2, 0.2), number(-0.2, 0.2), st.sampled_from([1, 1, 1, -1, 1e-4, 1e6, 0]))
-    return usual.map(lambda t: [[t[0] * t[4], 0, t[2] * t[4]], [0, t[1] * t[4], t[3] * t[4]], [0, 0, t[4]]])
+    usual = st.tuples(
+        scale,
+        scale,
+        number(-0.2, 0.2),
+        number(-0.2, 0.2),
+        st.sampled_from([1, 1, 1, -1, 1e-4, 1e6, 0]),
+    )
+    return usual.map(
+        lambda t: [[t[0] * t[4], 0, t[2] * t[4]], [0, t[1] * t[4], t[3] * t[4]], [0, 0, t[4]]]
+    )
 
 
 @st.composite
 def experience(draw: st.DrawFn, size: float) -> Request:
     before, shift = draw(polyline(2, size, 20)), number(-0.05, 0.05)
-    action = {"edge": draw(st.integers(0, max(len(before) - 1, 0))), "dx_m": draw(shift), "dy_m": draw(shift),
-              "dtheta_rad": draw(number(-0.7, 0.7))}  # fmt: skip
-    after = [[x + 0.01, y + 0.01] for x, y in before] if draw(st.booleans()) else draw(polyline(2, size, 20))
+    action = {
+        "edge": draw(st.integers(0, max(len(before) - 1, 0))),
+        "dx_m": draw(shift),
+        "dy_m": draw(shift),
+        "dtheta_rad": draw(number(-0.7, 0.7)),
+    }
+    after = (
+        [[x + 0.01, y + 0.01] for x, y in before]
+        if draw(st.booleans())
+        else draw(polyline(2, size, 20))
+    )
     return {"before": before, "action": action, "after": after}
 
 
@@ -179,26 +258,41 @@ def limits(draw: st.DrawFn) -> Request:
     if draw(st.booleans()):
         asked["keep_out_m"] = [draw(polyline(2, 0.1, 6))]
     if draw(st.booleans()):
-        asked |= {"base_xy_m": [draw(number(-1, 1)), 0.0], "reach_m": [draw(number(0, 0.1)), draw(number(0.5, 2))]}
+        asked |= {
+            "base_xy_m": [draw(number(-1, 1)), 0.0],
+            "reach_m": [draw(number(0, 0.1)), draw(number(0.5, 2))],
+        }
     if draw(st.booleans()):
-        asked["max_displacement_m"], asked["max_rotation_rad"] = draw(number(0.01, 0.1)), draw(number(0, 0.785))
+        asked["max_displacement_m"], asked["max_rotation_rad"] = (
+            draw(number(0.01, 0.1)),
+            draw(number(0, 0.785)),
+        )
     if draw(st.booleans()):
         asked["no_grasp_edges"] = draw(st.lists(st.integers(0, 40), max_size=40))
     return asked
 
 
 def dlo() -> st.SearchStrategy[Request]:
-    return st.fixed_dictionaries({"mass_kg": number(0.02, 0.1)}, optional={"length_m": number(0.2, 0.5)})
+    return st.fixed_dictionaries(
+        {"mass_kg": number(0.02, 0.1)}, optional={"length_m": number(0.2, 0.5)}
+    )
 
 
 @st.composite
 def fixed(draw: st.DrawFn) -> Request:
     """Fixtures, and often a route by some of them."""
     place = st.tuples(number(-0.2, 0.5), number(-0.3, 0.3)).map(list)
-    peg = st.fixed_dictionaries({"kind": st.just("peg"), "xy_m": place, "radius_m": number(0.002, 0.05)})
+    peg = st.fixed_dictionaries(
+        {"kind": st.just("peg"), "xy_m": place, "radius_m": number(0.002, 0.05)}
+    )
     wall = st.fixed_dictionaries({"kind": st.just("edge"), "from_m": place, "to_m": place})
     clip = st.fixed_dictionaries(
-        {"kind": st.just("clip"), "xy_m": place, "angle_rad": number(-3, 3), "width_m": number(0.006, 0.03)},
+        {
+            "kind": st.just("clip"),
+            "xy_m": place,
+            "angle_rad": number(-3, 3),
+            "width_m": number(0.006, 0.03),
+        },
         optional={"length_m": number(0.005, 0.05)},
     )
     found = draw(st.lists(st.one_of(peg, clip, wall), min_size=1, max_size=4))
@@ -206,7 +300,8 @@ def fixed(draw: st.DrawFn) -> Request:
     if draw(st.booleans()):
         asked["gripper"] = {"width_m": draw(number(0, 0.05))}
     stops = [
-        {"fixture": k} | ({"side": draw(st.sampled_from(["left", "right"]))} if f["kind"] == "peg" else {})
+        {"fixture": k}
+        | ({"side": draw(st.sampled_from(["left", "right"]))} if f["kind"] == "peg" else {})
         for k, f in enumerate(found)
         if f["kind"] != "edge"
     ]
@@ -219,7 +314,11 @@ def fixed(draw: st.DrawFn) -> Request:
 
 @st.composite
 def plan_shape(draw: st.DrawFn) -> Request:
-    asked: Request = {"target_m": draw(polyline(2, 0.4)), "object": draw(dlo()), "limits": draw(limits())}
+    asked: Request = {
+        "target_m": draw(polyline(2, 0.4)),
+        "object": draw(dlo()),
+        "limits": draw(limits()),
+    }
     if draw(st.integers(0, 3)):
         asked["state_m"] = draw(polyline(2, 0.4))
     else:
@@ -239,13 +338,16 @@ def plan_shape(draw: st.DrawFn) -> Request:
         "scale_target": draw(st.booleans()),
         "alternatives": draw(either(st.integers(0, 14), st.sampled_from([0, 3, 15]))),
         "valid_for_s": draw(number(1, 10)),
-    }  # fmt: skip
+    }
 
 
 def estimate_parameters() -> st.SearchStrategy[Request]:
     return st.fixed_dictionaries(
         {
-            "history": either(st.lists(experience(0.4), min_size=1, max_size=4), st.lists(experience(0.4), max_size=2)),
+            "history": either(
+                st.lists(experience(0.4), min_size=1, max_size=4),
+                st.lists(experience(0.4), max_size=2),
+            ),
             "object": dlo(),
         }
     )
@@ -255,7 +357,12 @@ def estimate_parameters() -> st.SearchStrategy[Request]:
 def drawing(draw: st.DrawFn) -> Request:
     count = draw(st.integers(1, 9))
     branches = [
-        {"name": f"b{k}", "a": f"p{draw(st.integers(0, k))}", "b": f"p{k + 1}", "length": draw(number(10, 200))}
+        {
+            "name": f"b{k}",
+            "a": f"p{draw(st.integers(0, k))}",
+            "b": f"p{k + 1}",
+            "length": draw(number(10, 200)),
+        }
         for k in range(count)
     ]
     asked: Request = {
@@ -266,7 +373,9 @@ def drawing(draw: st.DrawFn) -> Request:
 
 
 def _points() -> st.SearchStrategy[list[Request]]:
-    one = st.builds(lambda x, y, z: {"xy": [x, y], "depth_m": z}, number(0, 96), number(0, 72), number(0.2, 0.6))
+    one = st.builds(
+        lambda x, y, z: {"xy": [x, y], "depth_m": z}, number(0, 96), number(0, 72), number(0.2, 0.6)
+    )
     return st.lists(one, max_size=12)
 
 
@@ -289,11 +398,16 @@ def _section(draw: st.DrawFn, number_: int, sections: int, branch_points: int) -
     ids = optional(st.integers(1, branch_points)) if branch_points else st.none()
     points = draw(polyline(2, 60, 12))
     return {
-        "id": number_, "points_xy": [[x + 40, y + 30] for x, y in points], "width_px": draw(number(2, 8)),
-        "length_px": draw(number(20, 90)), "end_widths_px": [draw(number(2, 8)), draw(number(2, 8))],
-        "ends": [draw(ends), draw(ends)], "branch_points": [draw(ids), draw(ids)], "closed": draw(st.booleans()),
+        "id": number_,
+        "points_xy": [[x + 40, y + 30] for x, y in points],
+        "width_px": draw(number(2, 8)),
+        "length_px": draw(number(20, 90)),
+        "end_widths_px": [draw(number(2, 8)), draw(number(2, 8))],
+        "ends": [draw(ends), draw(ends)],
+        "branch_points": [draw(ids), draw(ids)],
+        "closed": draw(st.booleans()),
         "score": draw(number(0, 1)),
-    }  # fmt: skip
+    }
 
 
 @st.composite
@@ -303,28 +417,46 @@ def harness(draw: st.DrawFn) -> Request:
     spot = st.tuples(number(0, 96), number(0, 72)).map(list)
     which, share = st.integers(1, max(sections, 1)), number(0, 1)
     place = st.fixed_dictionaries({"section": which, "u": share})
-    crossing = st.fixed_dictionaries({"xy": spot, "over": place, "under": place, "score": share, "order_score": share})
-    branch = st.fixed_dictionaries({"xy": spot, "sections": st.lists(which, max_size=4), "score": share})
+    crossing = st.fixed_dictionaries(
+        {"xy": spot, "over": place, "under": place, "score": share, "order_score": share}
+    )
+    branch = st.fixed_dictionaries(
+        {"xy": spot, "sections": st.lists(which, max_size=4), "score": share}
+    )
     many = draw(st.lists(branch, min_size=branch_points, max_size=branch_points))
     return {
-        "width": draw(st.sampled_from([96, 96, 96, 1, 100_000])), "height": draw(st.sampled_from([72, 72, 1, 100_000])),
+        "width": draw(st.sampled_from([96, 96, 96, 1, 100_000])),
+        "height": draw(st.sampled_from([72, 72, 1, 100_000])),
         "sections": [draw(_section(k + 1, sections, branch_points)) for k in range(sections)],
         "branch_points": [{"id": k + 1, **b} for k, b in enumerate(many)],
-        "crossings": [{"id": k + 1, **c} for k, c in enumerate(draw(st.lists(crossing, max_size=4)))],
-    }  # fmt: skip
+        "crossings": [
+            {"id": k + 1, **c} for k, c in enumerate(draw(st.lists(crossing, max_size=4)))
+        ],
+    }
 
 
 @st.composite
 def plan_disentangle(draw: st.DrawFn) -> Request:
-    asked: Request = {"topology": draw(harness())} if draw(st.integers(0, 4)) else {"mask": draw(picture())}
+    asked: Request = (
+        {"topology": draw(harness())} if draw(st.integers(0, 4)) else {"mask": draw(picture())}
+    )
     if draw(st.booleans()):
         base = st.tuples(number(-50, 150), number(-50, 150), optional(number(10, 300)))
         arms = draw(st.lists(base, min_size=1, max_size=3))
-        asked["arms"] = [{"name": f"a{k}", "xy": [x, y], "reach_px": r} for k, (x, y, r) in enumerate(arms)]
+        asked["arms"] = [
+            {"name": f"a{k}", "xy": [x, y], "reach_px": r} for k, (x, y, r) in enumerate(arms)
+        ]
     if draw(st.booleans()):
         hold = {"xy": [draw(number(-50, 150)), draw(number(-50, 150))], "angle_rad": 0.0}
-        done = {"hold": hold, "turn_rad": draw(number(-3, 3)), "crossings_after": 0, "score": draw(number(0, 1))}
-        asked["attempts"] = [{"action": done, "crossings": k} for k in range(draw(st.integers(0, 3)))]
+        done = {
+            "hold": hold,
+            "turn_rad": draw(number(-3, 3)),
+            "crossings_after": 0,
+            "score": draw(number(0, 1)),
+        }
+        asked["attempts"] = [
+            {"action": done, "crossings": k} for k in range(draw(st.integers(0, 3)))
+        ]
     return asked | {
         "margin_px": draw(number(0, 40)),
         "at_most": draw(either(st.integers(1, 50), st.sampled_from([0, 3, 51]))),
@@ -333,8 +465,13 @@ def plan_disentangle(draw: st.DrawFn) -> Request:
 
 @st.composite
 def label_tracked(draw: st.DrawFn) -> Request:
-    stroke = st.fixed_dictionaries({"points_m": polyline(3, 0.2, 20), "thickness_m": number(0.002, 0.02)})
-    asked: Request = {"views": draw(views(1, 2)), "strokes": draw(st.lists(stroke, min_size=1, max_size=3))}
+    stroke = st.fixed_dictionaries(
+        {"points_m": polyline(3, 0.2, 20), "thickness_m": number(0.002, 0.02)}
+    )
+    asked: Request = {
+        "views": draw(views(1, 2)),
+        "strokes": draw(st.lists(stroke, min_size=1, max_size=3)),
+    }
     if draw(st.integers(0, 4)) == 0:
         asked["T_world_tracker"] = draw(pose())
     for switch in ("correct", "agree", "measure_width", "find_ends"):
@@ -343,8 +480,15 @@ def label_tracked(draw: st.DrawFn) -> Request:
 
 
 KINDS: dict[str, st.SearchStrategy[Request]] = {
-    "noop": noop(), "segment": segment(), "instances": instances(), "reconstruct": reconstruct(),
-    "next_view": next_view(), "merge_curves": merge_curves(), "topology": topology(),
-    "plan_disentangle": plan_disentangle(), "plan_shape": plan_shape(), "estimate_parameters": estimate_parameters(),
+    "noop": noop(),
+    "segment": segment(),
+    "instances": instances(),
+    "reconstruct": reconstruct(),
+    "next_view": next_view(),
+    "merge_curves": merge_curves(),
+    "topology": topology(),
+    "plan_disentangle": plan_disentangle(),
+    "plan_shape": plan_shape(),
+    "estimate_parameters": estimate_parameters(),
     "label_tracked": label_tracked(),
-}  # fmt: skip
+}

@@ -1,8 +1,9 @@
-"""``python -m tests.rehearsal [--extras s3]``: what the images do, without Docker; needs the package index.
+"""``python -m tests.rehearsal [--extras s3]``: what the images do, without Docker; needs the
+package index.
 
-A fresh environment from the exact versions; the files that the Dockerfile copies; the entry points; one job with a
-picture. Where we are root as in the compose file: another user without capabilities, a root that is read-only but for
-the data and an empty ``/tmp``.
+A fresh environment from the exact versions; the files that the Dockerfile copies; the entry points;
+one job with a picture. Where we are root as in the compose file: another user without capabilities,
+a root that is read-only but for the data and an empty ``/tmp``.
 """
 
 from __future__ import annotations
@@ -52,15 +53,16 @@ if touch /read-only 2>/dev/null; then echo "the root can be written to"; exit 1;
 unset DATA FOLDER APP HIDDEN PYTHON_HOME PYTHON_BESIDE
 exec setpriv --reuid $USER_ID --regid $USER_ID --clear-groups --no-new-privs --bounding-set -all --inh-caps -all "$@"
 """
-"""An interpreter below a folder that only root may enter (``HIDDEN``) is put where everybody can reach it; a checkout
-below ``/tmp`` is put into the empty one, read-only but for the data."""
+"""An interpreter below a folder that only root may enter (``HIDDEN``) is put where everybody can
+reach it; a checkout below ``/tmp`` is put into the empty one, read-only but for the data."""
 
 _KEY = "rehearsal"
 _TRAINING = ("torch", "onnx", "pytest")
 
 
 def build(image: Image, folder: Path, python: Path | None) -> Path:
-    """Copy, install into a fresh environment unless one is given, make read-only; the environment's python."""
+    """Copy, install into a fresh environment unless one is given, make read-only; the environment's
+    python."""
     app = folder / "app"
     copy_into(ROOT, image, app)
     if python is None:
@@ -79,8 +81,12 @@ def build(image: Image, folder: Path, python: Path | None) -> Path:
 
 def check_alone(python: Path, app: Path) -> None:
     """Nothing of training is installed, and no two versions contradict each other."""
-    program = "import importlib.util, sys; sys.exit(any(map(importlib.util.find_spec, sys.argv[1:])))"
-    assert subprocess.run([python, "-c", program, *_TRAINING], cwd=app, check=False).returncode == 0, _TRAINING
+    program = (
+        "import importlib.util, sys; sys.exit(any(map(importlib.util.find_spec, sys.argv[1:])))"
+    )
+    assert (
+        subprocess.run([python, "-c", program, *_TRAINING], cwd=app, check=False).returncode == 0
+    ), _TRAINING
     subprocess.run([python, "-m", "pip", "check", "--quiet"], cwd=app, check=True)
 
 
@@ -95,15 +101,21 @@ def run(image: Image, folder: Path, python: Path, **environment: str) -> subproc
         home = Path(sys.base_prefix)
         hidden = [parent for parent in home.parents if not parent.stat().st_mode & stat.S_IXOTH]
         env |= {
-            "DATA": environment["DLO_DATA_DIR"], "FOLDER": str(folder.parent), "APP": str(folder / "app"),
-            "HIDDEN": str(hidden[-1]) if hidden else "", "PYTHON_HOME": str(home),
-            "PYTHON_BESIDE": str(folder / "python"), "USER_ID": image.user,
-        }  # fmt: skip
+            "DATA": environment["DLO_DATA_DIR"],
+            "FOLDER": str(folder.parent),
+            "APP": str(folder / "app"),
+            "HIDDEN": str(hidden[-1]) if hidden else "",
+            "PYTHON_HOME": str(home),
+            "PYTHON_BESIDE": str(folder / "python"),
+            "USER_ID": image.user,
+        }
     return subprocess.Popen(program, cwd=folder / "app", env=env)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--python", type=Path, help="of an environment that is there already")
     asked = parser.parse_args()
     found = images((ROOT / "Dockerfile").read_text())
@@ -120,10 +132,16 @@ def main() -> None:
             python = build(found[name], folder / name, python)
         with EmbeddedQueue(folder / "queue") as server:
             port = free_port()
-            common = {"DLO_REDIS_URL": server.url, "DLO_DATA_DIR": str(data), "DLO_SPARE_CHILD": "false"}
+            common = {
+                "DLO_REDIS_URL": server.url,
+                "DLO_DATA_DIR": str(data),
+                "DLO_SPARE_CHILD": "false",
+            }
             common |= {"DLO_API_KEY_HASHES": hashlib.sha256(_KEY.encode()).hexdigest()}
             both = (
-                run(found[name], folder / name, python, PORT=str(port), **common) for name in found if name != "base"
+                run(found[name], folder / name, python, PORT=str(port), **common)
+                for name in found
+                if name != "base"
             )
             started.extend(both)
             print(json.dumps(try_out(f"http://127.0.0.1:{port}", started)))
@@ -138,12 +156,17 @@ def main() -> None:
 
 
 def try_out(url: str, processes: Sequence[subprocess.Popen[bytes]]) -> dict[str, Any]:
-    """One job through HTTP; seconds until ready, and what was found. Raises AssertionError when a process ends."""
+    """One job through HTTP; seconds until ready, and what was found. Raises AssertionError when a
+    process ends."""
     begin = time.monotonic()
-    with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {_KEY}"}, timeout=90) as client:
+    with httpx.Client(
+        base_url=url, headers={"Authorization": f"Bearer {_KEY}"}, timeout=90
+    ) as client:
 
         def ready() -> bool:
-            assert all(process.poll() is None for process in processes), "a process ended before it was ready"
+            assert all(process.poll() is None for process in processes), (
+                "a process ended before it was ready"
+            )
             try:
                 return client.get("/readyz").status_code == 200
             except httpx.HTTPError:
@@ -157,7 +180,11 @@ def try_out(url: str, processes: Sequence[subprocess.Popen[bytes]]) -> dict[str,
         assert job["state"] == "succeeded", job
         overlay = client.get(f"/v1/jobs/{job['id']}/files/overlay.png")
         assert overlay.status_code == 200
-        return {"ready_s": ready_s, "cables": len(job["result"]["instances"]), "overlay_bytes": len(overlay.content)}
+        return {
+            "ready_s": ready_s,
+            "cables": len(job["result"]["instances"]),
+            "overlay_bytes": len(overlay.content),
+        }
 
 
 if __name__ == "__main__":

@@ -11,8 +11,11 @@ import yaml
 _VARIABLE = re.compile(r"\$\{(\w+)(?::([-?])([^}]*))?\}")
 
 
-def environment(file: Path, service: str, values: Mapping[str, str], folder: Path) -> dict[str, str]:
-    """With ``values`` as the variables of ``.env``, and secrets in ``folder`` under the names that the file gives.
+def environment(
+    file: Path, service: str, values: Mapping[str, str], folder: Path
+) -> dict[str, str]:
+    """With ``values`` as the variables of ``.env``, and secrets in ``folder`` under the names that
+    the file gives.
 
     Raises KeyError for a variable that has to be set.
     """

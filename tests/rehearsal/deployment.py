@@ -1,6 +1,7 @@
 """``deploy/three-hosts.yaml`` on hosts that are network namespaces, each with a folder of its own.
 
-A queue behind TLS, an S3 server, two replicas of the service behind a plain proxy, and hosts with a worker each.
+A queue behind TLS, an S3 server, two replicas of the service behind a plain proxy, and hosts with a
+worker each.
 """
 
 from __future__ import annotations
@@ -31,7 +32,14 @@ _READY_WITHIN_S = 240.0
 class Hosts:
     """All of them, in ``folder``; programs on one host are told apart by the sign of its number."""
 
-    queue, bucket, proxy, services, workers, stranger = QUEUE, S3, PROXY, SERVICES, WORKERS, STRANGER
+    queue, bucket, proxy, services, workers, stranger = (
+        QUEUE,
+        S3,
+        PROXY,
+        SERVICES,
+        WORKERS,
+        STRANGER,
+    )
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -43,46 +51,87 @@ class Hosts:
         (folder / "queue.password").write_text("of-the-rehearsal")
         authority = trustme.CA()
         authority.cert_pem.write_to_path(folder / "ca.pem")
-        authority.issue_cert(self.hosts[QUEUE].address).private_key_and_cert_chain_pem.write_to_path(
-            folder / "queue.pem"
-        )
+        authority.issue_cert(
+            self.hosts[QUEUE].address
+        ).private_key_and_cert_chain_pem.write_to_path(folder / "queue.pem")
         self._values = {
-            "QUEUE_HOST": self.hosts[QUEUE].address, "DLO_BLOBS_URL": "s3://dlo/cell-3", "DLO_WORKERS": "1",
-            "AWS_ENDPOINT_URL_S3": f"http://{self.hosts[S3].address}:9000", "AWS_DEFAULT_REGION": "us-east-1",
-            "AWS_ACCESS_KEY_ID": "plant", "AWS_SECRET_ACCESS_KEY": "of-the-plant",
-        }  # fmt: skip
+            "QUEUE_HOST": self.hosts[QUEUE].address,
+            "DLO_BLOBS_URL": "s3://dlo/cell-3",
+            "DLO_WORKERS": "1",
+            "AWS_ENDPOINT_URL_S3": f"http://{self.hosts[S3].address}:9000",
+            "AWS_DEFAULT_REGION": "us-east-1",
+            "AWS_ACCESS_KEY_ID": "plant",
+            "AWS_SECRET_ACCESS_KEY": "of-the-plant",
+        }
         self.client = httpx.Client(
-            base_url=f"http://{self.hosts[PROXY].address}:80", timeout=90, headers=self.authorization
+            base_url=f"http://{self.hosts[PROXY].address}:80",
+            timeout=90,
+            headers=self.authorization,
         )
 
     @property
     def authorization(self) -> dict[str, str]:
-        return {"Authorization": f"Bearer {self._key}", "Connection": "close"}  # each request its own replica
+        return {
+            "Authorization": f"Bearer {self._key}",
+            "Connection": "close",
+        }  # each request its own replica
 
     def begin(self) -> None:
         """Start everything; return once both replicas are ready."""
         python, queue = sys.executable, self.hosts[QUEUE].address
-        self._start(QUEUE, [python, "-m", "workers.embedded", "--dir", str(self._folder_of(QUEUE)), "--port", "6380"],
-                    {PASSWORD: "of-the-rehearsal"})  # fmt: skip
-        front = [python, "-m", "tests.rehearsal.relay", "--with-parent", str(os.getpid()), "--listen"]
+        self._start(
+            QUEUE,
+            [
+                python,
+                "-m",
+                "workers.embedded",
+                "--dir",
+                str(self._folder_of(QUEUE)),
+                "--port",
+                "6380",
+            ],
+            {PASSWORD: "of-the-rehearsal"},
+        )
+        front = [
+            python,
+            "-m",
+            "tests.rehearsal.relay",
+            "--with-parent",
+            str(os.getpid()),
+            "--listen",
+        ]
         self._start(
             -QUEUE,
-            [*front, f"{queue}:6379", "--to", "127.0.0.1:6380", "--certificate", str(self._folder / "queue.pem")],
+            [
+                *front,
+                f"{queue}:6379",
+                "--to",
+                "127.0.0.1:6380",
+                "--certificate",
+                str(self._folder / "queue.pem"),
+            ],
         )
         bucket = self._folder_of(S3) / "objects" / "dlo"
         bucket.mkdir(parents=True)
         rclone = str(Path(sys.executable).with_name("rclone"))
         auth = f"{self._values['AWS_ACCESS_KEY_ID']},{self._values['AWS_SECRET_ACCESS_KEY']}"
         where = f"{self.hosts[S3].address}:9000"
-        self._start(S3, [rclone, "serve", "s3", str(bucket.parent), "--addr", where, "--auth-key", auth])
+        self._start(
+            S3, [rclone, "serve", "s3", str(bucket.parent), "--addr", where, "--auth-key", auth]
+        )
         for number in SERVICES:
-            self._start(number, _program("service"), environment(_FILE, "service", self._values, self._folder))
+            self._start(
+                number,
+                _program("service"),
+                environment(_FILE, "service", self._values, self._folder),
+            )
         addresses = ",".join(f"{self.hosts[number].address}:8000" for number in SERVICES)
         self._start(PROXY, [*front, f"{self.hosts[PROXY].address}:80", "--to", addresses])
         self.at_work(len(WORKERS))
 
     def at_work(self, count: int, module: str = "workers", **changes: str) -> None:
-        """Let so many hosts have a worker; return once they are ready. Those that have one keep it."""
+        """Let so many hosts have a worker; return once they are ready. Those that have one keep
+        it."""
         for number in WORKERS[count:]:
             if number in self._started:
                 self.stop(number)
@@ -91,7 +140,8 @@ class Hosts:
                 warm = self.log_of(number).count("child warm")
                 self.work(number, module, **changes)
                 wait_until(
-                    lambda number=number, warm=warm: self.log_of(number).count("child warm") > warm, _READY_WITHIN_S
+                    lambda number=number, warm=warm: self.log_of(number).count("child warm") > warm,
+                    _READY_WITHIN_S,
                 )
         if count:
             wait_until(self.ready, _READY_WITHIN_S)
@@ -128,7 +178,10 @@ class Hosts:
 
     def _answers(self, number: int) -> bool:
         try:
-            return httpx.get(f"http://{self.hosts[number].address}:8000/readyz", timeout=5).status_code == 200
+            return (
+                httpx.get(f"http://{self.hosts[number].address}:8000/readyz", timeout=5).status_code
+                == 200
+            )
         except httpx.HTTPError:
             return False
 
@@ -139,7 +192,11 @@ class Hosts:
 
     def _start(self, number: int, command: list[str], env: dict[str, str] | None = None) -> None:
         folder = self._folder_of(number)
-        plain = {"PATH": os.environ["PATH"], "HOME": str(folder), "PYTHONPATH": f"{ROOT}:{ROOT / 'clients/python'}"}
+        plain = {
+            "PATH": os.environ["PATH"],
+            "HOME": str(folder),
+            "PYTHONPATH": f"{ROOT}:{ROOT / 'clients/python'}",
+        }
         plain |= {"DLO_DATA_DIR": str(folder), "DLO_LOG_LEVEL": "INFO", "OMP_NUM_THREADS": "1"}
         self._started[number] = self.hosts[abs(number)].start(command, folder, plain | (env or {}))
 

@@ -50,14 +50,19 @@ def images(text: str) -> dict[str, Image]:
 
 
 def ignored(patterns: list[str], path: str) -> bool:
-    """By a ``.dockerignore``: the last pattern that covers the path, or a folder above it, decides."""
+    """By a ``.dockerignore``: the last pattern that covers the path, or a folder above it,
+    decides."""
     parts = Path(path).parts
     above = ["/".join(parts[: k + 1]) for k in range(len(parts))]
     decided = False
     for line in patterns:
         name = line.removeprefix("!").removeprefix("**/")
         anywhere = line.startswith("**/")
-        covers = any(fnmatch(part, name) for part in parts) if anywhere else any(fnmatch(one, name) for one in above)
+        covers = (
+            any(fnmatch(part, name) for part in parts)
+            if anywhere
+            else any(fnmatch(one, name) for one in above)
+        )
         if covers:
             decided = not line.startswith("!")
     return decided
@@ -67,7 +72,9 @@ def copy_into(root: Path, image: Image, target: Path) -> None:
     """As the build does it from the repository at ``root``."""
     patterns = [line for line in (root / ".dockerignore").read_text().splitlines() if line]
     for source, place in image.copies:
-        for file in sorted((root / source).rglob("*")) if (root / source).is_dir() else [root / source]:
+        for file in (
+            sorted((root / source).rglob("*")) if (root / source).is_dir() else [root / source]
+        ):
             relative = file.relative_to(root).as_posix()
             if file.is_file() and not ignored(patterns, relative):
                 to = target / place / file.relative_to(root / source)

@@ -1,8 +1,10 @@
-"""``python -m tests.rehearsal.elsewhere``: a worker whose pictures are computed by another machine, so to say.
+"""``python -m tests.rehearsal.elsewhere``: a worker whose pictures are computed by another machine,
+so to say.
 
-Hosts that share the cores of one machine cannot show what a second host adds. Here a job of ``instances`` is all that a
-service adds to it, its picture fetched from the bucket included, and instead of the computing a wait of
-``DLO_REHEARSAL_WAIT_S`` seconds; its result is that of the picture which a worker warms up with.
+Hosts that share the cores of one machine cannot show what a second host adds. Here a job of
+``instances`` is all that a service adds to it, its picture fetched from the bucket included, and
+instead of the computing a wait of ``DLO_REHEARSAL_WAIT_S`` seconds; its result is that of the
+picture which a worker warms up with.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""``python -m tests.rehearsal.hosts [--rate 60]``: jobs on several hosts, whose cables are pulled one by one.
+"""``python -m tests.rehearsal.hosts [--rate 60]``: jobs on several hosts, whose cables are pulled
+one by one.
 
-The hosts are those of :mod:`tests.rehearsal.deployment`. ``--rate N`` compares besides N jobs on one host with a worker
-and on two: once with real work, once with a wait of ``--wait`` seconds in its place. Writes ``build/bench/hosts.json``;
-exits with 1 if a job was lost, doubled or wrong, and with 0 and a word on why where the machine lets nobody make hosts.
+The hosts are those of :mod:`tests.rehearsal.deployment`. ``--rate N`` compares besides N jobs on
+one host with a worker and on two: once with real work, once with a wait of ``--wait`` seconds in
+its place. Writes ``build/bench/hosts.json``; exits with 1 if a job was lost, doubled or wrong, and
+with 0 and a word on why where the machine lets nobody make hosts.
 """
 
 from __future__ import annotations
@@ -34,7 +36,10 @@ def _send(client: httpx.Client, body: Row) -> str:
     while time.monotonic() < give_up:
         try:
             answer = client.post(
-                "/v1/jobs", json={"timeout_s": 900.0} | body, headers={"Idempotency-Key": key}, timeout=10
+                "/v1/jobs",
+                json={"timeout_s": 900.0} | body,
+                headers={"Idempotency-Key": key},
+                timeout=10,
             )
             if answer.status_code in (200, 202):
                 return str(answer.json()["id"])
@@ -61,7 +66,9 @@ def _ended(client: httpx.Client, ids: list[str]) -> list[Row]:
     return jobs
 
 
-def _run(client: httpx.Client, bodies: list[Row], meanwhile: Callable[[], object] = lambda: None) -> Row:
+def _run(
+    client: httpx.Client, bodies: list[Row], meanwhile: Callable[[], object] = lambda: None
+) -> Row:
     """Counts of what became of jobs that are sent, then ``meanwhile``."""
     started = time.monotonic()
     ids = [_send(client, body) for body in bodies]
@@ -69,15 +76,24 @@ def _run(client: httpx.Client, bodies: list[Row], meanwhile: Callable[[], object
     jobs = _ended(client, ids)
     bad = sum(job["state"] != "succeeded" for job in jobs)
     again = sum(job["attempts"] > 1 for job in jobs)
-    return {"jobs": len(jobs), "bad": bad, "taken up again": again, "s": round(time.monotonic() - started, 1)}
+    return {
+        "jobs": len(jobs),
+        "bad": bad,
+        "taken up again": again,
+        "s": round(time.monotonic() - started, 1),
+    }
 
 
 def spread(there: Any) -> Row:
-    """Pictures sent to one replica are worked on by both hosts, and their files come from either replica."""
+    """Pictures sent to one replica are worked on by both hosts, and their files come from either
+    replica."""
     image = there.client.post("/v1/images", content=_PICTURE.read_bytes()).json()["id"]
     row = _run(there.client, [{"kind": "instances", "image": {"id": image}}] * 12)
     jobs = there.client.get("/v1/jobs?kind=instances").json()["jobs"]
-    sizes = {len(there.client.get(f"/v1/jobs/{jobs[0]['id']}/files/overlay.png").content) for _ in range(4)}
+    sizes = {
+        len(there.client.get(f"/v1/jobs/{jobs[0]['id']}/files/overlay.png").content)
+        for _ in range(4)
+    }
     done = [there.log_of(number).count('"event": "job succeeded"') for number in there.workers]
     assert len(sizes) == 1
     return row | {"by host": done, "bad": row["bad"] + (min(done) == 0)}
@@ -93,7 +109,8 @@ def stranger(there: Any) -> Row:
 
 
 def worker_unplugged(there: Any) -> Row:
-    """The cable of a host with a worker: its jobs are taken up by the other; plugged in again it goes on."""
+    """The cable of a host with a worker: its jobs are taken up by the other; plugged in again it
+    goes on."""
     host = there.hosts[there.workers[1]]
     row = _run(there.client, [{"kind": "noop", "hold_s": 1.0}] * 8, host.unplug)
     before = there.log_of(there.workers[1]).count('"event": "job succeeded"')
@@ -119,15 +136,17 @@ def replica_unplugged(there: Any) -> Row:
 
 
 def bucket_unplugged(there: Any) -> Row:
-    """The cable of the S3 server: new pictures are refused with a reason, jobs without go on, then all is as before.
-    One that was there within the last minute would be taken for granted."""
+    """The cable of the S3 server: new pictures are refused with a reason, jobs without go on, then
+    all is as before. One that was there within the last minute would be taken for granted."""
     host = there.hosts[there.bucket]
     another = _PICTURE.read_bytes() + b"behind the end of the picture"
     host.unplug()
     refused = there.client.post("/v1/images", content=another)
     row = _run(there.client, [{"kind": "noop"}] * 5)
     host.plug()
-    wait_until(lambda: there.client.post("/v1/images", content=another).status_code == 201, _PATIENCE_S)
+    wait_until(
+        lambda: there.client.post("/v1/images", content=another).status_code == 201, _PATIENCE_S
+    )
     unclear = (refused.status_code, refused.json()["code"]) != (503, "storage_unavailable")
     return row | {"bad": row["bad"] + unclear}
 
@@ -153,10 +172,16 @@ PARTS = (spread, stranger, worker_unplugged, replica_unplugged, bucket_unplugged
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rate", type=int, default=0, metavar="N", help="jobs")
-    parser.add_argument("--wait", type=float, default=0.15, help="seconds, in place of the work of a job")
-    parser.add_argument("--only", default=",".join(part.__name__ for part in PARTS), help="names, or nothing")
+    parser.add_argument(
+        "--wait", type=float, default=0.15, help="seconds, in place of the work of a job"
+    )
+    parser.add_argument(
+        "--only", default=",".join(part.__name__ for part in PARTS), help="names, or nothing"
+    )
     parser.add_argument("--out", type=Path, default=Path("build/bench/hosts.json"))
     asked = parser.parse_args()
     try:

@@ -1,4 +1,5 @@
-"""Hosts on one machine: network namespaces on a bridge, which only this process and its children see."""
+"""Hosts on one machine: network namespaces on a bridge, which only this process and its children
+see."""
 
 from __future__ import annotations
 
@@ -53,17 +54,36 @@ class Host:
         self.address = f"{_NET}.{number}"
         self._name, self._cable = f"host{number}", f"cable{number}"
         _run("ip", "netns", "add", self._name)
-        _run("ip", "link", "add", self._cable, "type", "veth", "peer", "name", "eth0", "netns", self._name)
+        _run(
+            "ip",
+            "link",
+            "add",
+            self._cable,
+            "type",
+            "veth",
+            "peer",
+            "name",
+            "eth0",
+            "netns",
+            self._name,
+        )
         _run("ip", "link", "set", self._cable, "master", "plant", "up")
-        for change in (["link", "set", "lo", "up"], ["addr", "add", f"{self.address}/24", "dev", "eth0"],
-                       ["link", "set", "eth0", "up"]):  # fmt: skip
+        for change in (
+            ["link", "set", "lo", "up"],
+            ["addr", "add", f"{self.address}/24", "dev", "eth0"],
+            ["link", "set", "eth0", "up"],
+        ):
             _run("ip", "-n", self._name, *change)
 
-    def start(self, command: list[str], folder: Path, env: dict[str, str]) -> subprocess.Popen[bytes]:
+    def start(
+        self, command: list[str], folder: Path, env: dict[str, str]
+    ) -> subprocess.Popen[bytes]:
         """Run a program there; its output is in ``folder``."""
         program = [str(shutil.which("ip")), "netns", "exec", self._name, *command]
         with (folder / "log").open("ab") as log:
-            return subprocess.Popen(program, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+            return subprocess.Popen(
+                program, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+            )
 
     def unplug(self) -> None:
         _run("ip", "link", "set", self._cable, "down")

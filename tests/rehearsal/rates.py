@@ -1,4 +1,5 @@
-"""How many jobs a second two hosts with a worker each do, against one; pictures in the bucket, all else shared."""
+"""How many jobs a second two hosts with a worker each do, against one; pictures in the bucket, all
+else shared."""
 
 from __future__ import annotations
 
@@ -17,14 +18,18 @@ Row = dict[str, Any]
 
 
 def computed(there: Any, jobs: int) -> Row:
-    """Real work. Each host has one core, which it shares with everything else where there are only two."""
+    """Real work. Each host has one core, which it shares with everything else where there are only
+    two."""
     return _compared(there, jobs, {"DLO_ONNX_THREADS": "1"}, "workers")
 
 
 def timed(there: Any, jobs: int, wait_s: float) -> Row:
-    """The work is a wait, as if the processor of another machine did it: what is measured is the service."""
+    """The work is a wait, as if the processor of another machine did it: what is measured is the
+    service."""
     changes = {"DLO_ONNX_THREADS": "1", WAIT_S: str(wait_s)}
-    return _compared(there, jobs, changes, "tests.rehearsal.elsewhere") | {"wait_ms": round(wait_s * 1000)}
+    return _compared(there, jobs, changes, "tests.rehearsal.elsewhere") | {
+        "wait_ms": round(wait_s * 1000)
+    }
 
 
 def _compared(there: Any, jobs: int, changes: dict[str, str], module: str) -> Row:
@@ -39,7 +44,13 @@ def _compared(there: Any, jobs: int, changes: dict[str, str], module: str) -> Ro
     there.at_work(0)
     one, two = (median(per_s[hosts]) for hosts in (1, 2))
     ratio = two / one
-    return {"jobs": jobs, "one": round(one, 2), "two": round(two, 2), "ratio": round(ratio, 2), "bad": 0}
+    return {
+        "jobs": jobs,
+        "one": round(one, 2),
+        "two": round(two, 2),
+        "ratio": round(ratio, 2),
+        "bad": 0,
+    }
 
 
 def _per_s(there: Any, body: Row, jobs: int) -> float:

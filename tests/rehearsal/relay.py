@@ -1,7 +1,8 @@
-"""``python -m tests.rehearsal.relay --listen HOST:PORT --to HOST:PORT,… [--certificate FILE]``: a plain proxy.
+"""``python -m tests.rehearsal.relay --listen HOST:PORT --to HOST:PORT,… [--certificate FILE]``: a
+plain proxy.
 
-Each connection goes to the next address that can be reached; with a certificate (PEM, key and chain) it is TLS on this
-side.
+Each connection goes to the next address that can be reached; with a certificate (PEM, key and
+chain) it is TLS on this side.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ class Relay:
         """One connection, until either side closes it."""
         with contextlib.suppress(OSError, asyncio.IncompleteReadError):
             inner_reader, inner_writer = await self._connect()
-            both = [asyncio.create_task(_pump(reader, inner_writer)), asyncio.create_task(_pump(inner_reader, writer))]
+            both = [
+                asyncio.create_task(_pump(reader, inner_writer)),
+                asyncio.create_task(_pump(inner_reader, writer)),
+            ]
             await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
             for task in both:
                 task.cancel()
@@ -40,7 +44,9 @@ class Relay:
             host, port = self._addresses[self._next]
             self._next = (self._next + 1) % len(self._addresses)
             with contextlib.suppress(OSError):  # a time-out is one
-                return await asyncio.wait_for(asyncio.open_connection(host, port), _REACHED_WITHIN_S)
+                return await asyncio.wait_for(
+                    asyncio.open_connection(host, port), _REACHED_WITHIN_S
+                )
         raise ConnectionRefusedError("no address can be reached")
 
 
@@ -57,9 +63,13 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--listen", type=_address, required=True)
-    parser.add_argument("--to", type=lambda text: [_address(one) for one in text.split(",")], required=True)
+    parser.add_argument(
+        "--to", type=lambda text: [_address(one) for one in text.split(",")], required=True
+    )
     parser.add_argument("--certificate")
     parser.add_argument("--with-parent", type=int)
     asked = parser.parse_args()

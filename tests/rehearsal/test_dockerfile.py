@@ -16,9 +16,15 @@ def found():
 def test_neither_image_holds_training_or_tests(found, tmp_path):
     for name in ("service", "worker"):
         copy_into(ROOT, found[name], tmp_path / name)
-        files = [path.relative_to(tmp_path / name).as_posix() for path in (tmp_path / name).rglob("*.*")]
+        files = [
+            path.relative_to(tmp_path / name).as_posix() for path in (tmp_path / name).rglob("*.*")
+        ]
         assert files
-        assert not [file for file in files if file.startswith(("models/training", "models/synthesis", "tests"))]
+        assert not [
+            file
+            for file in files
+            if file.startswith(("models/training", "models/synthesis", "tests"))
+        ]
 
 
 def test_the_service_has_no_networks_and_the_worker_no_pages(found, tmp_path):
@@ -37,7 +43,8 @@ def test_both_run_without_rights_and_by_their_own_entry_points(found):
 
 
 def test_modules_are_compiled_before_the_root_is_read_only(found):
-    """Every child of a worker, and every start of the service, compiled three hundred modules again."""
+    """Every child of a worker, and every start of the service, compiled three hundred modules
+    again."""
     for name in ("service", "worker"):
         assert found[name].runs[-1] == "python -m compileall -q ."
         assert found[name].environment["PYTHONDONTWRITEBYTECODE"] == "1", "nobody writes them later"
@@ -45,9 +52,15 @@ def test_modules_are_compiled_before_the_root_is_read_only(found):
 
 @pytest.mark.parametrize(
     ("path", "left_out"),
-    [("models/weights/a.onnx", False), ("models/training/x.py", True), ("tests/conftest.py", True),
-     ("services/__pycache__/app.pyc", True), ("README.md", True), ("workers/jobs.py", False)],
-)  # fmt: skip
+    [
+        ("models/weights/a.onnx", False),
+        ("models/training/x.py", True),
+        ("tests/conftest.py", True),
+        ("services/__pycache__/app.pyc", True),
+        ("README.md", True),
+        ("workers/jobs.py", False),
+    ],
+)
 def test_what_the_build_passes_over(path, left_out):
     patterns = [line for line in (ROOT / ".dockerignore").read_text().splitlines() if line]
     assert ignored(patterns, path) is left_out

@@ -22,7 +22,11 @@ FILE = ROOT / "deploy" / "three-hosts.yaml"
 
 
 def test_a_compose_file_fills_in_values_defaults_and_secrets(tmp_path):
-    values = {"DLO_BLOBS_URL": "s3://dlo", "AWS_DEFAULT_REGION": "eu-1", "DLO_KEYS": "/etc/dlo/keys.toml"}
+    values = {
+        "DLO_BLOBS_URL": "s3://dlo",
+        "AWS_DEFAULT_REGION": "eu-1",
+        "DLO_KEYS": "/etc/dlo/keys.toml",
+    }
     found = environment(FILE, "service", values, tmp_path)
     assert found["DLO_REDIS_URL"] == "rediss://queue:6379/0"
     assert found["DLO_REDIS_PASSWORD_FILE"] == str(tmp_path / "queue.password")
@@ -39,7 +43,11 @@ def test_what_has_to_be_set_is_asked_for(tmp_path):
 def test_every_variable_of_the_parts_is_a_setting_or_the_bucket_s():
     for name in ("service", "worker"):
         given = yaml.safe_load(FILE.read_text())["services"][name]["environment"]
-        ours = {variable.removeprefix("DLO_").lower() for variable in given if variable.startswith("DLO_")}
+        ours = {
+            variable.removeprefix("DLO_").lower()
+            for variable in given
+            if variable.startswith("DLO_")
+        }
         assert ours <= set(ServiceSettings.model_fields)
 
 
@@ -66,7 +74,15 @@ def test_the_proxy_takes_turns_and_passes_over_who_does_not_answer():
     port, gone = free_port(), free_port()
     with answering(b"north") as north, answering(b"south") as south:
         to = ",".join(f"127.0.0.1:{one}" for one in (north, gone, south))
-        command = [sys.executable, "-m", "tests.rehearsal.relay", "--listen", f"127.0.0.1:{port}", "--to", to]
+        command = [
+            sys.executable,
+            "-m",
+            "tests.rehearsal.relay",
+            "--listen",
+            f"127.0.0.1:{port}",
+            "--to",
+            to,
+        ]
         relay = subprocess.Popen(command, cwd=ROOT)
         try:
 
@@ -88,8 +104,18 @@ def test_the_proxy_takes_turns_and_passes_over_who_does_not_answer():
 @pytest.mark.slow
 def test_pictures_reach_every_host_and_a_stranger_does_not_join(tmp_path):
     out = tmp_path / "hosts.json"
-    command = [sys.executable, "-m", "tests.rehearsal.hosts", "--only", "spread,stranger", "--out", str(out)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "tests.rehearsal.hosts",
+        "--only",
+        "spread,stranger",
+        "--out",
+        str(out),
+    ]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False
+    )
     if done.stdout.startswith("skipped"):
         pytest.skip(done.stdout.strip())
     assert done.returncode == 0, done.stdout + done.stderr

@@ -1,4 +1,5 @@
-"""The real application over a real queue server, called without a network unless a test is about that."""
+"""The real application over a real queue server, called without a network unless a test is about
+that."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ from workers.ledger import Ledger
 @pytest.fixture
 def service_settings(settings) -> ServiceSettings:
     names = ("testserver", "service")  # what the clients of the tests call it
-    return ServiceSettings(redis_url=settings.redis_url, data_dir=settings.data_dir, allowed_hosts=names)
+    return ServiceSettings(
+        redis_url=settings.redis_url, data_dir=settings.data_dir, allowed_hosts=names
+    )
 
 
 @pytest.fixture
@@ -36,7 +39,8 @@ def client(app):
 
 @pytest.fixture
 def problem(client):
-    """Checks that a response is a problem of the given status and that the service goes on; returns it."""
+    """Checks that a response is a problem of the given status and that the service goes on; returns
+    it."""
 
     def check(response, status: int, code: str | None = None, field: str | None = None) -> dict:
         assert response.status_code == status, response.text
@@ -64,7 +68,9 @@ def address(app):
     """Of the application behind a real HTTP server on a port of its own."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
-        config = uvicorn.Config(app, http=BoundedHttp, log_config=None, access_log=False, timeout_graceful_shutdown=10)
+        config = uvicorn.Config(
+            app, http=BoundedHttp, log_config=None, access_log=False, timeout_graceful_shutdown=10
+        )
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
         thread.start()

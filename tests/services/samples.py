@@ -10,7 +10,8 @@ import numpy as np
 from PIL import ExifTags, Image
 
 TURNED_RIGHT = 6
-"""EXIF orientation of a picture that has to be rotated a quarter turn: width and height change places."""
+"""EXIF orientation of a picture that has to be rotated a quarter turn: width and height change
+places."""
 
 
 def pixels(width: int = 40, height: int = 30, mode: str = "RGB") -> Image.Image:
@@ -20,7 +21,9 @@ def pixels(width: int = 40, height: int = 30, mode: str = "RGB") -> Image.Image:
     return gray.convert(mode)
 
 
-def encoded(image: Image.Image | None = None, format_name: str = "PNG", orientation: int | None = None) -> bytes:
+def encoded(
+    image: Image.Image | None = None, format_name: str = "PNG", orientation: int | None = None
+) -> bytes:
     """The bytes of ``image``, by default of :func:`pixels`."""
     buffer = io.BytesIO()
     exif = Image.Exif()
@@ -36,11 +39,17 @@ def sixteen_bit_png() -> bytes:
 
 
 def png_chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    return (
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+    )
 
 
 def png_with_late_orientation() -> bytes:
-    """Its EXIF chunk stands behind the pixels, where a reader of the header alone does not see it."""
+    """Its EXIF chunk stands behind the pixels, where a reader of the header alone does not see
+    it."""
     whole = encoded()
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = TURNED_RIGHT

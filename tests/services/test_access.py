@@ -26,7 +26,9 @@ def test_without_keys_everyone_on_this_machine_may_call(client):
 
 
 @pytest.mark.parametrize("path", GUARDED)
-@pytest.mark.parametrize("header", [None, "Bearer wrong", "Bearer ", f"Basic {KEY}", KEY, f"Bearer {HASHES[0]}"])
+@pytest.mark.parametrize(
+    "header", [None, "Bearer wrong", "Bearer ", f"Basic {KEY}", KEY, f"Bearer {HASHES[0]}"]
+)
 def test_no_entry_without_a_key(guarded, path, header):
     response = guarded.get(path, headers={"Authorization": header} if header else {})
     assert response.status_code == 401

@@ -13,7 +13,10 @@ from tests import api_examples
 @pytest.mark.parametrize("example", api_examples.examples(), ids=lambda e: e.kind)
 def test_the_documented_request_is_taken(client, example):
     parts = [("request", (None, json.dumps(example.request), "application/json"))]
-    parts += [("image", (Path(name).name, (api_examples.ROOT / name).read_bytes())) for name in example.images]
+    parts += [
+        ("image", (Path(name).name, (api_examples.ROOT / name).read_bytes()))
+        for name in example.images
+    ]
     if example.mask is not None:
         parts.append(("mask", ("mask.png", (api_examples.ROOT / example.mask).read_bytes())))
     reply = client.post("/v1/jobs", files=parts)

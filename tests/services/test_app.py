@@ -20,5 +20,10 @@ logging.getLogger("services.test").error("incident")
 
 def test_logs_are_json_lines_when_uvicorn_starts_it():
     """Only ``python -m services`` configured them: in containers they were colored text."""
-    done = subprocess.run([sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert [json.loads(line)["event"] for line in done.stderr.splitlines()] == ["started", "incident"]
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert [json.loads(line)["event"] for line in done.stderr.splitlines()] == [
+        "started",
+        "incident",
+    ]

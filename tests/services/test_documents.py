@@ -23,13 +23,22 @@ def test_every_answer_but_a_good_one_is_a_problem(document):
         for method, operation in methods.items():
             for status, response in operation["responses"].items():
                 if int(status) >= 400:
-                    assert list(response["content"]) == ["application/problem+json"], (path, method, status)
+                    assert list(response["content"]) == ["application/problem+json"], (
+                        path,
+                        method,
+                        status,
+                    )
 
 
 def test_bodies_are_described(document):
     submit = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]
     assert submit["application/json"]["schema"] == {"$ref": "#/components/schemas/AnyRequest"}
-    assert set(submit["multipart/form-data"]["schema"]["properties"]) == {"request", "image", "mask", "depth"}
+    assert set(submit["multipart/form-data"]["schema"]["properties"]) == {
+        "request",
+        "image",
+        "mask",
+        "depth",
+    }
     kinds = document["components"]["schemas"]["AnyRequest"]["discriminator"]["mapping"]
     assert set(kinds) == set(get_args(JobKind))
 
@@ -72,9 +81,13 @@ def test_every_field_and_parameter_is_described(document):
 @pytest.mark.parametrize("kind", get_args(JobKind))
 def test_the_example_of_a_kind_is_taken_as_it_stands(client, document, kind, job_queue):
     """The documentation page offered a body without a ``kind``, which was refused."""
-    trainer = WorkerInfo("t", ready=True, busy=False, queues=["training"], started_at=datetime.now(UTC), networks=[])
+    trainer = WorkerInfo(
+        "t", ready=True, busy=False, queues=["training"], started_at=datetime.now(UTC), networks=[]
+    )
     announce(job_queue._client, job_queue._keys, trainer)
-    examples = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]["application/json"]["examples"]
+    examples = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]["application/json"][
+        "examples"
+    ]
     answer = client.post("/v1/jobs", json=examples[kind]["value"])
     assert answer.status_code == 202, answer.text
     assert answer.json()["kind"] == kind
@@ -92,17 +105,25 @@ def test_documentation_pages_name_no_other_server(client, page):
 
 
 def test_whatever_is_sent_the_document_holds(address):
-    """Generated requests, good and bad, to every operation; waiting is cut short, streams are left out."""
+    """Generated requests, good and bad, to every operation; waiting is cut short, streams are left
+    out."""
     schema = schemathesis.openapi.from_url(f"{address}/openapi.json").exclude(path_regex="/events$")
     for operation in schema.get_all_operations():
 
-        @settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+        @settings(
+            max_examples=10,
+            deadline=None,
+            derandomize=True,
+            suppress_health_check=list(HealthCheck),
+        )
         @given(operation.ok().as_strategy())
         def conforms(case):
             if case.query and "wait" in case.query:
                 case.query["wait"] = "0"
             response = case.call()
             assert response.status_code != 500
-            case.validate_response(response, checks=[status_code_conformance, response_schema_conformance])
+            case.validate_response(
+                response, checks=[status_code_conformance, response_schema_conformance]
+            )
 
         conforms()

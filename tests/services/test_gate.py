@@ -1,4 +1,5 @@
-"""Without keys: this machine only, and no web page from elsewhere. With and without: what browsers are told."""
+"""Without keys: this machine only, and no web page from elsewhere. With and without: what browsers
+are told."""
 
 import asyncio
 import contextlib
@@ -63,7 +64,9 @@ def test_with_keys_any_name_will_do(guarded):
     assert guarded.get("/v1/jobs", headers={"Host": "evil.example"}).status_code == 200
 
 
-@pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:9999", "http://[", ""])
+@pytest.mark.parametrize(
+    "origin", ["https://evil.example", "null", "http://127.0.0.1:9999", "http://[", ""]
+)
 def test_a_page_from_elsewhere_may_not_submit(strict, origin, job_queue):
     """Any web page could: a form's body needs no leave of the browser."""
     response = strict.post("/v1/jobs", json={"kind": "noop"}, headers={"Origin": origin})
@@ -72,17 +75,25 @@ def test_a_page_from_elsewhere_may_not_submit(strict, origin, job_queue):
 
 
 def test_our_own_page_may(strict):
-    headers = {"Origin": "http://127.0.0.1:8000", "Host": "127.0.0.1:8000", "Sec-Fetch-Site": "same-origin"}
+    headers = {
+        "Origin": "http://127.0.0.1:8000",
+        "Host": "127.0.0.1:8000",
+        "Sec-Fetch-Site": "same-origin",
+    }
     assert strict.post("/v1/jobs", json={"kind": "noop"}, headers=headers).status_code == 202
 
 
-@pytest.mark.parametrize(("method", "mode", "status"), [("GET", "navigate", 200), ("GET", "no-cors", 403)])
+@pytest.mark.parametrize(
+    ("method", "mode", "status"), [("GET", "navigate", 200), ("GET", "no-cors", 403)]
+)
 def test_a_link_may_lead_here_but_no_page_may_embed_us(strict, method, mode, status):
     headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": mode}
     assert strict.request(method, "/", headers=headers).status_code == status
 
 
-@pytest.mark.parametrize(("address", "status"), [("127.0.0.1", 200), ("192.168.1.5", 403), ("::ffff:10.0.0.1", 403)])
+@pytest.mark.parametrize(
+    ("address", "status"), [("127.0.0.1", 200), ("192.168.1.5", 403), ("::ffff:10.0.0.1", 403)]
+)
 def test_what_comes_in_from_a_network_is_refused_without_keys(service_settings, address, status):
     app = create_app(service_settings.model_copy(update={"allowed_hosts": ("cell",)}))
 
@@ -90,7 +101,9 @@ def test_what_comes_in_from_a_network_is_refused_without_keys(service_settings, 
         await app(scope | {"server": (address, 8000)}, receive, send)
 
     async def ask() -> httpx.Response:
-        async with httpx.AsyncClient(transport=httpx.ASGITransport(arriving), base_url="http://cell") as client:
+        async with httpx.AsyncClient(
+            transport=httpx.ASGITransport(arriving), base_url="http://cell"
+        ) as client:
             return await client.get("/healthz")
 
     assert asyncio.run(ask()).status_code == status
@@ -103,9 +116,22 @@ def test_uvicorn_alone_does_not_listen_to_a_network_without_keys(settings):
     environment |= {"DLO_REDIS_URL": settings.redis_url, "DLO_DATA_DIR": str(settings.data_dir)}
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "uvicorn", "--factory", "services.app:create_app", "--host", "0.0.0.0"]
+    command = [
+        sys.executable,
+        "-m",
+        "uvicorn",
+        "--factory",
+        "services.app:create_app",
+        "--host",
+        "0.0.0.0",
+    ]
     ended = subprocess.run(
-        [*command, "--port", str(port)], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+        [*command, "--port", str(port)],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert "without API keys" in ended.stdout + ended.stderr
 
@@ -193,7 +219,9 @@ class TestConnections:
     def test_the_rest_of_a_body_that_is_answered_is_not_waited_for(self, address, monkeypatch):
         monkeypatch.setattr(http_protocol, "REST_WITHIN_S", 0.1)
         with socket.create_connection(address, timeout=20) as connection:
-            connection.sendall(b"POST /v1/nothing HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\nx")
+            connection.sendall(
+                b"POST /v1/nothing HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000\r\n\r\nx"
+            )
             answer = b""
             while chunk := connection.recv(4096):
                 answer += chunk
@@ -210,7 +238,9 @@ class TestConnections:
         assert answer.startswith(b"HTTP/1.1 503")
         assert b"too_many_connections" in answer
         assert b"Retry-After" in answer or b"retry-after" in answer
-        wait_until(lambda: httpx.get(f"http://{address[0]}:{address[1]}/healthz").status_code == 200)
+        wait_until(
+            lambda: httpx.get(f"http://{address[0]}:{address[1]}/healthz").status_code == 200
+        )
 
     def test_an_idle_one_is_there_for_longer_than_clients_use_it_again(self):
         """Client and service gave it up in the same moment, and a request was lost in between."""
@@ -219,7 +249,11 @@ class TestConnections:
         loop = asyncio.new_event_loop()
         protocol = BoundedHttp(config, uvicorn.Server(config).server_state, {}, loop)
         loop.close()
-        assert protocol.timeout_keep_alive == http_protocol.KEEP_ALIVE_S > 2 * httpx.Limits().keepalive_expiry
+        assert (
+            protocol.timeout_keep_alive
+            == http_protocol.KEEP_ALIVE_S
+            > 2 * httpx.Limits().keepalive_expiry
+        )
 
     def test_there_are_never_more_than_descriptors_for_them(self, monkeypatch):
         monkeypatch.setattr(http_protocol.resource, "getrlimit", lambda _: (400, 400))

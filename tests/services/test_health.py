@@ -115,7 +115,8 @@ def test_the_documentation_page_needs_no_network(client):
 
 
 def test_a_job_whose_last_worker_is_gone_is_put_right_by_the_service(client, ledger, job_queue):
-    """Nobody but a worker looked after lost jobs: with the last one killed, its job was running for ever."""
+    """Nobody but a worker looked after lost jobs: with the last one killed, its job was running for
+    ever."""
     job_id = client.post("/v1/jobs", json={"kind": "noop", "timeout_s": 600}).json()["id"]
     for _ in range(2):
         assert wait_until(lambda: ledger.claim(job_id, "gone"), 20)
@@ -128,7 +129,9 @@ def test_a_job_whose_last_worker_is_gone_is_put_right_by_the_service(client, led
 
 def test_metrics_tell_how_full_the_disk_is(client, service_settings):
     families = {
-        f.name: f.samples[0].value for f in text_string_to_metric_families(client.get("/metrics").text) if f.samples
+        f.name: f.samples[0].value
+        for f in text_string_to_metric_families(client.get("/metrics").text)
+        if f.samples
     }
     assert 0 < families["dlo_disk_free_bytes"] <= families["dlo_disk_bytes"]
     assert families["dlo_disk_reserve_bytes"] == service_settings.disk_reserve_bytes

@@ -5,7 +5,8 @@ from tests.services import samples
 
 def test_same_key_and_request_give_the_same_job(client, job_queue):
     first, second = (
-        client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k1"}) for _ in range(2)
+        client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k1"})
+        for _ in range(2)
     )
     assert first.status_code == second.status_code == 202
     assert first.json()["id"] == second.json()["id"]
@@ -28,5 +29,7 @@ def test_same_key_for_another_request(client, problem):
 
 
 def test_key_out_of_range(client, problem):
-    response = client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k" * 256})
+    response = client.post(
+        "/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k" * 256}
+    )
     problem(response, 422, field="Idempotency-Key")

@@ -33,7 +33,9 @@ def test_turned_picture_has_the_size_of_the_upright_one(client):
 
 def test_same_bytes_give_the_same_id_however_they_are_sent(client):
     data = samples.encoded()
-    raw = client.post("/v1/images", content=data, headers={"Content-Type": "application/octet-stream"})
+    raw = client.post(
+        "/v1/images", content=data, headers={"Content-Type": "application/octet-stream"}
+    )
     part = client.post("/v1/images", files={"file": ("../../etc/passwd.png", data)})
     assert raw.status_code == part.status_code == 201
     assert raw.json() == part.json()
@@ -42,18 +44,26 @@ def test_same_bytes_give_the_same_id_however_they_are_sent(client):
 def test_file_name_of_a_part_goes_nowhere(client, service_settings):
     client.post("/v1/images", files={"file": ("../../escaped.png", samples.encoded())})
     kept = {path.name for path in service_settings.data_dir.parent.rglob("*") if path.is_file()}
-    assert kept == {hashlib.sha256(samples.encoded()).hexdigest(), "mark"}, "the folder's own mark and the picture"
+    assert kept == {hashlib.sha256(samples.encoded()).hexdigest(), "mark"}, (
+        "the folder's own mark and the picture"
+    )
 
 
 @pytest.mark.parametrize("data", samples.REFUSED.values(), ids=samples.REFUSED)
 def test_what_is_no_whole_picture_is_refused(client, problem, data):
     problem(client.post("/v1/images", content=data), 422, "invalid_image", "image")
-    problem(client.post("/v1/images", files={"file": ("x.png", data)}), 422, "invalid_image", "file")
+    problem(
+        client.post("/v1/images", files={"file": ("x.png", data)}), 422, "invalid_image", "file"
+    )
 
 
-@pytest.mark.parametrize("content_type", ["application/json", "text/plain", "application/x-www-form-urlencoded"])
+@pytest.mark.parametrize(
+    "content_type", ["application/json", "text/plain", "application/x-www-form-urlencoded"]
+)
 def test_other_content_types_are_refused(client, problem, content_type):
-    response = client.post("/v1/images", content=samples.encoded(), headers={"Content-Type": content_type})
+    response = client.post(
+        "/v1/images", content=samples.encoded(), headers={"Content-Type": content_type}
+    )
     problem(response, 415, "unsupported_media_type")
 
 
@@ -79,7 +89,11 @@ def test_multipart_without_the_file(client, problem):
     ],
 )
 def test_broken_multipart(client, problem, content_type, body):
-    problem(client.post("/v1/images", content=body, headers={"Content-Type": content_type}), 422, field="body")
+    problem(
+        client.post("/v1/images", content=body, headers={"Content-Type": content_type}),
+        422,
+        field="body",
+    )
 
 
 def test_33_mebibytes_are_refused_by_their_announced_length(client, problem):
@@ -87,11 +101,17 @@ def test_33_mebibytes_are_refused_by_their_announced_length(client, problem):
 
 
 def test_33_mebibytes_in_a_part_are_refused(client, problem):
-    problem(client.post("/v1/images", files={"file": ("x.png", bytes(33 * MEBIBYTE))}), 413, "too_large", "file")
+    problem(
+        client.post("/v1/images", files={"file": ("x.png", bytes(33 * MEBIBYTE))}),
+        413,
+        "too_large",
+        "file",
+    )
 
 
 def test_endless_body_is_refused_while_it_streams_in(app):
-    """No length is announced; of a body of 640 MiB little more than the limit of 32 is ever read."""
+    """No length is announced; of a body of 640 MiB little more than the limit of 32 is ever
+    read."""
     sent = 0
 
     async def body():
@@ -135,7 +155,8 @@ def test_a_picture_is_read_once_however_many_requests_name_it(app, client, monke
 
 
 def test_a_picture_that_was_just_there_is_not_looked_for_again(app, client, monkeypatch):
-    """Every request waited for a thread, and on several hosts for S3, to learn what the one before had learned."""
+    """Every request waited for a thread, and on several hosts for S3, to learn what the one before
+    had learned."""
     uploaded = client.post("/v1/images", content=samples.encoded()).json()["id"]
     uploads, found = app.state.backend.uploads, []
     find = uploads._find

@@ -157,7 +157,8 @@ class TestFiles:
         assert client.get(url, headers={"If-None-Match": '"other"'}).status_code == 200
 
     @pytest.mark.parametrize(
-        "name", ["mask.png", "%2e%2e", "%2e%2e%2f%2e%2e%2fserve.lock", "..%5c..", "overlay.png%00", "*"]
+        "name",
+        ["mask.png", "%2e%2e", "%2e%2e%2f%2e%2e%2fserve.lock", "..%5c..", "overlay.png%00", "*"],
     )
     def test_name_that_is_not_in_the_jobs_list(self, client, problem, noop, overlay, name):
         problem(client.get(f"/v1/jobs/{noop}/files/{name}"), 404)

@@ -59,7 +59,9 @@ def submit(guarded):
     return submit
 
 
-@pytest.mark.parametrize(("name", "status"), [("reader", 200), ("chief", 200), ("late", 401), ("nobody", 401)])
+@pytest.mark.parametrize(
+    ("name", "status"), [("reader", 200), ("chief", 200), ("late", 401), ("nobody", 401)]
+)
 def test_who_may_read(guarded, name, status):
     for path in ("/v1/jobs", "/v1/models", "/metrics"):
         assert guarded.get(path, headers=as_(name)).status_code == status
@@ -77,17 +79,24 @@ def test_a_key_sees_and_cancels_its_own_jobs_only(guarded, submit):
     job_id = submit("cell")
     for path in ("", "/events", "/files/x"):
         for name in ("other", "reader"):
-            assert guarded.get(f"/v1/jobs/{job_id}{path}", headers=as_(name)).json()["code"] == "unknown_job"
+            assert (
+                guarded.get(f"/v1/jobs/{job_id}{path}", headers=as_(name)).json()["code"]
+                == "unknown_job"
+            )
     assert guarded.delete(f"/v1/jobs/{job_id}", headers=as_("other")).status_code == 404
     assert guarded.get("/v1/jobs", headers=as_("other")).json()["jobs"] == []
-    assert [job["id"] for job in guarded.get("/v1/jobs", headers=as_("cell")).json()["jobs"]] == [job_id]
+    assert [job["id"] for job in guarded.get("/v1/jobs", headers=as_("cell")).json()["jobs"]] == [
+        job_id
+    ]
     assert guarded.get(f"/v1/jobs/{job_id}", headers=as_("cell")).json()["state"] == "queued"
     assert guarded.delete(f"/v1/jobs/{job_id}", headers=as_("cell")).json()["state"] == "cancelled"
 
 
 def test_an_admin_sees_and_cancels_everybodys(guarded, submit):
     job_id = submit("cell")
-    assert [job["id"] for job in guarded.get("/v1/jobs", headers=as_("chief")).json()["jobs"]] == [job_id]
+    assert [job["id"] for job in guarded.get("/v1/jobs", headers=as_("chief")).json()["jobs"]] == [
+        job_id
+    ]
     assert guarded.delete(f"/v1/jobs/{job_id}", headers=as_("chief")).json()["state"] == "cancelled"
 
 
@@ -119,7 +128,10 @@ def test_a_key_may_keep_so_many_bytes(guarded, service_settings):
     for picture in (pictures[0], pictures[0], pictures[1]):
         assert guarded.post("/v1/images", content=picture, headers=as_("small")).status_code == 201
     kept = len(list(service_settings.blobs_dir.rglob("*")))
-    refused = [guarded.post("/v1/images", content=picture, headers=as_("small")) for picture in pictures[2:]]
+    refused = [
+        guarded.post("/v1/images", content=picture, headers=as_("small"))
+        for picture in pictures[2:]
+    ]
     assert (refused[-1].status_code, refused[-1].json()["code"]) == (507, "quota_exceeded")
     files = [("image", ("x", pictures[3])), ("request", (None, '{"kind": "segment"}'))]
     assert guarded.post("/v1/jobs", files=files, headers=as_("small")).status_code == 507
@@ -138,7 +150,9 @@ def test_keys_change_without_a_restart(guarded, file, submit):
     assert guarded.get(f"/v1/jobs/{job_id}", headers=as_("cell-2027")).status_code == 200
 
 
-@pytest.mark.parametrize("broken", ["", "[[keys]", entry("x", scopes=["write"]), '[[keys]]\nname = "x"\n'])
+@pytest.mark.parametrize(
+    "broken", ["", "[[keys]", entry("x", scopes=["write"]), '[[keys]]\nname = "x"\n']
+)
 def test_a_file_that_breaks_meanwhile_changes_nothing(guarded, file, broken):
     file.write_text(broken)
     assert guarded.get("/v1/jobs", headers=as_("cell")).status_code == 200

@@ -1,4 +1,5 @@
-"""Label folders: read, and saved so that nobody overwrites another's work or files it under another picture."""
+"""Label folders: read, and saved so that nobody overwrites another's work or files it under another
+picture."""
 
 from __future__ import annotations
 
@@ -66,7 +67,9 @@ def save(client):
 
     def put(label: PictureLabel, etag: str | None, name: str = NAME):
         headers = {"If-Match": etag} if etag else {}
-        return client.put(_path("label"), params={"name": name}, content=label.model_dump_json(), headers=headers)
+        return client.put(
+            _path("label"), params={"name": name}, content=label.model_dump_json(), headers=headers
+        )
 
     return put
 
@@ -106,7 +109,11 @@ def test_only_labelled_pictures_are_there(client, problem, part, name):
 def test_a_change_is_a_draft_until_somebody_confirms_it(client, save, root):
     label = PictureLabel.model_validate_json(get(client).content)
     changed = label.model_copy(
-        update={"instances": label.instances[:1], "crossings": [], "ignore": [[(0, 0), (9, 0), (9, 9)]]}
+        update={
+            "instances": label.instances[:1],
+            "crossings": [],
+            "ignore": [[(0, 0), (9, 0), (9, 9)]],
+        }
     )
     first = save(changed, get(client).headers["etag"])
     assert first.status_code == 204
@@ -123,7 +130,9 @@ def test_a_change_is_a_draft_until_somebody_confirms_it(client, save, root):
 
 def test_two_people_do_not_overwrite_each_other(client, save, problem):
     etag = get(client).headers["etag"]
-    mine, theirs = (drawn.label().model_copy(update={"instances": drawn.label().instances[:k]}) for k in (1, 2))
+    mine, theirs = (
+        drawn.label().model_copy(update={"instances": drawn.label().instances[:k]}) for k in (1, 2)
+    )
     assert save(theirs, etag).status_code == 204
     problem(save(mine, etag), 412, "changed_meanwhile")
     assert len(PictureLabel.model_validate_json(get(client).content).instances) == 2
@@ -144,7 +153,9 @@ def test_a_label_never_lands_under_another_picture(client, save, problem):
 
 def test_what_is_no_label_is_refused_with_its_field(client, problem):
     headers = {"If-Match": get(client).headers["etag"]}
-    bad = client.put(_path("label"), params={"name": NAME}, content=b'{"width": -1}', headers=headers)
+    bad = client.put(
+        _path("label"), params={"name": NAME}, content=b'{"width": -1}', headers=headers
+    )
     assert "width" in {error["field"] for error in problem(bad, 422)["errors"]}
 
 
@@ -160,7 +171,9 @@ def test_the_picture_is_the_one_that_was_labelled(client, problem, root):
 @pytest.mark.parametrize("name", ["coco-polygons", "cvat", "png"])
 def test_labels_leave_in_the_format_of_another_tool(client, name, tmp_path):
     label = drawn.label(NAME).model_copy(update={"origin": "corrected", "sha256": sha256(png(10))})
-    answer = client.post("/v1/label-exports", params={"format": name}, content=label.model_dump_json())
+    answer = client.post(
+        "/v1/label-exports", params={"format": name}, content=label.model_dump_json()
+    )
     assert answer.status_code == 200, answer.text
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         archive.extractall(tmp_path / "out")
@@ -169,7 +182,11 @@ def test_labels_leave_in_the_format_of_another_tool(client, name, tmp_path):
         ids = np.asarray(Image.open(next((tmp_path / "out").rglob("*.png"))))
         assert set(np.unique(ids)) == {0, 1, 2, 3}
         return
-    (file,) = (file for file in (tmp_path / "out").rglob("*.*") if file.suffix in (".json", ".jsonl", ".xml"))
+    (file,) = (
+        file
+        for file in (tmp_path / "out").rglob("*.*")
+        if file.suffix in (".json", ".jsonl", ".xml")
+    )
     (back,) = reader(file, Wanted(sizes={NAME: (drawn.WIDTH, drawn.HEIGHT)})).labels
     assert len(back.instances) == 3
 
@@ -182,16 +199,25 @@ def test_yolo_says_where_the_pictures_belong(client):
         labels = {name for name in archive.namelist() if name.endswith(".txt")}
     assert set(places) == {"a/1.png", "b/1.jfif"}
     assert {place.rpartition("/")[2] for place in places.values()} == {"a__1.png", "b__1.jpg"}
-    assert {f"yolo/{place.replace('images', 'labels').rpartition('.')[0]}.txt" for place in places.values()} == labels
+    assert {
+        f"yolo/{place.replace('images', 'labels').rpartition('.')[0]}.txt"
+        for place in places.values()
+    } == labels
 
 
 def test_what_an_export_needs_is_installed_with_the_service():
     """Every export of the bench but our own answered 501 in the image."""
-    extra = tomllib.loads((ROOT / "clients/python/pyproject.toml").read_text())["project"]["optional-dependencies"]
-    pinned = re.findall(r"^([\w.-]+)==", (ROOT / "requirements/service.txt").read_text(), re.MULTILINE)
+    extra = tomllib.loads((ROOT / "clients/python/pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    pinned = re.findall(
+        r"^([\w.-]+)==", (ROOT / "requirements/service.txt").read_text(), re.MULTILINE
+    )
     assert {re.split(r"[<>=~]", one)[0] for one in extra["label"]} <= set(pinned)
 
 
 def test_labels_that_are_none_are_refused(client, problem):
-    problem(client.post("/v1/label-exports?format=cvat", content=b'{"width": 1}'), 422, field="labels")
+    problem(
+        client.post("/v1/label-exports?format=cvat", content=b'{"width": 1}'), 422, field="labels"
+    )
     problem(client.post("/v1/label-exports?format=xml", content=b""), 422, field="format")

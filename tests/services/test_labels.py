@@ -1,4 +1,5 @@
-"""``/v1/labels`` and the jobs that learn from them: what is taken, what is refused, and who is there to do it."""
+"""``/v1/labels`` and the jobs that learn from them: what is taken, what is refused, and who is
+there to do it."""
 
 from __future__ import annotations
 
@@ -36,7 +37,9 @@ def bomb() -> bytes:
 def trainer(job_queue, monkeypatch):
     """A worker that trains, as the queue server sees it."""
     monkeypatch.setattr(presence, "EXPIRY_MS", 600_000)
-    info = WorkerInfo("t", ready=True, busy=False, queues=["training"], started_at=datetime.now(UTC), networks=[])
+    info = WorkerInfo(
+        "t", ready=True, busy=False, queues=["training"], started_at=datetime.now(UTC), networks=[]
+    )
     announce(job_queue._client, job_queue._keys, info)
 
 
@@ -57,7 +60,9 @@ def test_what_is_no_archive_of_labels_is_refused(client, problem, data, why):
 def test_labels_are_kept_and_learnt_from_in_a_queue_of_their_own(client, trainer, job_queue):
     info = client.post("/v1/labels", content=archive()).json()
     assert info["pictures"] == 5
-    job = client.post("/v1/jobs", json={"kind": "adapt", "name": "cell7", "labels": {"id": info["id"]}})
+    job = client.post(
+        "/v1/jobs", json={"kind": "adapt", "name": "cell7", "labels": {"id": info["id"]}}
+    )
     assert job.status_code == 202, job.text
     assert job.json()["priority"] == "training"
     assert job_queue.depth() == {"interactive": 0, "batch": 0, "training": 1}
@@ -66,7 +71,10 @@ def test_labels_are_kept_and_learnt_from_in_a_queue_of_their_own(client, trainer
 def test_without_a_worker_that_trains_nobody_waits_for_one(client, problem):
     """The job would have waited for its whole time limit."""
     labels = next(iter(UPLOADS))
-    found = problem(client.post("/v1/jobs", json={"kind": "adapt", "name": "cell7", "labels": {"id": labels}}), 503)
+    found = problem(
+        client.post("/v1/jobs", json={"kind": "adapt", "name": "cell7", "labels": {"id": labels}}),
+        503,
+    )
     assert found["code"] == "no_training_worker"
 
 
@@ -79,8 +87,12 @@ def test_a_worker_that_only_trains_makes_no_service_ready(client, trainer, probl
     problem(client.get("/readyz"), 503, "not_ready")
 
 
-WRONG = [({"name": "A"}, "name"), ({"minutes": 0}, "minutes"), ({"minutes": 46}, "minutes"),
-         ({"keep_aside": 0}, "keep_aside")]  # fmt: skip
+WRONG = [
+    ({"name": "A"}, "name"),
+    ({"minutes": 0}, "minutes"),
+    ({"minutes": 46}, "minutes"),
+    ({"keep_aside": 0}, "keep_aside"),
+]
 
 
 @pytest.mark.parametrize(("fields", "field"), WRONG)

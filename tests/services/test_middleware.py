@@ -7,7 +7,9 @@ import structlog
 
 
 def test_request_id_is_echoed_and_logged(client):
-    with structlog.testing.capture_logs(processors=[structlog.contextvars.merge_contextvars]) as logged:
+    with structlog.testing.capture_logs(
+        processors=[structlog.contextvars.merge_contextvars]
+    ) as logged:
         response = client.get("/healthz", headers={"X-Request-ID": "cell-3/42"})
     assert response.headers["X-Request-ID"] == "cell-3/42"
     line = next(line for line in logged if line["event"] == "request")
@@ -40,7 +42,9 @@ def test_method_not_allowed(client, problem, method):
     assert response.headers["Allow"]
 
 
-@pytest.mark.parametrize("path", ["/v2/jobs", "/v1", "/viewer/../settings.py", "/viewer/..%2fsettings.py"])
+@pytest.mark.parametrize(
+    "path", ["/v2/jobs", "/v1", "/viewer/../settings.py", "/viewer/..%2fsettings.py"]
+)
 def test_no_such_route(client, problem, path):
     problem(client.get(path), 404, "not_found")
 

@@ -10,8 +10,22 @@ from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 from services.examples import EXAMPLES
 
 SUFFIXES = (
-    "_px", "_m", "_m2", "_s", "_ms", "_rad", "_kg", "_xy", "_xy_m", "_mb", "_hz", "_bytes", "_widths", "_rle", "_uv",
-)  # fmt: skip
+    "_px",
+    "_m",
+    "_m2",
+    "_s",
+    "_ms",
+    "_rad",
+    "_kg",
+    "_xy",
+    "_xy_m",
+    "_mb",
+    "_hz",
+    "_bytes",
+    "_widths",
+    "_rle",
+    "_uv",
+)
 UNIT = re.compile(
     r"\b(pixels?|px|meters?|mm|m|millimeters?|seconds?|s|ms|milliseconds|radians?|rad|degrees?|bytes?|kg|N m|N s|jobs"
     r"|share|percent|minutes|ratio|factor|times|probability|score|confidence|certainty|cost|loss|logarithms?|unit|units|id|ids|index"
@@ -37,7 +51,12 @@ def _numeric(shape: dict) -> bool:
     """Whether the values, or those inside lists and alternatives, are numbers."""
     if shape.get("type") in ("number", "integer"):
         return True
-    inner = [shape.get("items"), *shape.get("prefixItems", []), *shape.get("anyOf", []), *shape.get("oneOf", [])]
+    inner = [
+        shape.get("items"),
+        *shape.get("prefixItems", []),
+        *shape.get("anyOf", []),
+        *shape.get("oneOf", []),
+    ]
     return any(_numeric(one) for one in inner if isinstance(one, dict))
 
 
@@ -47,7 +66,9 @@ def test_every_quantity_has_its_unit(document):
         f"{name}.{field}: {shape.get('description')}"
         for name, schema in document["components"]["schemas"].items()
         for field, shape in schema.get("properties", {}).items()
-        if _numeric(shape) and not field.endswith(SUFFIXES) and not UNIT.search(shape.get("description", ""))
+        if _numeric(shape)
+        and not field.endswith(SUFFIXES)
+        and not UNIT.search(shape.get("description", ""))
     ]
     assert unitless == []
 
@@ -68,5 +89,7 @@ def test_every_operation_is_named_and_told_apart(document):
 def test_there_is_an_example_of_every_kind(document):
     kinds = set(document["components"]["schemas"]["AnyRequest"]["discriminator"]["mapping"])
     assert kinds == set(EXAMPLES)
-    body = document["paths"]["/v1/recipes/{number}"]["put"]["requestBody"]["content"]["application/json"]
+    body = document["paths"]["/v1/recipes/{number}"]["put"]["requestBody"]["content"][
+        "application/json"
+    ]
     assert body["example"]["request"]["kind"] in kinds

@@ -1,4 +1,5 @@
-"""What only a real HTTP server shows: bodies that are refused half-way, and many who wait at once."""
+"""What only a real HTTP server shows: bodies that are refused half-way, and many who wait at
+once."""
 
 import asyncio
 
@@ -34,7 +35,9 @@ def test_hundreds_may_wait_for_one_job(address, ledger):
         limits = httpx.Limits(max_connections=None)
         async with httpx.AsyncClient(base_url=address, timeout=60, limits=limits) as client:
             job_id = (await client.post("/v1/jobs", json={"kind": "noop"})).json()["id"]
-            waiting = [asyncio.create_task(client.get(f"/v1/jobs/{job_id}?wait=60")) for _ in range(200)]
+            waiting = [
+                asyncio.create_task(client.get(f"/v1/jobs/{job_id}?wait=60")) for _ in range(200)
+            ]
             await asyncio.wait(waiting, timeout=1, return_when=asyncio.FIRST_COMPLETED)
             assert (await client.get("/v1/jobs")).status_code == 200
             claim = await asyncio.to_thread(ledger.claim, job_id, "by hand")

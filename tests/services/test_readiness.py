@@ -35,7 +35,9 @@ def test_a_service_with_another_folder_than_its_workers_is_not_ready(client, set
     """A second service: pictures that are sent to it would not be found."""
     monkeypatch.setattr(presence, "EXPIRY_MS", 600_000)
     with connect(settings) as queue_server:
-        presence.announce(queue_server, KEYS, presence.WorkerInfo("w", True, False, [], datetime.now(UTC), []))
+        presence.announce(
+            queue_server, KEYS, presence.WorkerInfo("w", True, False, [], datetime.now(UTC), [])
+        )
         queue_server.set(KEYS.blobs, "mark of the folder that the workers share")
     detail = client.get("/readyz").json()["detail"]
     assert "not the place where the others keep pictures" in detail

@@ -20,7 +20,9 @@ def ended(client, ledger):
 
     def ended(request: dict, **form) -> str:
         files = [("request", json.dumps(request).encode()), *(form.get("parts") or [])]
-        reply = client.post("/v1/jobs", files=files) if form else client.post("/v1/jobs", json=request)
+        reply = (
+            client.post("/v1/jobs", files=files) if form else client.post("/v1/jobs", json=request)
+        )
         assert reply.status_code == 202, reply.text
         job_id = reply.json()["id"]
         ledger.succeed(ledger.claim(job_id, "w"), NoopResult(held_s=0.0), [], {})
@@ -31,14 +33,22 @@ def ended(client, ledger):
 
 def test_what_was_asked_for_without_what_was_of_that_job(client, ended):
     request = {
-        "kind": "instances", "threshold": 0.4, "files": [], "label": "shelf 3", "priority": "batch",
-        "params": {"neighbors": 4}, "method": "rt_dlo",
-    }  # fmt: skip
+        "kind": "instances",
+        "threshold": 0.4,
+        "files": [],
+        "label": "shelf 3",
+        "priority": "batch",
+        "params": {"neighbors": 4},
+        "method": "rt_dlo",
+    }
     body = client.get(f"{ended(request, parts=[('image', encoded())])}/recipe").json()
     picture = client.post("/v1/images", content=encoded()).json()["id"]
     assert body["name"] == "shelf 3"
     assert body["samples"] == [{"image": {"id": picture}, "flange": None}]
-    kept = {name: request[name] for name in ("kind", "threshold", "files", "priority", "method", "params")}
+    kept = {
+        name: request[name]
+        for name in ("kind", "threshold", "files", "priority", "method", "params")
+    }
     assert body["request"] == kept
     assert client.put("/v1/recipes/7", json=body).status_code == 201
     (job,) = client.post("/v1/recipes/7/dry-run").json()
@@ -48,7 +58,9 @@ def test_what_was_asked_for_without_what_was_of_that_job(client, ended):
 def test_views_keep_their_cameras_and_lose_their_pictures(client, ended):
     request = {"kind": "reconstruct", **EXAMPLES["reconstruct"]}
     body = client.get(f"{ended(request)}/recipe").json()
-    assert [set(view) for view in body["request"]["views"]] == [{"intrinsics", "T_world_camera"}] * 3
+    assert [set(view) for view in body["request"]["views"]] == [
+        {"intrinsics", "T_world_camera"}
+    ] * 3
     assert [sample["image"]["id"] for sample in body["samples"]] == list(PICTURES)
     assert client.put("/v1/recipes/9", json=body).status_code == 201
     (job,) = client.post("/v1/recipes/9/dry-run").json()
@@ -58,12 +70,16 @@ def test_views_keep_their_cameras_and_lose_their_pictures(client, ended):
 def test_the_output_gets_the_stored_camera_with_its_calibration(client, ended):
     client.put("/v1/cameras/over", json=CAMERA | {"sigma_m": 0.001})
     output = OUTPUT | {"camera": CAMERA}
-    body = client.get(f"{ended({'kind': 'instances', **EXAMPLES['instances'], 'output': output})}/recipe").json()
+    body = client.get(
+        f"{ended({'kind': 'instances', **EXAMPLES['instances'], 'output': output})}/recipe"
+    ).json()
     assert body["camera"] == "over"
     assert body["output"]["rotation"] == "kuka_abc"
     assert client.put("/v1/recipes/7", json=body).status_code == 201
     moved = OUTPUT | {"camera": CAMERA, "plane": {"offset_m": 0.01}}
-    other = client.get(f"{ended({'kind': 'instances', **EXAMPLES['instances'], 'output': moved})}/recipe").json()
+    other = client.get(
+        f"{ended({'kind': 'instances', **EXAMPLES['instances'], 'output': moved})}/recipe"
+    ).json()
     assert other["camera"] is None, "no stored camera has this plane"
 
 

@@ -14,7 +14,10 @@ from tests.services.samples import encoded, sixteen_bit_png
 
 INSTANCES = {"name": "cables", "request": {"kind": "instances", "files": []}}
 LENS = {"width": 40, "height": 30, "fx": 40, "fy": 40, "cx": 20, "cy": 15}
-ON_ARM = {"intrinsics": LENS, "T_flange_camera": [[1, 0, 0, 0], [0, 1, 0, 0.1], [0, 0, 1, 0], [0, 0, 0, 1]]}
+ON_ARM = {
+    "intrinsics": LENS,
+    "T_flange_camera": [[1, 0, 0, 0], [0, 1, 0, 0.1], [0, 0, 1, 0], [0, 0, 0, 1]],
+}
 SCAN = {
     "name": "scan",
     "request": {"kind": "reconstruct"},
@@ -42,7 +45,10 @@ class TestStore:
     def test_versions_count_up(self, client, store):
         assert [store(7)["version"] for _ in range(2)] == [1, 2]
         assert client.put("/v1/recipes/8", json=INSTANCES).status_code == 201
-        assert [(r["number"], r["version"]) for r in client.get("/v1/recipes").json()] == [(7, 2), (8, 1)]
+        assert [(r["number"], r["version"]) for r in client.get("/v1/recipes").json()] == [
+            (7, 2),
+            (8, 1),
+        ]
         assert [r["version"] for r in client.get("/v1/recipes/7/versions").json()] == [2, 1]
         assert client.get("/v1/recipes/7?version=1").json()["request"] == INSTANCES["request"]
 
@@ -87,7 +93,10 @@ class TestStore:
         problem(client.put("/v1/recipes/7", json=body), 422, "unknown_image", field="request")
 
     def test_no_json(self, client, problem):
-        problem(client.put("/v1/recipes/7", content=b"{", headers={"content-type": "application/json"}), 422)
+        problem(
+            client.put("/v1/recipes/7", content=b"{", headers={"content-type": "application/json"}),
+            422,
+        )
         problem(client.put("/v1/recipes/7", content=b"{}"), 415)
         problem(client.put("/v1/recipes/65536", json=INSTANCES), 422)
 
@@ -149,11 +158,15 @@ class TestRun:
         store(9, SCAN)
         flange = [[0, 0, 500, 0, 0, 180], [100, 0, 500, 90, 0, 180]]
         files = [("image", encoded()), ("image", encoded(format_name="JPEG"))]
-        reply = client.post("/v1/recipes/9/run", files=[*files, ("flange", json.dumps(flange).encode())])
+        reply = client.post(
+            "/v1/recipes/9/run", files=[*files, ("flange", json.dumps(flange).encode())]
+        )
         assert reply.status_code == 202, reply.text
         request = entry(job_queue, reply.json())
         first, second = (view["T_world_camera"] for view in request["views"])
-        assert [row[3] for row in first[:3]] == pytest.approx([0, -0.1, 0.5]), "0.1 m along the flange's y, turned down"
+        assert [row[3] for row in first[:3]] == pytest.approx([0, -0.1, 0.5]), (
+            "0.1 m along the flange's y, turned down"
+        )
         assert [row[3] for row in second[:3]] == pytest.approx([0.1 + 0.1, 0, 0.5])
         assert request["views"][0]["intrinsics"]["fx"] == 40
         assert request["output"]["rotation"] == "kuka_abc"
@@ -162,17 +175,26 @@ class TestRun:
         problem(client.post("/v1/recipes/9/run", files=short), 422, field="flange.0")
 
     def test_the_output_gets_camera_plane_and_tool(self, client, store, job_queue):
-        standing = {"intrinsics": LENS, "T_world_camera": ON_ARM["T_flange_camera"], "plane": {"offset_m": 0.02}}
+        standing = {
+            "intrinsics": LENS,
+            "T_world_camera": ON_ARM["T_flange_camera"],
+            "plane": {"offset_m": 0.02},
+        }
         client.put("/v1/cameras/over", json=standing | {"T_flange_tool": ON_ARM["T_flange_camera"]})
         store(7, INSTANCES | {"camera": "over", "output": {"frame": "camera", "unit": "mm"}})
-        output = entry(job_queue, client.post("/v1/recipes/7/run", files={"image": encoded()}).json())["output"]
+        output = entry(
+            job_queue, client.post("/v1/recipes/7/run", files={"image": encoded()}).json()
+        )["output"]
         assert output["plane"]["offset_m"] == 0.02
         assert output["camera"]["T_world_camera"][1][3] == 0.1
         assert output["T_flange_tool"][1][3] == 0.1
 
     def test_depth_gets_the_camera(self, client, store, job_queue):
         """Depth is measured with the camera that the recipe names; a run brings pictures alone."""
-        client.put("/v1/cameras/over", json={"intrinsics": LENS, "T_world_camera": ON_ARM["T_flange_camera"]})
+        client.put(
+            "/v1/cameras/over",
+            json={"intrinsics": LENS, "T_world_camera": ON_ARM["T_flange_camera"]},
+        )
         store(7, INSTANCES | {"camera": "over"})
         parts = {"image": encoded(), "depth": sixteen_bit_png()}
         reply = client.post("/v1/recipes/7/run", files=parts)
@@ -187,7 +209,10 @@ class TestRun:
 
 class TestDryRun:
     def test_one_job_a_picture(self, client, store, job_queue):
-        pictures = [client.post("/v1/images", content=encoded(format_name=f)).json()["id"] for f in ("PNG", "JPEG")]
+        pictures = [
+            client.post("/v1/images", content=encoded(format_name=f)).json()["id"]
+            for f in ("PNG", "JPEG")
+        ]
         store(7, INSTANCES | {"samples": [{"image": {"id": picture}} for picture in pictures]})
         jobs = client.post("/v1/recipes/7/dry-run").json()
         assert [entry(job_queue, job)["image"]["id"] for job in jobs] == pictures
@@ -197,7 +222,8 @@ class TestDryRun:
         on_arm = {"intrinsics": CAMERA["intrinsics"], "T_flange_camera": ON_ARM["T_flange_camera"]}
         client.put("/v1/cameras/wrist", json=on_arm)
         samples = [
-            {"image": {"id": picture}, "flange": [30 * k, 0, 300, 0, 0, 180]} for k, picture in enumerate(PICTURES)
+            {"image": {"id": picture}, "flange": [30 * k, 0, 300, 0, 0, 180]}
+            for k, picture in enumerate(PICTURES)
         ]
         store(9, SCAN | {"samples": samples})
         (job,) = client.post("/v1/recipes/9/dry-run").json()
@@ -225,7 +251,9 @@ class TestCameras:
     def test_a_file_keeps_the_poses(self, client):
         client.put("/v1/cameras/wrist", json=ON_ARM)
         text = "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"
-        reply = client.put("/v1/cameras/wrist", content=text, headers={"content-type": "application/yaml"})
+        reply = client.put(
+            "/v1/cameras/wrist", content=text, headers={"content-type": "application/yaml"}
+        )
         assert reply.status_code == 200, reply.text
         camera = client.get("/v1/cameras/wrist").json()["camera"]
         assert camera["intrinsics"]["fx"] == 500
@@ -236,7 +264,11 @@ class TestCameras:
         [
             ({}, "intrinsics"),
             (ON_ARM | CAMERA, "T_flange_camera"),
-            (ON_ARM | {"T_flange_camera": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}, "T_flange_camera"),
+            (
+                ON_ARM
+                | {"T_flange_camera": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]},
+                "T_flange_camera",
+            ),
         ],
     )
     def test_wrong_ones_are_refused(self, client, problem, body, field):
@@ -262,7 +294,12 @@ def test_scopes(service_settings, tmp_path):
         def run(headers):
             return client.post("/v1/recipes/7/run", files={"image": encoded()}, headers=headers)
 
-        assert [put(headers).status_code for headers in ({}, reader, runner, writer)] == [401, 403, 403, 201]
+        assert [put(headers).status_code for headers in ({}, reader, runner, writer)] == [
+            401,
+            403,
+            403,
+            201,
+        ]
         assert client.get("/v1/recipes/7", headers=reader).json()["author"] == "engineer"
         assert [run(headers).status_code for headers in (reader, runner)] == [403, 202]
         assert client.delete("/v1/recipes/7", headers=runner).status_code == 403

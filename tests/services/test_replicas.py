@@ -1,4 +1,5 @@
-"""Several replicas of the service without state, on hosts that share no folder: pictures are in a bucket."""
+"""Several replicas of the service without state, on hosts that share no folder: pictures are in a
+bucket."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ BUCKET = {"blobs_url": "s3://pictures/plant"}
 @pytest.fixture
 def replicas(service_settings, s3, tmp_path):
     """Two, each with a data folder of its own."""
-    settings = [service_settings.model_copy(update=BUCKET | {"data_dir": tmp_path / name}) for name in "ns"]
+    settings = [
+        service_settings.model_copy(update=BUCKET | {"data_dir": tmp_path / name}) for name in "ns"
+    ]
     north, south = (TestClient(create_app(one), raise_server_exceptions=False) for one in settings)
     with north, south:
         yield north, south
@@ -28,7 +31,9 @@ def elsewhere(settings, s3):
     return open_blobs(settings.model_copy(update=BUCKET))
 
 
-def test_a_picture_sent_to_one_reaches_a_worker_elsewhere_whose_files_the_other_answers(replicas, ledger, elsewhere):
+def test_a_picture_sent_to_one_reaches_a_worker_elsewhere_whose_files_the_other_answers(
+    replicas, ledger, elsewhere
+):
     north, south = replicas
     image = north.post("/v1/images", content=samples.encoded()).json()
     job = south.post("/v1/jobs", json={"kind": "segment", "image": {"id": image["id"]}})
@@ -42,7 +47,10 @@ def test_a_picture_sent_to_one_reaches_a_worker_elsewhere_whose_files_the_other_
 
 
 def test_the_idempotency_key_of_one_is_known_to_the_other(replicas):
-    jobs = [one.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k"}).json() for one in replicas]
+    jobs = [
+        one.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k"}).json()
+        for one in replicas
+    ]
     assert jobs[0]["id"] == jobs[1]["id"]
 
 

@@ -1,4 +1,5 @@
-"""What reaches the disk: only pictures of requests that are accepted, and only while there is room."""
+"""What reaches the disk: only pictures of requests that are accepted, and only while there is
+room."""
 
 import errno
 import json
@@ -41,7 +42,9 @@ def test_pictures_of_an_accepted_request_are_kept(send, stored):
     assert len(stored()) == 1
 
 
-@pytest.mark.parametrize("request_fields", [{"kind": "knot"}, {"kind": "noop"}, {"kind": "segment", "threshold": 2}])
+@pytest.mark.parametrize(
+    "request_fields", [{"kind": "knot"}, {"kind": "noop"}, {"kind": "segment", "threshold": 2}]
+)
 def test_pictures_of_a_refused_request_are_dropped(send, stored, problem, request_fields):
     problem(send(request_fields, samples.encoded()), 422)
     assert stored() == []
@@ -60,7 +63,9 @@ def test_no_picture_is_kept_for_a_full_queue(client, send, stored, problem, full
     assert stored() == []
 
 
-def test_a_queue_that_fills_up_meanwhile_keeps_no_picture(app, client, send, stored, problem, full_queue, monkeypatch):
+def test_a_queue_that_fills_up_meanwhile_keeps_no_picture(
+    app, client, send, stored, problem, full_queue, monkeypatch
+):
     client.post("/v1/jobs", json={"kind": "noop"})
     monkeypatch.setattr(app.state.backend.queue, "check_room", lambda *_: None)
     problem(send({"kind": "segment"}, samples.encoded()), 429, "queue_full")
@@ -68,13 +73,17 @@ def test_a_queue_that_fills_up_meanwhile_keeps_no_picture(app, client, send, sto
 
 
 def test_a_repeated_submission_is_answered_although_the_queue_is_full(client, full_queue):
-    first, second = (client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k"}) for _ in range(2))
+    first, second = (
+        client.post("/v1/jobs", json={"kind": "noop"}, headers={"Idempotency-Key": "k"})
+        for _ in range(2)
+    )
     assert second.status_code == 202
     assert second.json()["id"] == first.json()["id"]
 
 
 def test_below_the_reserve_uploads_are_refused(client, send, stored, problem, full_disk):
-    """The disk was filled to its end: 500, half a blob, and the queue server could not write its log."""
+    """The disk was filled to its end: 500, half a blob, and the queue server could not write its
+    log."""
     refused = client.post("/v1/images", content=samples.encoded())
     problem(refused, 507, "storage_full")
     assert refused.headers["Retry-After"]
@@ -83,7 +92,9 @@ def test_below_the_reserve_uploads_are_refused(client, send, stored, problem, fu
     assert client.post("/v1/jobs", json={"kind": "noop"}).status_code == 202
 
 
-def test_a_disk_that_is_full_all_the_same_leaves_nothing_half_written(client, stored, problem, monkeypatch):
+def test_a_disk_that_is_full_all_the_same_leaves_nothing_half_written(
+    client, stored, problem, monkeypatch
+):
     def half(path: Path, data: bytes) -> int:
         with path.open("wb") as file:
             file.write(data[: len(data) // 2])

@@ -31,7 +31,9 @@ def upload(client):
 def send(client):
     """Multipart: the request, its `image` parts in order, perhaps a `mask` part."""
 
-    def send(request: dict | None, *images: bytes, mask: bytes | None = None, depth: bytes | None = None):
+    def send(
+        request: dict | None, *images: bytes, mask: bytes | None = None, depth: bytes | None = None
+    ):
         files = [("image", ("picture", image)) for image in images]
         files += [("mask", ("mask", mask))] if mask is not None else []
         files += [("depth", ("depth", depth))] if depth is not None else []
@@ -56,28 +58,44 @@ def queued(job_queue: JobQueue):
 
 @pytest.fixture
 def announced(settings, monkeypatch):
-    """A worker that has one foreground network and one for another task; it is there for the whole test."""
+    """A worker that has one foreground network and one for another task; it is there for the whole
+    test."""
     monkeypatch.setattr(presence, "EXPIRY_MS", 600_000)
-    fields = dict.fromkeys(("version", "sha256", "input", "origin", "license"), "1") | {"bytes": 1, "parameters": 1}
+    fields = dict.fromkeys(("version", "sha256", "input", "origin", "license"), "1") | {
+        "bytes": 1,
+        "parameters": 1,
+    }
     networks = [
         NetworkInfo(name=name, task=task, default=True, **fields)
         for name, task in (("foreground_compact", "foreground"), ("topology", "topology"))
     ]
-    info = WorkerInfo("w", ready=False, busy=True, queues=[], started_at=datetime.now(UTC), networks=networks)
+    info = WorkerInfo(
+        "w", ready=False, busy=True, queues=[], started_at=datetime.now(UTC), networks=networks
+    )
     with connect(settings) as queue_server:
         presence.announce(queue_server, KEYS, info)
 
 
 class TestAccepted:
     def test_a_network_that_a_worker_has(self, send, queued, announced):
-        assert queued(send({"kind": "segment", "model": "foreground_compact"}, samples.encoded())).model is not None
+        assert (
+            queued(
+                send({"kind": "segment", "model": "foreground_compact"}, samples.encoded())
+            ).model
+            is not None
+        )
 
     def test_any_network_as_long_as_no_worker_has_announced_its_own(self, send, queued):
-        assert queued(send({"kind": "segment", "model": "from_tomorrow"}, samples.encoded())).model == "from_tomorrow"
+        assert (
+            queued(send({"kind": "segment", "model": "from_tomorrow"}, samples.encoded())).model
+            == "from_tomorrow"
+        )
 
     def test_json_with_an_uploaded_picture(self, client, upload, queued):
         image = upload(samples.encoded())
-        response = client.post("/v1/jobs", json={"kind": "instances", "image": image, "label": "cell 3"})
+        response = client.post(
+            "/v1/jobs", json={"kind": "instances", "image": image, "label": "cell 3"}
+        )
         assert response.json()["label"] == "cell 3"
         assert queued(response).image == ImageRef(**image)
 
@@ -94,18 +112,33 @@ class TestAccepted:
     def test_depth_part_alone_and_beside_an_image_part(self, send, upload, queued, problem):
         camera = {"width": 40, "height": 30, "fx": 40.0, "fy": 40.0, "cx": 19.5, "cy": 14.5}
         depth, asked = samples.sixteen_bit_png(), {"kind": "instances", "intrinsics": camera}
-        alone, beside = queued(send(asked, depth=depth)), queued(send(asked, samples.encoded(), depth=depth))
+        alone, beside = (
+            queued(send(asked, depth=depth)),
+            queued(send(asked, samples.encoded(), depth=depth)),
+        )
         assert alone.depth == beside.depth == ImageRef(**upload(depth))
         assert (alone.image, beside.image) == (None, ImageRef(**upload(samples.encoded())))
         problem(send({"kind": "instances"}, depth=depth), 422, "invalid_request", "intrinsics")
-        problem(send(asked, samples.encoded(samples.pixels(20, 20)), depth=depth), 422, "size_mismatch", "depth")
+        problem(
+            send(asked, samples.encoded(samples.pixels(20, 20)), depth=depth),
+            422,
+            "size_mismatch",
+            "depth",
+        )
 
     def test_a_point_cloud_is_a_depth_and_no_picture(self, client, send, upload, queued, problem):
         file = io.BytesIO()
         np.save(file, np.ones((30, 40, 3), np.float32))
         cloud, asked = file.getvalue(), {"kind": "topology"}
-        assert queued(send(asked, samples.encoded(), depth=cloud)).depth == ImageRef(**upload(cloud))
-        problem(send(asked, samples.encoded(samples.pixels(20, 20)), depth=cloud), 422, "size_mismatch", "depth")
+        assert queued(send(asked, samples.encoded(), depth=cloud)).depth == ImageRef(
+            **upload(cloud)
+        )
+        problem(
+            send(asked, samples.encoded(samples.pixels(20, 20)), depth=cloud),
+            422,
+            "size_mismatch",
+            "depth",
+        )
         problem(send(asked, cloud), 422, "invalid_image", "image")
         problem(send(asked | {"image": upload(cloud)}), 422, "invalid_image", "image")
 
@@ -121,7 +154,10 @@ class TestAccepted:
         assert request.image == ImageRef(**upload(second))
 
     def test_part_that_is_the_mask_is_not_the_image_too(self, send, queued):
-        assert queued(send({"kind": "instances", "mask": {"part": 0}}, samples.encoded())).image is None
+        assert (
+            queued(send({"kind": "instances", "mask": {"part": 0}}, samples.encoded())).image
+            is None
+        )
 
     def test_sizes_are_compared_upright(self, send, queued):
         turned = samples.encoded(format_name="JPEG", orientation=samples.TURNED_RIGHT)
@@ -142,7 +178,9 @@ class TestViews:
     def request(self, *images, **intrinsics) -> dict:
         pose = [[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]]
         camera = {"width": 40, "height": 30, "fx": 50, "fy": 50, "cx": 20, "cy": 15} | intrinsics
-        views = [{"intrinsics": camera, "T_world_camera": [list(row) for row in pose]} for _ in images]
+        views = [
+            {"intrinsics": camera, "T_world_camera": [list(row) for row in pose]} for _ in images
+        ]
         for index, (view, image) in enumerate(zip(views, images, strict=True)):
             view["T_world_camera"][0][3] = 0.1 * index
             if image is not None:
@@ -152,12 +190,19 @@ class TestViews:
     def test_parts_fill_the_views_in_order(self, send, upload, queued):
         first, second = samples.encoded(), samples.encoded(format_name="BMP")
         request = queued(send(self.request(None, None), first, second))
-        assert [view.image for view in request.views] == [ImageRef(**upload(first)), ImageRef(**upload(second))]
+        assert [view.image for view in request.views] == [
+            ImageRef(**upload(first)),
+            ImageRef(**upload(second)),
+        ]
 
     def test_a_view_may_name_a_part_or_an_uploaded_picture(self, send, upload, queued):
-        first, second, third = (samples.encoded(format_name=name) for name in ("PNG", "BMP", "TIFF"))
+        first, second, third = (
+            samples.encoded(format_name=name) for name in ("PNG", "BMP", "TIFF")
+        )
         request = queued(send(self.request({"part": 1}, upload(third), None), first, second))
-        assert [v.image for v in request.views] == [ImageRef(**upload(x)) for x in (second, third, first)]
+        assert [v.image for v in request.views] == [
+            ImageRef(**upload(x)) for x in (second, third, first)
+        ]
 
     def test_too_few_or_too_many_pictures(self, send, problem):
         problem(send(self.request(None, None), samples.encoded()), 422, field="views.1.image")
@@ -190,7 +235,11 @@ class TestViews:
         k = [50.0, 0, 20, 0, 50, 15, 0, 0, 1]
         message = {"width": 40, "height": 30, "distortion_model": "plumb_bob"}
         request["views"][0]["intrinsics"] = message | {"K": k, "D": [0.0] * 5, "R": [1.0] * 9}
-        request["views"][1]["intrinsics"] = message | {"k": k, "d": [], "header": {"frame_id": "camera_optical"}}
+        request["views"][1]["intrinsics"] = message | {
+            "k": k,
+            "d": [],
+            "header": {"frame_id": "camera_optical"},
+        }
         views = queued(send(request, *[samples.encoded()] * 2)).views
         assert [view.intrinsics.K for view in views] == [k, k]
 
@@ -199,7 +248,9 @@ class TestRefused:
     @pytest.mark.parametrize("data", samples.REFUSED.values(), ids=samples.REFUSED)
     def test_what_is_no_whole_picture(self, send, problem, data):
         problem(send({"kind": "instances"}, data), 422, "invalid_image", "image")
-        problem(send({"kind": "instances"}, samples.encoded(), mask=data), 422, "invalid_image", "mask")
+        problem(
+            send({"kind": "instances"}, samples.encoded(), mask=data), 422, "invalid_image", "mask"
+        )
 
     @pytest.mark.parametrize(
         ("field", "request_fields"),
@@ -242,7 +293,9 @@ class TestRefused:
         assert [error["field"] for error in problem(response, 422)["errors"]] == ["image.part"]
 
     def test_all_fields_at_fault_are_named(self, client, problem):
-        response = client.post("/v1/jobs", json={"kind": "noop", "hold_s": -1, "label": 3, "color": "red"})
+        response = client.post(
+            "/v1/jobs", json={"kind": "noop", "hold_s": -1, "label": 3, "color": "red"}
+        )
         named = [error["field"] for error in problem(response, 422)["errors"]]
         assert sorted(named) == ["color", "hold_s", "label"]
 
@@ -254,12 +307,18 @@ class TestRefused:
     @pytest.mark.parametrize("model", ["foreground_compact_v9", "topology"])
     def test_a_network_that_no_worker_has(self, client, send, problem, announced, kind, model):
         """An unknown name was found in the worker only, by a job that had waited for its turn."""
-        found = problem(send({"kind": kind, "model": model}, samples.encoded()), 422, "invalid_model", "model")
+        found = problem(
+            send({"kind": kind, "model": model}, samples.encoded()), 422, "invalid_model", "model"
+        )
         assert "foreground_compact" in found["detail"]
         assert client.get("/v1/jobs").json()["jobs"] == []
 
     def test_a_network_in_a_large_request(self, send, problem, announced):
-        request = {"kind": "topology", "model": "other", "points": [{"xy": [1, 2], "depth_m": 1}] * 2000}
+        request = {
+            "kind": "topology",
+            "model": "other",
+            "points": [{"xy": [1, 2], "depth_m": 1}] * 2000,
+        }
         problem(send(request, samples.encoded()), 422, "invalid_model", "model")
 
     def test_neither_image_nor_mask(self, client, send, problem):
@@ -298,7 +357,9 @@ class TestRefused:
         problem(send(None, samples.encoded()), 422, field="request")
         problem(client.post("/v1/jobs", files={"picture": ("x", b"")}), 422, field="picture")
 
-    @pytest.mark.parametrize("body", [b"", b"{", b"kind=noop", b"\xff\xfe", b"[" * 100_000, b'{"a": "\\ud800"}'])
+    @pytest.mark.parametrize(
+        "body", [b"", b"{", b"kind=noop", b"\xff\xfe", b"[" * 100_000, b'{"a": "\\ud800"}']
+    )
     def test_not_json(self, client, problem, body):
         problem(client.post("/v1/jobs", content=body, headers=JSON), 422, "invalid_json", "body")
         response = client.post("/v1/jobs", files={"request": ("request", body)})
@@ -333,12 +394,18 @@ class TestWebhook:
 
     @pytest.fixture
     def service_settings(self, service_settings):
-        allowed = {"webhook_hosts": ("plc", "cell.example:8443"), "webhook_secret": "a secret of some length"}
+        allowed = {
+            "webhook_hosts": ("plc", "cell.example:8443"),
+            "webhook_secret": "a secret of some length",
+        }
         return service_settings.model_copy(update=allowed)
 
     @pytest.mark.parametrize("url", [URL, "http://plc:81", "http://plc"])
     def test_an_allowed_host_is_taken(self, client, queued, url):
-        assert queued(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url})).webhook_url == url
+        assert (
+            queued(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url})).webhook_url
+            == url
+        )
 
     @pytest.mark.parametrize(
         "url",
@@ -357,7 +424,11 @@ class TestWebhook:
         ],
     )
     def test_another_is_refused(self, client, problem, url):
-        problem(client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url}), 422, field="webhook_url")
+        problem(
+            client.post("/v1/jobs", json={"kind": "noop", "webhook_url": url}),
+            422,
+            field="webhook_url",
+        )
 
 
 class TestPlanShape:

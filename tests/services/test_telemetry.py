@@ -42,7 +42,9 @@ def test_the_span_of_a_job_is_in_the_trace_of_its_request(client, ledger, spans)
     with tracing.of_job(claim):
         pass
     ledger.succeed(claim, NoopResult(held_s=0), [], {})
-    request, job = (span for span in spans.get_finished_spans() if span.context.trace_id == int(TRACE, 16))
+    request, job = (
+        span for span in spans.get_finished_spans() if span.context.trace_id == int(TRACE, 16)
+    )
     assert request.attributes["http.route"] == "/v1/jobs"
     assert job.parent.span_id == request.context.span_id
     assert job.attributes["dlo.job_id"] == claim.job_id

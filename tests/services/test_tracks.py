@@ -1,4 +1,5 @@
-"""``/v1/tracks``: begin, send frames over HTTP and a WebSocket, look, end; who may, and what bad input is answered."""
+"""``/v1/tracks``: begin, send frames over HTTP and a WebSocket, look, end; who may, and what bad
+input is answered."""
 
 from __future__ import annotations
 
@@ -9,7 +10,14 @@ import time
 import httpx
 import pytest
 from dlo_client import Client
-from dlo_client.contracts import FrameResult, InstancesRequest, InstancesResult, SceneStatus, TrackInfo, TrackState
+from dlo_client.contracts import (
+    FrameResult,
+    InstancesRequest,
+    InstancesResult,
+    SceneStatus,
+    TrackInfo,
+    TrackState,
+)
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 from websockets.sync.client import connect
@@ -30,9 +38,18 @@ def answered(request: InstancesRequest) -> InstancesResult:
     before = request.previous or TrackState()
     track = before.model_copy(update={"frame": before.frame + 1, "time_s": request.time_s})
     return InstancesResult(
-        width=40, height=30, method="section_matching", threshold=0.5, instances=[], crossings=[], cables=[],
-        cable_crossings=[], track=track, status=SceneStatus(code="none_found", limit=0.8, reasons=[]), models=[],
-    )  # fmt: skip
+        width=40,
+        height=30,
+        method="section_matching",
+        threshold=0.5,
+        instances=[],
+        crossings=[],
+        cables=[],
+        cable_crossings=[],
+        track=track,
+        status=SceneStatus(code="none_found", limit=0.8, reasons=[]),
+        models=[],
+    )
 
 
 class Worker:
@@ -57,7 +74,9 @@ class Worker:
                 request = REQUEST.validate_json(claim.request)
                 self.requests.append(request)
                 if self.fails:
-                    self._ledger.fail(claim, problems.invalid("time_s", "is before", "invalid_request"))
+                    self._ledger.fail(
+                        claim, problems.invalid("time_s", "is before", "invalid_request")
+                    )
                 else:
                     self._ledger.succeed(claim, answered(request), [], {})
 
@@ -87,12 +106,14 @@ def send(client, track: str, picture: bytes | None = None, **more):
 
 def test_frames_continue_the_state_of_the_frame_before(client, track, worker):
     for number in (1, 2, 3):
-        frame = FrameResult.model_validate(send(client, track, params={"time_s": 0.5 * number}).json())
+        frame = FrameResult.model_validate(
+            send(client, track, params={"time_s": 0.5 * number}).json()
+        )
         assert (frame.frame, frame.time_s, frame.track.frame) == (number, 0.5 * number, number)
     assert [request.previous.frame for request in worker.requests] == [0, 1, 2]
-    assert {(request.effort, request.timeout_s, tuple(request.files)) for request in worker.requests} == {
-        ("fast", 20.0, ())
-    }
+    assert {
+        (request.effort, request.timeout_s, tuple(request.files)) for request in worker.requests
+    } == {("fast", 20.0, ())}
     seen = TrackInfo.model_validate(client.get(f"/v1/tracks/{track}").json())
     assert (seen.frames, seen.cables, seen.label) == (3, 0, "cell 3")
 
@@ -163,13 +184,20 @@ def test_a_track_expires(service_settings):
 
 @pytest.mark.parametrize(
     ("options", "field"),
-    [({"method": "x"}, "method"), ({"efort": "fast"}, "efort"), ({"timeout_s": 61}, "timeout_s"), ([], None)],
+    [
+        ({"method": "x"}, "method"),
+        ({"efort": "fast"}, "efort"),
+        ({"timeout_s": 61}, "timeout_s"),
+        ([], None),
+    ],
 )
 def test_bad_options(client, problem, options, field):
     problem(client.post("/v1/tracks", json=options), 422, "invalid_request", field)
 
 
-@pytest.mark.parametrize("picture", [samples.REFUSED["text"], samples.REFUSED["truncated PNG"], samples.bomb()])
+@pytest.mark.parametrize(
+    "picture", [samples.REFUSED["text"], samples.REFUSED["truncated PNG"], samples.bomb()]
+)
 def test_bad_pictures_leave_the_track_as_it_was(client, track, worker, problem, picture):
     problem(send(client, track, picture), 422, "invalid_image", "image")
     assert send(client, track).json()["frame"] == 1
@@ -177,7 +205,9 @@ def test_bad_pictures_leave_the_track_as_it_was(client, track, worker, problem, 
 
 def test_what_is_no_picture_by_its_type(client, track, problem):
     problem(send(client, track, headers={"content-type": "text/plain"}), 415)
-    problem(client.post(f"/v1/tracks/{track}/frames", files={"picture": b"x"}), 422, field="picture")
+    problem(
+        client.post(f"/v1/tracks/{track}/frames", files={"picture": b"x"}), 422, field="picture"
+    )
     problem(send(client, track, params={"time_s": "nan"}), 422, field="time_s")
 
 
@@ -219,8 +249,12 @@ class TestKeys:
     @pytest.fixture
     def guarded(self, service_settings, tmp_path):
         file = tmp_path / "keys.toml"
-        file.write_text("\n".join([entry("cell"), entry("other"), entry("reader", scopes=["read"])]))
-        with TestClient(create_app(service_settings.model_copy(update={"api_keys_file": file}))) as client:
+        file.write_text(
+            "\n".join([entry("cell"), entry("other"), entry("reader", scopes=["read"])])
+        )
+        with TestClient(
+            create_app(service_settings.model_copy(update={"api_keys_file": file}))
+        ) as client:
             yield client
 
     def test_only_its_owner_reaches_a_track(self, guarded, worker):
@@ -276,7 +310,9 @@ class TestStream:
         for picture in pictures:
             stream.send_bytes(picture)
         stream.send_text("no JSON")
-        assert stream.receive_json()["problem"]["errors"][0]["field"] == "time_s"  # all were received
+        assert (
+            stream.receive_json()["problem"]["errors"][0]["field"] == "time_s"
+        )  # all were received
         worker.free.set()
         assert stream.receive_json()["dropped"] == 0
         assert stream.receive_json()["dropped"] == 4
@@ -287,7 +323,11 @@ class TestStream:
         stream.send_bytes(b"this is no picture")
         answer = stream.receive_json()
         problem = answer["problem"]
-        assert (problem["status"], problem["errors"][0]["field"], answer["number"]) == (422, "image", 3)
+        assert (problem["status"], problem["errors"][0]["field"], answer["number"]) == (
+            422,
+            "image",
+            3,
+        )
         stream.send_bytes(samples.encoded())
         assert stream.receive_json()["frame"] == 1
 
@@ -323,7 +363,9 @@ class TestStream:
             stream.send(samples.encoded())
             assert json.loads(stream.recv(timeout=60))["frame"] == 1
 
-    @pytest.mark.parametrize("headers", [{"host": "evil.example"}, {"origin": "http://evil.example"}])
+    @pytest.mark.parametrize(
+        "headers", [{"host": "evil.example"}, {"origin": "http://evil.example"}]
+    )
     def test_a_page_from_elsewhere_opens_no_stream(self, client, track, headers):
         """A browser sends no preflight for a WebSocket: the gate has to look at it as at a POST."""
         with (

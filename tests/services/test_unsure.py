@@ -26,7 +26,9 @@ from workers.unsure import UnsureStore
 def keyed(service_settings, tmp_path):
     file = tmp_path / "keys.toml"
     file.write_text("\n".join([entry("cell", keep_if_unsure=True), entry("other")]))
-    with TestClient(create_app(service_settings.model_copy(update={"api_keys_file": file}))) as client:
+    with TestClient(
+        create_app(service_settings.model_copy(update={"api_keys_file": file}))
+    ) as client:
         yield client
 
 
@@ -58,10 +60,14 @@ def test_a_job_keeps_its_picture_only_when_it_may(settings):
     store.add(tiny.card(data), data, "cell7", "a")
     tools = Tools(blobs, 10**7, Runtime(threads=1), store=store, owner="a", unsure=unsure)
     out = io.BytesIO()
-    Image.fromarray(np.random.default_rng(0).integers(0, 90, (64, 64, 3), dtype=np.uint8)).save(out, "PNG")
+    Image.fromarray(np.random.default_rng(0).integers(0, 90, (64, 64, 3), dtype=np.uint8)).save(
+        out, "PNG"
+    )
     image = ImageRef(id=blobs.put(out.getvalue()))
     for allowed in (False, True):
-        stages.run(InstancesRequest(image=image, model="cell7", files=[], keep_if_unsure=allowed), tools)
+        stages.run(
+            InstancesRequest(image=image, model="cell7", files=[], keep_if_unsure=allowed), tools
+        )
         assert len(unsure.listed("a")) == int(allowed)
     assert unsure.listed("a")[0].certainty == 0.0
     assert unsure.picture("a", unsure.listed("a")[0].id) == out.getvalue()

@@ -1,4 +1,5 @@
-"""What a request may cost before it is accepted: few errors are answered, large bodies are checked elsewhere."""
+"""What a request may cost before it is accepted: few errors are answered, large bodies are checked
+elsewhere."""
 
 import json
 
@@ -82,7 +83,11 @@ def check_large_here(text: bytes):
 
 
 def test_a_large_request_that_is_valid_gives_the_same_entry():
-    request = {"kind": "plan_shape", "target_m": [[0.001 * x, 0.1] for x in range(2000)], "object": {"mass_kg": 0.05}}
+    request = {
+        "kind": "plan_shape",
+        "target_m": [[0.001 * x, 0.1] for x in range(2000)],
+        "object": {"mass_kg": 0.05},
+    }
     text = json.dumps(request | {"state_m": [[0.001 * x, 0] for x in range(2000)]}).encode()
     assert check_large_here(text) == validation.check(given(text), REQUEST.validate_python)
 
@@ -102,20 +107,31 @@ def test_memory_that_runs_out_is_the_bodys_fault(client, problem, monkeypatch, i
 
 
 def test_a_rule_between_fields_of_an_inner_object_names_the_field_within():
-    """Such an error was at the object, and its field only in the text; at the request's top it was at the field."""
+    """Such an error was at the object, and its field only in the text; at the request's top it was
+    at the field."""
     given = {"kind": "x", "views": [{"intrinsics": {"k": [1], "width": 2}}]}
     errors = [
-        {"loc": ("x", "views", 0, "intrinsics", "CameraInfo"), "type": "value_error", "msg": "Value error, `K` is odd"},
+        {
+            "loc": ("x", "views", 0, "intrinsics", "CameraInfo"),
+            "type": "value_error",
+            "msg": "Value error, `K` is odd",
+        },
         {"loc": ("x",), "type": "value_error", "msg": "Value error, `views` are odd"},
     ]
-    assert [p.field for p in body_problems(errors, given, whole="body")] == ["views.0.intrinsics.k", "views"]
+    assert [p.field for p in body_problems(errors, given, whole="body")] == [
+        "views.0.intrinsics.k",
+        "views",
+    ]
 
 
 @pytest.mark.parametrize("rows", [0, 1, 3])
 def test_a_matrix_of_too_few_rows_names_the_one_that_is_missing(client, problem, rows):
-    """A pose without its last row was answered with 500: its place is beyond the end of the list."""
+    """A pose without its last row was answered with 500: its place is beyond the end of the
+    list."""
     view = {"T_world_camera": [[1, 0, 0, 0]] * rows, "image": {"id": "0" * 64}}
-    found = problem(client.post("/v1/jobs", json={"kind": "reconstruct", "views": [view, view]}), 422)
+    found = problem(
+        client.post("/v1/jobs", json={"kind": "reconstruct", "views": [view, view]}), 422
+    )
     assert f"views.0.T_world_camera.{rows}" in {one["field"] for one in found["errors"]}
 
 

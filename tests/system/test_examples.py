@@ -22,7 +22,11 @@ SECRET = "a secret of the examples"
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    webhooks = {"DLO_WEBHOOK_HOSTS": "127.0.0.1", "DLO_WEBHOOK_SECRET": SECRET, "DLO_SPARE_CHILD": "false"}
+    webhooks = {
+        "DLO_WEBHOOK_HOSTS": "127.0.0.1",
+        "DLO_WEBHOOK_SECRET": SECRET,
+        "DLO_SPARE_CHILD": "false",
+    }
     with running_service(tmp_path_factory.mktemp("data"), workers=1, more=webhooks) as address:
         yield address
 
@@ -107,7 +111,10 @@ def test_agent_tools(address):
         ("tools/call", {"name": "find_ropes"}),
         ("nothing", {}),
     ]
-    lines = [{"jsonrpc": "2.0", "id": k, "method": name, "params": params} for k, (name, params) in enumerate(calls)]
+    lines = [
+        {"jsonrpc": "2.0", "id": k, "method": name, "params": params}
+        for k, (name, params) in enumerate(calls)
+    ]
     notified = {"jsonrpc": "2.0", "method": "notifications/initialized"}
     texts = [json.dumps(line) for line in [*lines[:1], notified, *lines[1:]]]
     incoming = io.StringIO("".join(f"{text}\n" for text in [*texts, "{"]))
@@ -126,7 +133,9 @@ def test_agent_tools(address):
     assert (unknown["error"]["code"], no_json["error"]["code"]) == (-32601, -32700)
 
 
-@pytest.mark.parametrize("notebook", sorted((EXAMPLES / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "notebook", sorted((EXAMPLES / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem
+)
 def test_a_notebook_s_cells_run(address, notebook, monkeypatch):
     monkeypatch.setenv("DLO_URL", address)
     monkeypatch.chdir(EXAMPLES.parent)
@@ -143,11 +152,15 @@ def test_every_example_is_run_here():
     text = Path(__file__).read_text()
     scripts = [path.stem for path in EXAMPLES.glob("*.py")]
     assert len(scripts) >= 11
-    assert [name for name in scripts if f'"{name}"' not in text and f'"{name}.py"' not in text] == []
+    assert [
+        name for name in scripts if f'"{name}"' not in text and f'"{name}.py"' not in text
+    ] == []
     assert len(list((EXAMPLES / "notebooks").glob("*.ipynb"))) == 2
 
 
 def test_notebooks_show_pictures():
     for path in (EXAMPLES / "notebooks").glob("*.ipynb"):
-        outputs = [output for cell in nbformat.read(path, 4).cells for output in cell.get("outputs", [])]
+        outputs = [
+            output for cell in nbformat.read(path, 4).cells for output in cell.get("outputs", [])
+        ]
         assert any("image/png" in output.get("data", {}) for output in outputs), path

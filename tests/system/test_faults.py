@@ -1,4 +1,5 @@
-"""Everything that may die does, with real servers and processes: no job is lost, none runs for ever."""
+"""Everything that may die does, with real servers and processes: no job is lost, none runs for
+ever."""
 
 import json
 import os
@@ -59,7 +60,9 @@ def test_child_killed_in_mid_job_the_job_is_retried(job_queue, start_worker):
     job_id = submit(job_queue, hold_s=2)
     wait_running(job_queue, job_id)
     os.kill(worker.child_pid(), signal.SIGKILL)
-    wait_until(lambda: job_queue.get(job_id).attempts == 2 or job_queue.get(job_id).state.final, 300.0)
+    wait_until(
+        lambda: job_queue.get(job_id).attempts == 2 or job_queue.get(job_id).state.final, 300.0
+    )
     assert succeeds(job_queue, job_id).attempts == 2
     succeeds(job_queue, submit(job_queue))
 
@@ -124,10 +127,14 @@ def test_queue_server_killed_queued_jobs_are_still_there(tmp_path, start_worker)
 
 
 def test_queue_server_killed_under_a_worker_both_go_on(tmp_path, start_worker):
-    """The job that would end while it is away ends well, in its first attempt; the waiting one follows."""
+    """The job that would end while it is away ends well, in its first attempt; the waiting one
+    follows."""
     with EmbeddedQueue(tmp_path / "queue") as server:
         settings = Settings(redis_url=server.url, data_dir=tmp_path)
-        queue, worker = JobQueue(settings), start_worker(Settings(redis_url=server.url, data_dir=tmp_path))
+        queue, worker = (
+            JobQueue(settings),
+            start_worker(Settings(redis_url=server.url, data_dir=tmp_path)),
+        )
         running, waiting = submit(queue, hold_s=1), submit(queue)
         wait_running(queue, running)
         server.kill()
@@ -194,7 +201,8 @@ def test_interactive_jobs_overtake_batch_jobs(job_queue, start_worker):
 
 
 def test_a_robot_waits_for_one_job_of_a_batch_at_most(job_queue, start_worker):
-    """Whatever share batch jobs have of a worker: those that wait do not go before an interactive one."""
+    """Whatever share batch jobs have of a worker: those that wait do not go before an interactive
+    one."""
     batch = [submit(job_queue, priority="batch", hold_s=0.3) for _ in range(30)]
     start_worker()
     wait_for(job_queue, batch[1], JobState.RUNNING, JobState.SUCCEEDED)
@@ -205,7 +213,9 @@ def test_a_robot_waits_for_one_job_of_a_batch_at_most(job_queue, start_worker):
         assert sum(robot.created_at <= start <= robot.started_at for start in begun) <= 1
 
 
-def test_forged_queue_entries_do_not_run_and_the_worker_lives(job_queue, settings, start_worker, tmp_path):
+def test_forged_queue_entries_do_not_run_and_the_worker_lives(
+    job_queue, settings, start_worker, tmp_path
+):
     """JSON alone is not enough: an entry may name any function of any module."""
     trap = tmp_path / "trap"
     victim = submit(job_queue)
@@ -263,7 +273,9 @@ def test_a_worn_child_is_replaced(settings, start_worker, worn):
     ended = [succeeds(queue, submit(queue)) for _ in range(3)]
     worker.wait_ready()
     assert worker.child_pid() != first
-    assert {job.attempts for job in ended} == {1}, "the job after it was given to a child that had gone"
+    assert {job.attempts for job in ended} == {1}, (
+        "the job after it was given to a child that had gone"
+    )
 
 
 def test_a_worker_ends_with_its_supervisor(settings):
@@ -308,7 +320,8 @@ def test_a_finished_record_says_what_it_took(job_queue, settings, start_worker):
 
 
 def test_the_next_child_is_there_already_when_one_is_killed(settings, start_worker):
-    """After a cancel or a kill the worker stopped for the seconds that loading the networks takes."""
+    """After a cancel or a kill the worker stopped for the seconds that loading the networks
+    takes."""
     settings = Settings(**settings.model_dump() | {"spare_child": True})
     worker, queue = start_worker(settings), JobQueue(settings)
     before = set(wait_until(lambda: len(pids := worker.child_pids()) == 2 and pids))
@@ -316,7 +329,9 @@ def test_the_next_child_is_there_already_when_one_is_killed(settings, start_work
     wait_running(queue, job_id)
     queue.cancel(job_id)
     succeeds(queue, submit(queue))
-    assert before & set(worker.child_pids()), "the job after it ran in a child that was there before"
+    assert before & set(worker.child_pids()), (
+        "the job after it ran in a child that was there before"
+    )
 
 
 def test_a_robot_does_not_wait_for_a_long_job_of_a_batch(settings, start_worker):
@@ -328,4 +343,6 @@ def test_a_robot_does_not_wait_for_a_long_job_of_a_batch(settings, start_worker)
     robots = [succeeds(queue, submit(queue)) for _ in range(2)]
     job = succeeds(queue, batch)
     assert job.attempts == 1
-    assert all(job.started_at <= robot.started_at <= robot.ended_at < job.ended_at for robot in robots)
+    assert all(
+        job.started_at <= robot.started_at <= robot.ended_at < job.ended_at for robot in robots
+    )

@@ -56,7 +56,9 @@ def test_every_page_loads_without_an_error(page: Firefox, address: str) -> None:
         page.wait_for("document.querySelector('#service.good') !== null")
 
 
-def test_an_uploaded_picture_is_there_with_its_cables_after_a_reload(page: Firefox, address: str) -> None:
+def test_an_uploaded_picture_is_there_with_its_cables_after_a_reload(
+    page: Firefox, address: str
+) -> None:
     page.open(address)
     page.wait_for("document.querySelector('#service.good') !== null")
     page.upload("#file", PICTURE)
@@ -66,10 +68,14 @@ def test_an_uploaded_picture_is_there_with_its_cables_after_a_reload(page: Firef
     page.wait_for(f"{CABLES} === {count}")
     page.wait_for(BRIGHT)
     page.click("#files a.button")
-    page.wait_for("location.pathname.endsWith('recipes.html') && !document.querySelector('#source')?.hidden")
+    page.wait_for(
+        "location.pathname.endsWith('recipes.html') && !document.querySelector('#source')?.hidden"
+    )
 
 
-def test_a_line_of_clicks_survives_a_reload_and_is_undone_and_saved(page: Firefox, address: str) -> None:
+def test_a_line_of_clicks_survives_a_reload_and_is_undone_and_saved(
+    page: Firefox, address: str
+) -> None:
     page.open(f"{address}/viewer/label.html")
     page.wait_for(READY)
     page.upload("#file", PICTURE)
@@ -89,7 +95,9 @@ def test_a_line_of_clicks_survives_a_reload_and_is_undone_and_saved(page: Firefo
     page.click("#save")
     label = read(page.downloaded("labels.jsonl"))
     assert len(label.instances) == count + 1
-    assert label.instances[-1].centerline_xy[0] == pytest.approx((376, 12), abs=3), "the click before the reload"
+    assert label.instances[-1].centerline_xy[0] == pytest.approx((376, 12), abs=3), (
+        "the click before the reload"
+    )
     page.click("#confirm")
     page.wait_for("document.querySelector('#pictures .confirmed') !== null")
     page.wait_for(KEPT)
@@ -103,7 +111,9 @@ def alone(tmp_path: Path) -> Iterator[Firefox]:
         assert tab.errors == []
 
 
-def test_gray_of_16_bits_is_shown_by_the_service_and_drawn_in(alone: Firefox, address: str, tmp_path: Path) -> None:
+def test_gray_of_16_bits_is_shown_by_the_service_and_drawn_in(
+    alone: Firefox, address: str, tmp_path: Path
+) -> None:
     """No browser decodes such a TIFF."""
     gray = np.asarray(Image.open(PICTURE).convert("L"), np.uint16)
     file = tmp_path / "gray.tif"
@@ -122,7 +132,9 @@ def test_gray_of_16_bits_is_shown_by_the_service_and_drawn_in(alone: Firefox, ad
     alone.wait_for(f"{CABLES} === {count + 1} && {IDLE} && {KEPT}")
 
 
-def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(alone: Firefox, address: str, tmp_path: Path) -> None:
+def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(
+    alone: Firefox, address: str, tmp_path: Path
+) -> None:
     wide, high, width = 4000, 3000, 24
     pixels = np.full((high, wide), 60, np.uint8)
     pixels[1500 - width // 2 : 1500 + width // 2, 200:3800] = 220
@@ -131,7 +143,9 @@ def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(alone: Firefox, addre
     alone.open(f"{address}/viewer/label.html")
     alone.wait_for(READY)
     alone.upload("#file", file)
-    alone.wait_for(f"{SHOWN} === 'large.png' && 0 < {SCALE} && {SCALE} < 0.5 && {ANSWERED} && {IDLE}")
+    alone.wait_for(
+        f"{SHOWN} === 'large.png' && 0 < {SCALE} && {SCALE} < 0.5 && {ANSWERED} && {IDLE}"
+    )
     count = alone.evaluate(CABLES)
     fitted = alone.evaluate(SCALE)
     alone.evaluate("document.querySelector('#canvas').focus()")
@@ -165,7 +179,9 @@ def test_a_crash_of_the_browser_loses_nothing(address: str, tmp_path: Path) -> N
         page.open(f"{address}/viewer/label.html")
         page.wait_for(READY)
         page.upload("#file", PICTURE)
-        page.wait_for(f"{CABLES} >= 4 && {IDLE} && {KEPT}")  # the list is made anew meanwhile, and a click on it lost
+        page.wait_for(
+            f"{CABLES} >= 4 && {IDLE} && {KEPT}"
+        )  # the list is made anew meanwhile, and a click on it lost
         count = page.evaluate(CABLES)
         page.click("#instances button")
         page.wait_for("document.querySelector('#instances [aria-pressed=true]') !== null")

@@ -1,4 +1,5 @@
-"""`dlo label` against the real service, killed with SIGKILL again and again: every picture is labelled exactly once."""
+"""`dlo label` against the real service, killed with SIGKILL again and again: every picture is
+labelled exactly once."""
 
 from __future__ import annotations
 
@@ -46,7 +47,14 @@ def fill(folder: Path, count: int) -> None:
 def dlo(address: str, *arguments: object) -> list[str]:
     """A command line of ``dlo``."""
     program = "from dlo_client.commands.cli import main; main()"
-    return [sys.executable, "-c", program, "--url", address, *(str(argument) for argument in arguments)]
+    return [
+        sys.executable,
+        "-c",
+        program,
+        "--url",
+        address,
+        *(str(argument) for argument in arguments),
+    ]
 
 
 def command(address: str, source: Path, out: Path, *more: str) -> list[str]:
@@ -79,7 +87,9 @@ def test_killed_ten_times_every_picture_is_labelled_exactly_once(address, tmp_pa
     arguments = command(address, source, out, "--at-once", "2")
     for _ in range(KILLS):
         run_killed(arguments, rng, (0.7, 1.6))
-    done = subprocess.run([*arguments, "--format", "coco", "--format", "json"], capture_output=True, text=True)
+    done = subprocess.run(
+        [*arguments, "--format", "coco", "--format", "json"], capture_output=True, text=True
+    )
     assert done.returncode == 1, "one picture is broken"
     assert "broken.png" in done.stdout
     with LabelStore(out) as store:
@@ -120,12 +130,20 @@ def test_time_is_not_lost_on_a_second_run(address, tmp_path):
 
 
 def test_tracked_strokes_label_every_picture(address, tmp_path):
-    """Rendered views, clicks with a hand's errors and a calibration that is off: masks of all views, in COCO too."""
+    """Rendered views, clicks with a hand's errors and a calibration that is off: masks of all
+    views, in COCO too."""
     scene = tracked_scene(1, views=4)
     cameras, pictures = [], []
     for k, (image, camera) in enumerate(zip(scene.images, scene.cameras, strict=True)):
         i = camera.intrinsics
-        intrinsics = {"width": i.width, "height": i.height, "fx": i.fx, "fy": i.fy, "cx": i.cx, "cy": i.cy}
+        intrinsics = {
+            "width": i.width,
+            "height": i.height,
+            "fx": i.fx,
+            "fy": i.fy,
+            "cx": i.cx,
+            "cy": i.cy,
+        }
         cameras.append({"intrinsics": intrinsics, "T_world_camera": camera.T_world_camera.tolist()})
         pictures.append(tmp_path / f"view {k}.png")
         Image.fromarray(image).save(pictures[-1])

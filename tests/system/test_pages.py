@@ -44,20 +44,28 @@ def labels(tmp_path_factory) -> Path:
     mask[LINE_Y - 5 : LINE_Y + 5] = True
     line = [(0.0, float(LINE_Y)), (WIDTH - 1.0, float(LINE_Y))]
     cable = LabelledInstance(
-        id=1, score=0.9, centerline_xy=line, width_px=10.0, length_px=639.0,
+        id=1,
+        score=0.9,
+        centerline_xy=line,
+        width_px=10.0,
+        length_px=639.0,
         mask_rle=MaskRLE(size=mask.shape, counts=encode(mask)),
-    )  # fmt: skip
+    )
     sha256 = hashlib.sha256(SAMPLE.read_bytes()).hexdigest()
     with LabelStore(root / FOLDER, write=True) as store:
         store.remember_source(str(SAMPLE.parent))
-        label = PictureLabel(name=SAMPLE.name, sha256=sha256, width=WIDTH, height=HEIGHT, instances=[cable])
+        label = PictureLabel(
+            name=SAMPLE.name, sha256=sha256, width=WIDTH, height=HEIGHT, instances=[cable]
+        )
         store.put(Entry(SAMPLE.name, "done", sha256=sha256, certainty=0.9), label)
     return root
 
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory, labels: Path) -> Iterator[str]:
-    with running_service(tmp_path_factory.mktemp("data"), workers=1, more={"DLO_LABELS_DIR": str(labels)}) as address:
+    with running_service(
+        tmp_path_factory.mktemp("data"), workers=1, more={"DLO_LABELS_DIR": str(labels)}
+    ) as address:
         yield address
 
 
@@ -67,15 +75,22 @@ def opened(browser: Chromium, address: str, wrong: list[str]) -> Iterator[Any]:
     page = browser.new_page(viewport={"width": 1300, "height": 900}, locale="en-US")
     page.set_default_timeout(60_000)
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
-    page.on("response", lambda response: wrong.append(response.url) if response.status >= 400 else None)
+    page.on(
+        "console", lambda message: wrong.append(message.text) if message.type == "error" else None
+    )
+    page.on(
+        "response", lambda response: wrong.append(response.url) if response.status >= 400 else None
+    )
     yield page
     browser.put_away(page.context)
 
 
 @pytest.mark.parametrize("path", [*OURS, "docs", "redoc"])
-def test_a_page_loads_all_that_it_names_and_everybody_can_use_it(address: str, browser: Chromium, path: str) -> None:
-    """The policy forbade the pages' `<base>`: their styles and scripts were looked for in another folder."""
+def test_a_page_loads_all_that_it_names_and_everybody_can_use_it(
+    address: str, browser: Chromium, path: str
+) -> None:
+    """The policy forbade the pages' `<base>`: their styles and scripts were looked for in another
+    folder."""
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
         page.goto(f"{address}/{path}")
@@ -116,7 +131,9 @@ def test_a_failed_job_is_one_click_from_the_failures(address: str, browser: Chro
     curve = straight().model_dump(mode="json")
     curve["covariance_m2"] = [[-1e-6, 0, 0, 0, 0, 0]] * len(curve["points_m"])
     with httpx.Client(base_url=address, timeout=60) as client:
-        job = client.post("/v1/jobs?wait=30", json={"kind": "merge_curves", "curves": [curve]}).json()
+        job = client.post(
+            "/v1/jobs?wait=30", json={"kind": "merge_curves", "curves": [curve]}
+        ).json()
     assert job["state"] == "failed"
     with opened(browser, address, wrong) as page:
         page.goto(f"{address}/viewer/jobs.html")
@@ -169,7 +186,13 @@ def test_a_film_is_tracked(address: str, browser: Chromium, tmp_path: Path) -> N
             page.click("#save")
         download.value.save_as(tmp_path / "track.jsonl")
     frames = [json.loads(line) for line in (tmp_path / "track.jsonl").read_text().splitlines()]
-    assert len({cable["id"] for cable in frames[0]["cables"]} & {cable["id"] for cable in frames[1]["cables"]}) >= 3
+    assert (
+        len(
+            {cable["id"] for cable in frames[0]["cables"]}
+            & {cable["id"] for cable in frames[1]["cables"]}
+        )
+        >= 3
+    )
     assert wrong == []
 
 
@@ -181,7 +204,9 @@ def film_frame(shift: int) -> dict[str, Any]:
     return {"name": f"{shift}.png", "mimeType": "image/png", "buffer": buffer.getvalue()}
 
 
-def test_yolo_leaves_the_bench_with_its_pictures(address: str, browser: Chromium, tmp_path: Path) -> None:
+def test_yolo_leaves_the_bench_with_its_pictures(
+    address: str, browser: Chromium, tmp_path: Path
+) -> None:
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
         page.goto(f"{address}/viewer/label.html?folder={FOLDER}")
@@ -197,7 +222,9 @@ def test_yolo_leaves_the_bench_with_its_pictures(address: str, browser: Chromium
         assert archive.testzip() is None
         found = {PurePosixPath(name): archive.read(name) for name in archive.namelist()}
     pictures = {path: data for path, data in found.items() if "images" in path.parts}
-    assert {path.name: data for path, data in pictures.items()} == {p.name: p.read_bytes() for p in (SAMPLE, other)}
+    assert {path.name: data for path, data in pictures.items()} == {
+        p.name: p.read_bytes() for p in (SAMPLE, other)
+    }
     for path in pictures:
         assert found[PurePosixPath("yolo/labels", path.parent.name, path.stem + ".txt")]
     assert wrong == []

@@ -1,4 +1,5 @@
-"""The real SDK against the real service with two real workers: a photograph goes in, instances come out."""
+"""The real SDK against the real service with two real workers: a photograph goes in, instances come
+out."""
 
 from __future__ import annotations
 
@@ -8,8 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dlo_client import AsyncClient, Client, InstancesRequest, JobFailed, NoopRequest, SegmentRequest, result_of
-from dlo_client.contracts import InstancesResult, LabelTrackedResult, PlanShapeResult, ReconstructResult
+from dlo_client import (
+    AsyncClient,
+    Client,
+    InstancesRequest,
+    JobFailed,
+    NoopRequest,
+    SegmentRequest,
+    result_of,
+)
+from dlo_client.contracts import (
+    InstancesResult,
+    LabelTrackedResult,
+    PlanShapeResult,
+    ReconstructResult,
+)
 from PIL import Image
 
 from services.examples import EXAMPLES
@@ -34,8 +48,11 @@ def client(address):
 
 @pytest.mark.parametrize(("name", "cables"), [("plain", 4), ("busy", 4), ("industrial", 3)])
 def test_the_cables_of_a_bundled_picture_are_found(client, name, cables):
-    """The longest ones of each picture; the smallest pieces at the border may or may not be seen."""
-    job = client.run_job(InstancesRequest(files=["instances", "overlay", "mask"]), SAMPLES / f"{name}.jpg")
+    """The longest ones of each picture; the smallest pieces at the border may or may not be
+    seen."""
+    job = client.run_job(
+        InstancesRequest(files=["instances", "overlay", "mask"]), SAMPLES / f"{name}.jpg"
+    )
     result = result_of(job)
     assert (result.width, result.height) == (640, 360)
     assert len([i for i in result.instances if i.length_px > 100]) >= cables
@@ -45,7 +62,9 @@ def test_the_cables_of_a_bundled_picture_are_found(client, name, cables):
         assert steps.max() < 1.2 * np.median(steps), "points lie at equal arc length"
     for file in ("instances.png", "overlay.png", "mask.png"):
         assert Image.open(BytesIO(client.file(job, file))).size == (640, 360)
-    assert {"decode", "segment", "instances", "encode", "queue_wait", "total"} <= set(job.timings_ms)
+    assert {"decode", "segment", "instances", "encode", "queue_wait", "total"} <= set(
+        job.timings_ms
+    )
 
 
 def test_the_same_picture_twice_gives_the_same_bytes(client):
@@ -56,7 +75,8 @@ def test_the_same_picture_twice_gives_the_same_bytes(client):
 
 
 def test_arrays_and_images_are_pictures_and_masks(client):
-    """The same answer, whether a file, its array or its image is sent; masks come back as arrays."""
+    """The same answer, whether a file, its array or its image is sent; masks come back as
+    arrays."""
     path = SAMPLES / "plain.jpg"
     with Image.open(path) as image:
         answers = [client.run(InstancesRequest(), given) for given in (np.asarray(image), image)]
@@ -68,7 +88,10 @@ def test_arrays_and_images_are_pictures_and_masks(client):
     assert {mask.shape for mask in masks} == {(360, 640)}
     assert sum(mask.astype(int) for mask in masks).max() == 1, "visible pixels belong to one DLO"
     foreground = np.any(masks, axis=0)
-    seen = [client.run(InstancesRequest(), mask=given) for given in (foreground, Image.fromarray(foreground))]
+    seen = [
+        client.run(InstancesRequest(), mask=given)
+        for given in (foreground, Image.fromarray(foreground))
+    ]
     assert seen[0] == seen[1]
     covered = np.any([instance.mask_rle.array() for instance in seen[0].instances], axis=0)
     assert (covered & foreground).sum() > 0.9 * foreground.sum()
@@ -92,7 +115,9 @@ def test_ten_requests_at_once_are_all_right_and_none_is_lost(address):
 
     async def ask() -> list[str]:
         async with AsyncClient(address) as client:
-            jobs = await asyncio.gather(*(client.run_job(InstancesRequest(), SAMPLES / f"{n}.jpg") for n in names))
+            jobs = await asyncio.gather(
+                *(client.run_job(InstancesRequest(), SAMPLES / f"{n}.jpg") for n in names)
+            )
         assert len({job.id for job in jobs}) == len(names)
         return [job.result.model_dump_json() for job in jobs]
 
@@ -112,7 +137,9 @@ def test_a_picture_that_cannot_be_decoded_fails_its_job_and_no_other(client):
     assert client.run(NoopRequest()).held_s == 0
 
 
-@pytest.mark.parametrize("kind", [kind for kind in EXAMPLES if kind != "adapt"])  # no worker trains here
+@pytest.mark.parametrize(
+    "kind", [kind for kind in EXAMPLES if kind != "adapt"]
+)  # no worker trains here
 def test_the_documented_example_of_a_kind_succeeds(client, kind):
     job = client.run_job(REQUEST.validate_python({"kind": kind, **EXAMPLES[kind]}))
     assert job.result.kind == kind

@@ -1,4 +1,5 @@
-"""``adapt``: labels in, a network of the owner's out; refused when it is worse; goes on where it was cut off."""
+"""``adapt``: labels in, a network of the owner's out; refused when it is worse; goes on where it
+was cut off."""
 
 from __future__ import annotations
 
@@ -23,17 +24,30 @@ from workers.stages.outcome import InvalidInput, Tools
 
 SMALL = ("--height", "64", "--width", "96", "--batch", "2", "--renders", "2", "--general", "1")
 REPORT = {
-    "before": 70.0, "after": 80.0, "general_before": 85.0, "general_after": 84.9, "share": 0.5, "refused": None,
-    "pictures": 4, "kept_aside": [{"name": "a", "before": 70.0, "after": 80.0}], "steps": 9, "seconds": 6.0,
-}  # fmt: skip
+    "before": 70.0,
+    "after": 80.0,
+    "general_before": 85.0,
+    "general_after": 84.9,
+    "share": 0.5,
+    "refused": None,
+    "pictures": 4,
+    "kept_aside": [{"name": "a", "before": 70.0, "after": 80.0}],
+    "steps": 9,
+    "seconds": 6.0,
+}
 
 
 @pytest.fixture
 def tools(settings) -> Tools:
     return Tools(
-        FolderBlobs(settings.blobs_dir, settings.blob_ttl_s), 10**7, Runtime(threads=1),
-        store=NetworkStore.of(settings), owner="a", training_dir=settings.training_dir, training_options=SMALL,
-    )  # fmt: skip
+        FolderBlobs(settings.blobs_dir, settings.blob_ttl_s),
+        10**7,
+        Runtime(threads=1),
+        store=NetworkStore.of(settings),
+        owner="a",
+        training_dir=settings.training_dir,
+        training_options=SMALL,
+    )
 
 
 def png(pixels: np.ndarray) -> bytes:
@@ -93,14 +107,21 @@ def test_labelled_pictures_become_a_network_that_requests_can_name(tools):
     assert tools.store.names() == (["cell7"] if result.accepted else [])
     if result.accepted:
         info = tools.store.info("cell7")
-        assert (info.parent, info.owner) == (f"foreground_compact@{manifest()['foreground_compact'].version}", "a")
+        assert (info.parent, info.owner) == (
+            f"foreground_compact@{manifest()['foreground_compact'].version}",
+            "a",
+        )
         assert tools.weights.foreground("cell7").spec.version == "1"
 
 
 def test_a_network_that_is_worse_is_not_kept(tools, pretended):
     pretended(refused="Dice on the pictures kept aside falls from 70.0 to 60.0", after=60.0)
     outcome = stages.run(request(tools, use=True), tools)
-    assert (outcome.result.accepted, outcome.result.model, outcome.result.in_service) == (False, None, False)
+    assert (outcome.result.accepted, outcome.result.model, outcome.result.in_service) == (
+        False,
+        None,
+        False,
+    )
     assert tools.store.names() == []
     assert json.loads(outcome.files["report.json"][1])["after"] == 60.0
 
@@ -137,11 +158,18 @@ def test_the_same_request_finds_what_was_done_before_it_was_cut_off(tools, prete
 BAD = {
     "no archive": (b"nothing", "is no ZIP archive"),
     "too few": (archive(4), "holds 4 pictures with a label"),
-    "no picture beside it": (archive(lost_ids__png=png(np.zeros((9, 9), np.uint8))), "lost_ids.png has no picture"),
-    "another size": (archive(x__png=png(np.zeros((9, 9, 3), np.uint8)), x_ids__png=png(np.zeros((9, 8), np.uint8))),
-                     "x: the picture is 9 × 9, its label 8 × 9"),
+    "no picture beside it": (
+        archive(lost_ids__png=png(np.zeros((9, 9), np.uint8))),
+        "lost_ids.png has no picture",
+    ),
+    "another size": (
+        archive(
+            x__png=png(np.zeros((9, 9, 3), np.uint8)), x_ids__png=png(np.zeros((9, 8), np.uint8))
+        ),
+        "x: the picture is 9 × 9, its label 8 × 9",
+    ),
     "no picture": (archive(x__jpg=b"text", x_ids__png=png(np.zeros((9, 9), np.uint8))), "x: "),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("data", "why"), BAD.values(), ids=BAD)
@@ -158,9 +186,15 @@ def test_labels_that_have_expired_are_named(tools):
     assert (refused.value.field, refused.value.code) == ("labels", "unknown_labels")
 
 
-@pytest.mark.parametrize(("more", "field"), [({"parent": "nowhere"}, "parent"), ({"name": "topology"}, "name"),
-                                             ({"parent": "foreground_compact_int8"}, "parent"),
-                                             ({"parent": "bright"}, "parent")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("more", "field"),
+    [
+        ({"parent": "nowhere"}, "parent"),
+        ({"name": "topology"}, "name"),
+        ({"parent": "foreground_compact_int8"}, "parent"),
+        ({"parent": "bright"}, "parent"),
+    ],
+)
 def test_what_cannot_be_begun_is_refused_before_anything_is_learnt(tools, more, field):
     data = tiny.brightness()
     tools.store.add(tiny.card(data), data, "bright", "a")
@@ -177,8 +211,12 @@ def test_a_training_that_crashes_is_our_fault_and_tells_why(tools, monkeypatch):
 
 def test_pictures_that_cannot_be_learnt_from_are_the_requests_fault(tools, monkeypatch):
     def told(command, **_):
-        return subprocess.Popen(["sh", "-c", """echo '{"problem": "too few"}'; exit 2"""], stdout=-1, text=True)
+        return subprocess.Popen(
+            ["sh", "-c", """echo '{"problem": "too few"}'; exit 2"""], stdout=-1, text=True
+        )
 
-    monkeypatch.setattr(adapt, "subprocess", type("S", (), {"Popen": told, "PIPE": -1, "DEVNULL": -3}))
+    monkeypatch.setattr(
+        adapt, "subprocess", type("S", (), {"Popen": told, "PIPE": -1, "DEVNULL": -3})
+    )
     with pytest.raises(InvalidInput, match="labels: too few"):
         stages.run(request(tools), tools)

@@ -42,7 +42,9 @@ def test_every_other_entry_is_refused(client, data):
 
 
 def test_an_entry_that_cannot_be_read_is_refused(client):
-    client.hset("rq:job:forged", mapping={"data": "[]", "created_at": "yesterday", "status": "no such"})
+    client.hset(
+        "rq:job:forged", mapping={"data": "[]", "created_at": "yesterday", "status": "no such"}
+    )
     assert fetch(client, "forged").refusal
 
 

@@ -18,7 +18,9 @@ PAGE = api_examples.PAGE.read_text()
 
 
 def section(title: str) -> str:
-    return re.split(r"^## ", PAGE, flags=re.M)[1 + [e.title for e in api_examples.examples()].index(title)]
+    return re.split(r"^## ", PAGE, flags=re.M)[
+        1 + [e.title for e in api_examples.examples()].index(title)
+    ]
 
 
 def test_every_kind_has_an_example():
@@ -28,8 +30,12 @@ def test_every_kind_has_an_example():
 
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory):
-    tools = stages.warm(api_examples.Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
-    return {example.title: (result, files) for example, result, files in api_examples.answers(tools)}
+    tools = stages.warm(
+        api_examples.Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1)
+    )
+    return {
+        example.title: (result, files) for example, result, files in api_examples.answers(tools)
+    }
 
 
 @pytest.mark.parametrize("example", api_examples.examples(), ids=lambda e: e.title)

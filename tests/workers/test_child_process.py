@@ -73,7 +73,8 @@ def test_a_job_that_needs_more_memory_than_a_child_may_take_is_too_large(job_que
 
 
 def test_a_child_that_keeps_half_of_its_memory_is_worn(child, job_queue, settings, monkeypatch):
-    """One that leaked was replaced at 4 GB only: with a smaller limit jobs of others failed as too large."""
+    """One that leaked was replaced at 4 GB only: with a smaller limit jobs of others failed as too
+    large."""
     taken_mb = iter([400.0, 601.0, 841.0])
     monkeypatch.setattr(memory, "taken_mb", lambda _: next(taken_mb))
     monkeypatch.setattr(memory, "limit_mb", lambda _: 1000)

@@ -27,7 +27,8 @@ def authority() -> trustme.CA:
 
 @pytest.fixture
 def tls_port(settings, authority):
-    """Speaks TLS, and hands what comes on to the queue server: the embedded one has no TLS of its own."""
+    """Speaks TLS, and hands what comes on to the queue server: the embedded one has no TLS of its
+    own."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     authority.issue_cert("127.0.0.1").configure_cert(context)
     inner = urlsplit(settings.redis_url).port
@@ -86,7 +87,10 @@ def test_jobs_go_through_tls_with_the_password_of_a_file(guarded):
 
 def test_a_server_of_another_authority_is_not_believed(guarded, tmp_path):
     trustme.CA().cert_pem.write_to_path(tmp_path / "ca.pem")
-    with closing(JobQueue(guarded)) as queue, pytest.raises(redis.ConnectionError, match="certificate"):
+    with (
+        closing(JobQueue(guarded)) as queue,
+        pytest.raises(redis.ConnectionError, match="certificate"),
+    ):
         queue.depth()
 
 
@@ -115,10 +119,17 @@ class TestPatience:
         return do
 
     def test_a_server_that_cannot_write_is_waited_for(self):
-        full = redis.ResponseError("MISCONF Errors writing to the AOF file: No space left on device")
-        in_pipeline = redis.ResponseError("Command # 1 (SADD x y) of pipeline caused error: MISCONF Errors writing")
+        full = redis.ResponseError(
+            "MISCONF Errors writing to the AOF file: No space left on device"
+        )
+        in_pipeline = redis.ResponseError(
+            "Command # 1 (SADD x y) of pipeline caused error: MISCONF Errors writing"
+        )
         patience = Patience(NoBackoff(), -1)
-        assert patience.call_with_retry(self.answers(full, in_pipeline, full), lambda _: None) == "answer"
+        assert (
+            patience.call_with_retry(self.answers(full, in_pipeline, full), lambda _: None)
+            == "answer"
+        )
 
     def test_a_server_whose_memory_is_full_is_waited_for(self, settings):
         with connect(settings, patient=True) as patient, connect(settings) as impatient:
@@ -135,7 +146,9 @@ class TestPatience:
 
     def test_other_refusals_are_errors(self):
         with pytest.raises(redis.ResponseError, match="WRONGTYPE"):
-            Patience(NoBackoff(), -1).call_with_retry(self.answers(redis.ResponseError("WRONGTYPE")), lambda _: None)
+            Patience(NoBackoff(), -1).call_with_retry(
+                self.answers(redis.ResponseError("WRONGTYPE")), lambda _: None
+            )
 
     def test_workers_have_it_and_the_service_does_not(self, settings):
         with connect(settings, patient=True) as patient, connect(settings) as impatient:

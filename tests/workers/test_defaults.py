@@ -42,7 +42,9 @@ PAIRS: list[tuple[type[BaseModel], type, dict[str, str]]] = [
 ]
 
 
-@pytest.mark.parametrize(("contract", "params", "renamed"), PAIRS, ids=lambda p: getattr(p, "__name__", ""))
+@pytest.mark.parametrize(
+    ("contract", "params", "renamed"), PAIRS, ids=lambda p: getattr(p, "__name__", "")
+)
 def test_both_have_one_default(contract, params, renamed):
     """``at_most`` was 5 for clients and 8 for who called the planner."""
     ours: dict[str, Any] = {f.name: f.default for f in fields(params) if f.default is not MISSING}

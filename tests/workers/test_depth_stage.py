@@ -1,4 +1,5 @@
-"""``instances`` and ``topology`` with a depth map: as PNG, as TIFF, with a mask, alone; what is refused."""
+"""``instances`` and ``topology`` with a depth map: as PNG, as TIFF, with a mask, alone; what is
+refused."""
 
 from __future__ import annotations
 
@@ -6,7 +7,13 @@ import io
 
 import numpy as np
 import pytest
-from dlo_client.contracts import ImageRef, InstancesRequest, InstancesResult, PinholeIntrinsics, TopologyRequest
+from dlo_client.contracts import (
+    ImageRef,
+    InstancesRequest,
+    InstancesResult,
+    PinholeIntrinsics,
+    TopologyRequest,
+)
 from PIL import Image
 from pydantic import ValidationError
 
@@ -66,7 +73,12 @@ def check(result: InstancesResult, scene: DepthScene, most_m: float) -> None:
     assert len(long) == 2
     for item in long:
         assert item.curve_m is not None
-        assert len(item.curve_m) == len(item.centerline_xy) == len(item.sigma_m) == len(item.covariance_m2)
+        assert (
+            len(item.curve_m)
+            == len(item.centerline_xy)
+            == len(item.sigma_m)
+            == len(item.covariance_m2)
+        )
         assert min(float(np.mean(off(item.curve_m, true))) for true in scene.curves_m) < most_m
         assert item.radius_m == pytest.approx(PARAMS.radius_m, rel=0.4)
 
@@ -83,16 +95,26 @@ def test_depth_alone_in_millimeters(tools, scene, noisy):
 
 
 def test_the_camera_moves_the_curves_into_the_world(tools, scene, noisy):
-    pose = ((0.0, -1.0, 0.0, 0.3), (1.0, 0.0, 0.0, -0.2), (0.0, 0.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+    pose = (
+        (0.0, -1.0, 0.0, 0.3),
+        (1.0, 0.0, 0.0, -0.2),
+        (0.0, 0.0, 1.0, 1.0),
+        (0.0, 0.0, 0.0, 1.0),
+    )
     mask = put(tools, scene.mask.astype(np.uint8) * 255)
     depth = put(tools, noisy, "TIFF")
-    here, there = look(tools, mask=mask, depth=depth), look(tools, mask=mask, depth=depth, T_world_camera=pose)
+    here, there = (
+        look(tools, mask=mask, depth=depth),
+        look(tools, mask=mask, depth=depth, T_world_camera=pose),
+    )
     transform = np.array(pose)
     for a, b in zip(here.instances, there.instances, strict=True):
         moved = np.array(a.curve_m) @ transform[:3, :3].T + transform[:3, 3]
         assert np.abs(moved - np.array(b.curve_m)).max() < 0.0005
         assert np.allclose(a.sigma_m, b.sigma_m, rtol=0.05)
-    assert np.array(there.table.normal) == pytest.approx(transform[:3, :3] @ np.array(here.table.normal), abs=1e-3)
+    assert np.array(there.table.normal) == pytest.approx(
+        transform[:3, :3] @ np.array(here.table.normal), abs=1e-3
+    )
 
 
 def test_points_per_instance_counts_for_both(tools, scene, noisy):
@@ -104,7 +126,9 @@ def test_points_per_instance_counts_for_both(tools, scene, noisy):
 def test_without_a_table_a_mask_still_has_its_curves(tools, scene):
     wall = np.random.default_rng(0).uniform(0.3, 3.0, (240, 320)).astype(np.float32)
     wall[scene.mask] = 0.5
-    result = look(tools, mask=put(tools, scene.mask.astype(np.uint8) * 255), depth=put(tools, wall, "TIFF"))
+    result = look(
+        tools, mask=put(tools, scene.mask.astype(np.uint8) * 255), depth=put(tools, wall, "TIFF")
+    )
     assert result.table is None
     assert any("no table" in warning for warning in result.warnings)
     assert all(item.curve_m for item in result.instances)
@@ -151,7 +175,11 @@ def cloud_of(tools: Tools, depth_m: np.ndarray, turned: bool = False) -> ImageRe
     """A point for every pixel, as an NPY file; ``turned``: in another frame than the camera's."""
     row, column = np.mgrid[:240, :320]
     points = np.dstack([(column - 159.5) / 450 * depth_m, (row - 119.5) / 450 * depth_m, depth_m])
-    points = points @ np.array([[0.0, 1.0, 0.0], [0.6, 0.0, 0.8], [0.8, 0.0, -0.6]]) + 1 if turned else points
+    points = (
+        points @ np.array([[0.0, 1.0, 0.0], [0.6, 0.0, 0.8], [0.8, 0.0, -0.6]]) + 1
+        if turned
+        else points
+    )
     file = io.BytesIO()
     np.save(file, points.astype(np.float32))
     return ImageRef(id=tools.blobs.put(file.getvalue()))
@@ -168,12 +196,16 @@ def test_the_camera_of_a_point_cloud_follows_from_its_points(tools, noisy):
     assert seen is not None
     assert seen.camera is not None
     assert seen.table is not None
-    assert (seen.camera.intrinsics.fx, seen.camera.intrinsics.cx) == pytest.approx((450.0, 159.5), abs=0.05)
+    assert (seen.camera.intrinsics.fx, seen.camera.intrinsics.cx) == pytest.approx(
+        (450.0, 159.5), abs=0.05
+    )
 
 
 @pytest.mark.parametrize("given", [True, False])
 def test_a_point_cloud_in_another_frame_is_refused(tools, noisy, given):
-    request = TopologyRequest(depth=cloud_of(tools, noisy, turned=True), intrinsics=INTRINSICS if given else None)
+    request = TopologyRequest(
+        depth=cloud_of(tools, noisy, turned=True), intrinsics=INTRINSICS if given else None
+    )
     with pytest.raises(InvalidInput, match="camera's frame") as refused:
         read_depth(request, tools)
     assert refused.value.field == "depth"

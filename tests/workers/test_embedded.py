@@ -53,7 +53,9 @@ def test_it_ends_with_its_parent(tmp_path):
         stdout=subprocess.PIPE,
     )
     with parent:
-        client = redis.Redis.from_url(parent.stdout.readline().decode().strip(), retry=Retry(NoBackoff(), 0))
+        client = redis.Redis.from_url(
+            parent.stdout.readline().decode().strip(), retry=Retry(NoBackoff(), 0)
+        )
         assert client.ping()
         parent.kill()
 

@@ -1,4 +1,5 @@
-"""``plan_shape`` with pegs, clips, edges and routes through the stage: answers, and every kind of impossible input."""
+"""``plan_shape`` with pegs, clips, edges and routes through the stage: answers, and every kind of
+impossible input."""
 
 from __future__ import annotations
 
@@ -18,7 +19,12 @@ WALL = {"kind": "edge", "from_m": [0.1, 0.05], "to_m": [0.2, 0.05]}
 ACROSS = WALL | {"from_m": [0.25, -0.02], "to_m": [0.25, 0.04]}
 BESIDE = WALL | {"from_m": [0.24, -0.06], "to_m": [0.24, -0.008]}
 ROUTE = {"stops": [{"fixture": 0, "side": "left"}, {"fixture": 1}]}
-ASKED = {"state_m": LINE, "object": {"mass_kg": 0.05}, "fixtures": [PEG, CLIP, WALL], "route": ROUTE}
+ASKED = {
+    "state_m": LINE,
+    "object": {"mass_kg": 0.05},
+    "fixtures": [PEG, CLIP, WALL],
+    "route": ROUTE,
+}
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +61,17 @@ def test_scale_changes_nothing(tools):
         return [larger(v) for v in value] if isinstance(value, list) else 5 * value
 
     names = ("xy_m", "radius_m", "width_m", "length_m", "from_m", "to_m")
-    fixtures = [{k: larger(v) if k in names else v for k, v in f.items()} for f in ASKED["fixtures"]]
+    fixtures = [
+        {k: larger(v) if k in names else v for k, v in f.items()} for f in ASKED["fixtures"]
+    ]
     small = run(tools, object={"mass_kg": 0.05, "diameter_m": 0.005})
     big = run(
-        tools, state_m=larger(LINE), fixtures=fixtures, route=ROUTE | {"slack_m": 0.1},
+        tools,
+        state_m=larger(LINE),
+        fixtures=fixtures,
+        route=ROUTE | {"slack_m": 0.1},
         object={"mass_kg": 0.05, "diameter_m": 0.025},
-    )  # fmt: skip
+    )
     assert big.action.edge == small.action.edge
     assert np.allclose(big.target_m, 5 * np.array(small.target_m), atol=0.01)
 
@@ -76,10 +87,16 @@ def test_keep_out_is_kept_among_fixtures_with_the_grippers_room(tools):
     area = [[0.0, 0.02], [0.4, 0.02], [0.4, 0.2], [0.0, 0.2]]
     route = {"stops": [{"fixture": 0, "side": "left"}]}
     free = run(tools, route=route, fixtures=[PEG])
-    kept = run(tools, route=route, fixtures=[PEG], limits={"keep_out_m": [area]}, gripper={"width_m": 0.02})
+    kept = run(
+        tools, route=route, fixtures=[PEG], limits={"keep_out_m": [area]}, gripper={"width_m": 0.02}
+    )
     assert free.status.code == "ok"
     if kept.action is not None:
-        ys = [kept.action.pick.xy_m[1], kept.action.place.xy_m[1], *(y for _, y in kept.predicted_m)]
+        ys = [
+            kept.action.pick.xy_m[1],
+            kept.action.place.xy_m[1],
+            *(y for _, y in kept.predicted_m),
+        ]
         assert max(ys) < 0.02
 
 
@@ -87,7 +104,13 @@ def test_keep_out_is_kept_among_fixtures_with_the_grippers_room(tools):
     ("fields", "name"),
     [
         ({"fixtures": [PEG, PEG | {"xy_m": [0.21, -0.03]}]}, "fixtures.1"),
-        ({"fixtures": [CLIP, PEG | {"xy_m": [0.3, 0.025]}], "route": {"stops": [{"fixture": 0}]}}, "fixtures.1"),
+        (
+            {
+                "fixtures": [CLIP, PEG | {"xy_m": [0.3, 0.025]}],
+                "route": {"stops": [{"fixture": 0}]},
+            },
+            "fixtures.1",
+        ),
         ({"object": {"mass_kg": 0.05, "diameter_m": 0.02}}, "fixtures.1.width_m"),
         ({"route": {"stops": [{"fixture": 7, "side": "left"}]}}, "route.stops.0.fixture"),
         ({"route": {"stops": [{"fixture": 2}]}}, "route.stops.0.fixture"),
@@ -115,7 +138,11 @@ def test_impossible_requests_name_the_field(fields, name):
         ({"fixtures": [PEG | {"xy_m": [0.2, 0.0]}, CLIP]}, "state_m", "fixtures.0"),
         ({"fixtures": [PEG, CLIP | {"width_m": 0.003}]}, "fixtures.1.width_m", "0.004 m thick"),
         ({"fixtures": [PEG, CLIP, ACROSS]}, "state_m", "fixtures.2"),
-        ({"fixtures": [PEG, CLIP, BESIDE], "state_m": [[x, y + 0.01] for x, y in LINE]}, "route", "fixtures.2"),
+        (
+            {"fixtures": [PEG, CLIP, BESIDE], "state_m": [[x, y + 0.01] for x, y in LINE]},
+            "route",
+            "fixtures.2",
+        ),
         ({"route": None, "target_m": [[x, -0.03] for x, _ in LINE]}, "target_m", "fixtures.0"),
     ],
 )

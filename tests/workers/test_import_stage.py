@@ -1,4 +1,5 @@
-"""Networks that users bring: stored after they were tried, named in requests, taken up without a restart."""
+"""Networks that users bring: stored after they were tried, named in requests, taken up without a
+restart."""
 
 from __future__ import annotations
 
@@ -6,7 +7,13 @@ import io
 
 import numpy as np
 import pytest
-from dlo_client.contracts import ImageRef, ImportNetworkRequest, InstancesRequest, SegmentRequest, UploadRef
+from dlo_client.contracts import (
+    ImageRef,
+    ImportNetworkRequest,
+    InstancesRequest,
+    SegmentRequest,
+    UploadRef,
+)
 from PIL import Image
 
 from models.weights.inference import Runtime
@@ -24,13 +31,17 @@ def tools(settings) -> Tools:
 
 
 def bring(tools: Tools, data: bytes, name: str | None = None):
-    return stages.run(ImportNetworkRequest(file=UploadRef(id=tools.blobs.put(data)), name=name), tools).result.network
+    return stages.run(
+        ImportNetworkRequest(file=UploadRef(id=tools.blobs.put(data)), name=name), tools
+    ).result.network
 
 
 @pytest.fixture
 def picture(tools) -> ImageRef:
     """Three grays: 60, 140 and 250."""
-    pixels = np.repeat(np.array([60, 140, 250], np.uint8), 32)[None, :, None] * np.ones((32, 1, 3), np.uint8)
+    pixels = np.repeat(np.array([60, 140, 250], np.uint8), 32)[None, :, None] * np.ones(
+        (32, 1, 3), np.uint8
+    )
     out = io.BytesIO()
     Image.fromarray(pixels).save(out, "PNG")
     return ImageRef(id=tools.blobs.put(out.getvalue()))
@@ -42,11 +53,20 @@ def coverage(tools: Tools, picture: ImageRef, **named) -> float:
 
 def test_a_network_that_was_brought_is_used_by_its_name_at_once(tools, picture):
     info = bring(tools, tiny.packed())
-    assert (info.name, info.version, info.shipped, info.owner, info.default) == ("cell7", "1", False, "a", False)
+    assert (info.name, info.version, info.shipped, info.owner, info.default) == (
+        "cell7",
+        "1",
+        False,
+        "a",
+        False,
+    )
     result = stages.run(SegmentRequest(image=picture, model="cell7"), tools).result
     assert result.coverage == pytest.approx(2 / 3)
     assert [(m.name, m.version) for m in result.models] == [("cell7", "1")]
-    assert stages.run(InstancesRequest(image=picture, model="cell7"), tools).result.models[0].name == "cell7"
+    assert (
+        stages.run(InstancesRequest(image=picture, model="cell7"), tools).result.models[0].name
+        == "cell7"
+    )
 
 
 def test_another_version_serves_only_when_asked_for(tools, picture):
@@ -71,8 +91,12 @@ def test_the_default_of_a_key_and_of_the_service_serve_requests_that_name_none(t
     assert coverage(tools, picture) == pytest.approx(1 / 3)
 
 
-_MISSING = [({"model": "cell8"}, "model"), ({"default_model": "x"}, "default_model"), ({"model": "cell7@3"}, "model"),
-            ({"model": "topology"}, "model")]  # fmt: skip
+_MISSING = [
+    ({"model": "cell8"}, "model"),
+    ({"default_model": "x"}, "default_model"),
+    ({"model": "cell7@3"}, "model"),
+    ({"model": "topology"}, "model"),
+]
 
 
 @pytest.mark.parametrize(("named", "field"), _MISSING)

@@ -3,7 +3,13 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from dlo_client.contracts import JobState, MergeCurvesRequest, MergeCurvesResult, NoopRequest, NoopResult
+from dlo_client.contracts import (
+    JobState,
+    MergeCurvesRequest,
+    MergeCurvesResult,
+    NoopRequest,
+    NoopResult,
+)
 from dlo_client.contracts.frames import Output
 
 from tests.clients import curve_samples
@@ -69,7 +75,9 @@ def test_the_requests_fault_names_the_field(run):
 
     problem = run(stage).problem
     assert (problem.code, problem.status) == ("invalid_image", 422)
-    assert [(error.field, error.message) for error in problem.errors] == [("views.1.image", "not a picture")]
+    assert [(error.field, error.message) for error in problem.errors] == [
+        ("views.1.image", "not a picture")
+    ]
 
 
 def test_our_fault_gets_an_incident_that_is_in_the_log(run, monkeypatch):
@@ -95,7 +103,9 @@ def test_our_fault_gets_an_incident_that_is_in_the_log(run, monkeypatch):
 def test_progress_is_told_but_not_every_hairs_breadth_nor_every_moment(run, job_queue, monkeypatch):
     def runs_at(seconds_a_call):
         calls = itertools.count()
-        clock = SimpleNamespace(monotonic=lambda: seconds_a_call * next(calls), perf_counter=time.perf_counter)
+        clock = SimpleNamespace(
+            monotonic=lambda: seconds_a_call * next(calls), perf_counter=time.perf_counter
+        )
         monkeypatch.setattr(jobs, "time", clock)
 
     runs_at(0.07)

@@ -6,7 +6,13 @@ import io
 
 import numpy as np
 import pytest
-from dlo_client.contracts import CameraView, ImageRef, LabelTrackedRequest, PinholeIntrinsics, Stroke
+from dlo_client.contracts import (
+    CameraView,
+    ImageRef,
+    LabelTrackedRequest,
+    PinholeIntrinsics,
+    Stroke,
+)
 from PIL import Image
 from pydantic import ValidationError
 
@@ -28,7 +34,10 @@ def scene() -> TrackedScene:
 
 
 def request(scene: TrackedScene, tools: Tools, **more: object) -> LabelTrackedRequest:
-    views = [view(image, camera, tools) for image, camera in zip(scene.images, scene.cameras, strict=True)]
+    views = [
+        view(image, camera, tools)
+        for image, camera in zip(scene.images, scene.cameras, strict=True)
+    ]
     strokes = [
         Stroke(points_m=points.tolist(), thickness_m=thick, name=f"cable {k}")
         for k, (points, thick) in enumerate(zip(scene.strokes_m, scene.thickness_m, strict=True))
@@ -40,14 +49,20 @@ def view(image: np.ndarray, camera, tools: Tools) -> CameraView:
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "PNG")
     i = camera.intrinsics
-    intrinsics = PinholeIntrinsics(width=i.width, height=i.height, fx=i.fx, fy=i.fy, cx=i.cx, cy=i.cy)
+    intrinsics = PinholeIntrinsics(
+        width=i.width, height=i.height, fx=i.fx, fy=i.fy, cx=i.cx, cy=i.cy
+    )
     ref = ImageRef(id=tools.blobs.put(buffer.getvalue()))
-    return CameraView(image=ref, intrinsics=intrinsics, T_world_camera=camera.T_world_camera.tolist())
+    return CameraView(
+        image=ref, intrinsics=intrinsics, T_world_camera=camera.T_world_camera.tolist()
+    )
 
 
 def test_strokes_become_labels_of_every_view(scene, tools):
     outcome = stages.run(request(scene, tools), tools)
-    assert set(outcome.files) == {f"{name}_{k}.png" for name in ("labels", "overlay") for k in range(4)}
+    assert set(outcome.files) == {
+        f"{name}_{k}.png" for name in ("labels", "overlay") for k in range(4)
+    }
     overlaps = []
     for labels, true in zip(outcome.result.views, scene.ids, strict=True):
         assert [i.id for i in labels.instances] == [1, 2]
@@ -70,7 +85,10 @@ def test_without_correction_the_strokes_stay_as_drawn(scene, tools):
 
 def test_ends_are_found_unless_that_is_off(scene, tools):
     found, marked = (
-        stages.run(request(scene, tools, files=[], find_ends=on), tools).result.views[0].instances[0].centerline_xy
+        stages.run(request(scene, tools, files=[], find_ends=on), tools)
+        .result.views[0]
+        .instances[0]
+        .centerline_xy
         for on in (True, False)
     )
     assert np.hypot(*np.subtract(found[0], marked[0])) > 0.5
@@ -90,7 +108,9 @@ def test_a_tracker_frame_is_taken_into_the_world(scene, tools):
         for p, t in zip(scene.strokes_m, scene.thickness_m, strict=True)
     ]
     direct = stages.run(request(scene, tools, correct=False, files=[]), tools).result
-    turned = request(scene, tools, correct=False, files=[], strokes=strokes, T_world_tracker=turn.tolist())
+    turned = request(
+        scene, tools, correct=False, files=[], strokes=strokes, T_world_tracker=turn.tolist()
+    )
     found = stages.run(turned, tools).result
     for a, b in zip(found.views, direct.views, strict=True):
         for got, want in zip(a.instances, b.instances, strict=True):
@@ -121,7 +141,10 @@ def test_intrinsics_of_another_size_are_refused(scene, tools):
         ({"strokes": [{"points_m": [[0, 0, 0]], "thickness_m": 0.01}]}, "points_m"),
         ({"strokes": [{"points_m": [[0, 0, 0], [0, 0, 0]], "thickness_m": 0.01}]}, "one place"),
         ({"strokes": [{"points_m": [[0, 0, 0], [1, 0, 0]], "thickness_m": 0}]}, "thickness_m"),
-        ({"strokes": [{"points_m": [[0, 0, 0], [float("nan"), 0, 0]], "thickness_m": 0.1}]}, "points_m"),
+        (
+            {"strokes": [{"points_m": [[0, 0, 0], [float("nan"), 0, 0]], "thickness_m": 0.1}]},
+            "points_m",
+        ),
         ({"spacing_px": 0.1}, "spacing_px"),
     ],
 )

@@ -93,7 +93,8 @@ def test_what_a_cancelled_job_still_says_is_not_heard(job_queue, ledger):
 
 
 def test_the_worker_of_a_job_that_has_just_ended_well_does_not_lose_it(job_queue, ledger):
-    """The child had written the result a moment before the worker renewed: it was killed as if by a cancel."""
+    """The child had written the result a moment before the worker renewed: it was killed as if by a
+    cancel."""
     claim = ledger.claim(submit(job_queue), "w")
     assert ledger.succeed(claim, RESULT, [], {})
     assert ledger.renew(claim, "w") == "ended"
@@ -122,7 +123,9 @@ def test_a_lost_job_is_tried_once_more(job_queue, ledger, client):
     take(client, job_id)
     first = ledger.claim(job_id, "w")
     assert ledger.lost(first) == "requeued"
-    assert client.lrange("rq:queue:dlo:interactive", 0, -1) == [job_id, other], "before those who came later"
+    assert client.lrange("rq:queue:dlo:interactive", 0, -1) == [job_id, other], (
+        "before those who came later"
+    )
     assert job_queue.get(job_id).state is JobState.QUEUED
 
     second = ledger.claim(job_id, "w")
@@ -162,7 +165,9 @@ def test_reap_forgives_a_worker_that_speaks_up_in_the_grace(job_queue, ledger, c
         assert ledger.reap(claim.job_id) is None
 
 
-def test_reap_brings_back_an_id_that_was_lost_between_queue_and_worker(job_queue, ledger, client, no_grace):
+def test_reap_brings_back_an_id_that_was_lost_between_queue_and_worker(
+    job_queue, ledger, client, no_grace
+):
     job_id = submit(job_queue)
     take(client, job_id)
     assert ledger.reap(job_id) is None
@@ -178,7 +183,8 @@ def test_reap_drops_a_late_job_although_no_worker_is_there(job_queue, ledger):
 
 
 def test_a_finished_job_leaves_only_what_expires(settings, client):
-    """The record, its events, the signal of its end and a tombstone, each with an expiry; nothing of RQ's."""
+    """The record, its events, the signal of its end and a tombstone, each with an expiry; nothing
+    of RQ's."""
     queue, ledger = JobQueue(settings), Ledger(client, settings)
     claim = ledger.claim(submit(queue), "w")
     ledger.succeed(claim, RESULT, [], {})
@@ -195,7 +201,9 @@ def test_an_ended_job_no_longer_keeps_a_long_request(job_queue, ledger):
     for job_id in (done, short):
         ledger.succeed(ledger.claim(job_id, "w"), RESULT, [], {})
     job_queue.cancel(cancelled)
-    assert [job_queue.request(job_id) is not None for job_id in (done, cancelled, waiting, short)] == [0, 0, 1, 1]
+    assert [
+        job_queue.request(job_id) is not None for job_id in (done, cancelled, waiting, short)
+    ] == [0, 0, 1, 1]
 
 
 def test_a_job_that_is_tried_again_still_has_its_request(job_queue, ledger):

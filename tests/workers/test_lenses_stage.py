@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dlo_client.contracts import CameraInfo, LabelTrackedRequest, PinholeIntrinsics, ReconstructRequest, Stroke
+from dlo_client.contracts import (
+    CameraInfo,
+    LabelTrackedRequest,
+    PinholeIntrinsics,
+    ReconstructRequest,
+    Stroke,
+)
 
 from models.geometry.cameras import Intrinsics
 from models.reconstruction.curves import distances
@@ -79,9 +85,18 @@ def test_strokes_are_drawn_where_the_lens_shows_them(tools, seen, truth):
 def test_the_shorthand_of_a_fisheye_gives_what_the_message_gives(tools, views):
     info = views[0].intrinsics
     short = PinholeIntrinsics(
-        width=640, height=480, fx=600.0, fy=600.0, cx=319.5, cy=239.5,
-        distortion=info.D, distortion_model=info.distortion_model,
-    )  # fmt: skip
+        width=640,
+        height=480,
+        fx=600.0,
+        fy=600.0,
+        cx=319.5,
+        cy=239.5,
+        distortion=info.D,
+        distortion_model=info.distortion_model,
+    )
     asked = [v.model_copy(update={"intrinsics": short}) for v in views]
-    curves = [stages.run(ReconstructRequest(views=v, files=[]), tools).result.curve for v in (views, asked)]
+    curves = [
+        stages.run(ReconstructRequest(views=v, files=[]), tools).result.curve
+        for v in (views, asked)
+    ]
     assert curves[0] == curves[1]

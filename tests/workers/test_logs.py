@@ -23,7 +23,9 @@ logging.getLogger("rq.worker").error("could not %s", "connect")
 
 
 def test_every_line_is_one_json_object_rqs_too():
-    done = subprocess.run([sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     lines = [json.loads(line) for line in done.stderr.splitlines()]
     assert [(line["event"], line["level"]) for line in lines] == [
         ("job succeeded", "info"),

@@ -32,9 +32,15 @@ def claim(job_queue, ledger):
 
 def test_waiting_and_running_and_each_stage_are_observed(job_queue, ledger, claim):
     for _ in range(3):
-        ledger.succeed(claim(), NoopResult(held_s=0), [], {"decode": 20.0, "queue_wait": 1.0, "total": 21.0})
+        ledger.succeed(
+            claim(), NoopResult(held_s=0), [], {"decode": 20.0, "queue_wait": 1.0, "total": 21.0}
+        )
     found = job_queue.measures().histograms
-    assert set(found) == {("wait", "interactive"), ("run", "noop", "succeeded"), ("stage", "noop", "decode")}
+    assert set(found) == {
+        ("wait", "interactive"),
+        ("run", "noop", "succeeded"),
+        ("stage", "noop", "decode"),
+    }
     decode = found["stage", "noop", "decode"]
     assert decode.counts == {"0.025": 3}
     assert decode.sum_s == pytest.approx(0.06)
@@ -46,7 +52,9 @@ def test_failures_are_counted_by_reason(job_queue, ledger, claim):
     ledger.fail(claim(), problems.invalid("image", "no", "invalid_image"))
     job_queue.cancel(claim().job_id)
     counters = job_queue.measures().counters
-    assert counters["failed", "noop", "too_large"] == counters["failed", "noop", "invalid_image"] == 1
+    assert (
+        counters["failed", "noop", "too_large"] == counters["failed", "noop", "invalid_image"] == 1
+    )
     assert ("failed", "noop", "cancelled") not in counters
     assert job_queue.measures().histograms["run", "noop", "cancelled"].counts
 

@@ -39,10 +39,15 @@ print("held to it again", resource.getrlimit(resource.RLIMIT_DATA) == before)
 
 
 def test_that_memory_ran_out_can_be_reported() -> None:
-    """Nothing was left to open a connection to the queue server: the child died, and the job failed as
-    `worker_lost` after three tries."""
+    """Nothing was left to open a connection to the queue server: the child died, and the job failed
+    as `worker_lost` after three tries."""
     ended = subprocess.run(
-        [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", PROGRAM],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines() == ["reported 41943040", "held to it again True"]

@@ -29,7 +29,9 @@ def photograph() -> np.ndarray:
     x = np.linspace(120, 520, 80)
     points = np.column_stack([x, 180 + 40 * np.sin((x - 120) / 130)])
     for width, color in ((11, (120, 100, 10)), (8, (230, 200, 30)), (3, (255, 240, 150))):
-        cv2.polylines(image, [np.rint(points * 16).astype(np.int32)], False, color, width, cv2.LINE_AA, 4)
+        cv2.polylines(
+            image, [np.rint(points * 16).astype(np.int32)], False, color, width, cv2.LINE_AA, 4
+        )
     return image
 
 
@@ -45,7 +47,12 @@ HOMOGRAPHY = ((0.001, 0, -0.32), (0, -0.001, 0.18), (0, 0, 1))
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_picture_of_the_table_and_the_target_decides_the_order(tools, order):
     target = [(x, y + 0.05) for x, y in line(length=0.43)][::order]
-    fields = {"state_m": None, "image": stored(tools, photograph()), "homography": HOMOGRAPHY, "target_m": target}
+    fields = {
+        "state_m": None,
+        "image": stored(tools, photograph()),
+        "homography": HOMOGRAPHY,
+        "target_m": target,
+    }
     result = run(tools, **fields)
     assert result.status.code == "ok"
     first, last = np.array(result.state_m[0]), np.array(result.state_m[-1])
@@ -83,7 +90,10 @@ def test_the_scale_of_a_homography_is_free(factor):
 @pytest.mark.parametrize(
     ("homography", "said"),
     [
-        (np.linalg.inv(np.array([[0.001, 0, -0.32], [0, 0.001, -0.18], [0, 0, 1.0]])), "its inverse is needed"),
+        (
+            np.linalg.inv(np.array([[0.001, 0, -0.32], [0, 0.001, -0.18], [0, 0, 1.0]])),
+            "its inverse is needed",
+        ),
         (np.array([[1.0, 0, -320], [0, 1.0, -180], [0, 0, 1.0]]), "millimeters"),
         (np.array([[0.1, 0, -32], [0, 0.1, -18], [0, 0, 1.0]]), "centimeters"),
     ],
@@ -92,5 +102,11 @@ def test_a_homography_to_another_unit_or_of_the_other_direction_is_refused(tools
     """An inverse one moved the gripper by 82 km."""
     picture = stored(tools, photograph())
     with pytest.raises(InvalidInput, match=said) as caught:
-        run(tools, state_m=None, image=picture, homography=homography.tolist(), target_m=line(length=0.43))
+        run(
+            tools,
+            state_m=None,
+            image=picture,
+            homography=homography.tolist(),
+            target_m=line(length=0.43),
+        )
     assert caught.value.field == "homography"

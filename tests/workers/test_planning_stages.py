@@ -1,4 +1,5 @@
-"""``plan_shape`` and ``estimate_parameters`` through the stages: good input, every kind of bad input."""
+"""``plan_shape`` and ``estimate_parameters`` through the stages: good input, every kind of bad
+input."""
 
 from __future__ import annotations
 
@@ -56,19 +57,27 @@ def test_an_action_that_helps(tools):
     assert {c.name for c in action.checks} == {"displacement", "rotation"}
     assert all(c.passed for c in action.checks)
     assert len(result.alternatives) == 3
-    assert [a.error_after_m for a in result.alternatives] == sorted(a.error_after_m for a in result.alternatives)
+    assert [a.error_after_m for a in result.alternatives] == sorted(
+        a.error_after_m for a in result.alternatives
+    )
     assert len({action.edge, *(a.edge for a in result.alternatives)}) == 4
     assert result.parameters.source == "mid_range"
     assert len(result.predicted_m) == 16
     assert len(result.models) == 3
     middle = np.mean(line()[action.edge : action.edge + 2], axis=0)
     assert action.pick.xy_m == pytest.approx(middle, abs=1e-5)
-    assert action.place.xy_m == pytest.approx(middle + np.array([action.dx_m, action.dy_m]), abs=1e-5)
-    assert action.place.angle_rad - action.pick.angle_rad == pytest.approx(action.dtheta_rad, abs=1e-5)
+    assert action.place.xy_m == pytest.approx(
+        middle + np.array([action.dx_m, action.dy_m]), abs=1e-5
+    )
+    assert action.place.angle_rad - action.pick.angle_rad == pytest.approx(
+        action.dtheta_rad, abs=1e-5
+    )
 
 
 def test_equal_requests_have_equal_answers(tools):
-    first, second = (stages.run(request(horizon=2, history=experience()), tools).result for _ in "ab")
+    first, second = (
+        stages.run(request(horizon=2, history=experience()), tools).result for _ in "ab"
+    )
     assert first.model_dump_json() == second.model_dump_json()
 
 
@@ -118,10 +127,22 @@ def test_a_state_that_crosses_itself_is_said(tools):
     [
         ({"object": DloObject(mass_kg=1.0)}, "mass_untrained", "object.mass_kg"),
         ({"object": DloObject(mass_kg=0.001)}, "mass_untrained", "object.mass_kg"),
-        ({"state_m": line(16, 2.0), "target_m": target_shape("U", 2.0)}, "length_untrained", "object.length_m"),
-        ({"state_m": line(16, 0.05), "target_m": target_shape("U", 0.05)}, "length_untrained", "object.length_m"),
+        (
+            {"state_m": line(16, 2.0), "target_m": target_shape("U", 2.0)},
+            "length_untrained",
+            "object.length_m",
+        ),
+        (
+            {"state_m": line(16, 0.05), "target_m": target_shape("U", 0.05)},
+            "length_untrained",
+            "object.length_m",
+        ),
         ({"parameters": RopeParameters(k_b=50, k_d=14)}, "parameters_untrained", "parameters"),
-        ({"limits": PlanLimits(max_displacement_m=0.5)}, "limits_reduced", "limits.max_displacement_m"),
+        (
+            {"limits": PlanLimits(max_displacement_m=0.5)},
+            "limits_reduced",
+            "limits.max_displacement_m",
+        ),
     ],
 )
 def test_what_was_not_trained_is_answered_with_a_warning(tools, fields, code, field):
@@ -166,7 +187,11 @@ def test_limits_are_kept_and_named(tools):
     ("limits", "code", "said"),
     [
         (PlanLimits(workspace_m=((-0.3, -0.01), (0.3, 0.01))), "target_outside", "workspace_m"),
-        (PlanLimits(keep_out_m=[[(-1, -1), (1, -1), (1, 1), (-1, 1)]]), "target_outside", r"keep_out_m\.0"),
+        (
+            PlanLimits(keep_out_m=[[(-1, -1), (1, -1), (1, 1), (-1, 1)]]),
+            "target_outside",
+            r"keep_out_m\.0",
+        ),
         (PlanLimits(base_xy_m=(9, 9), reach_m=(0, 1)), "no_action", "limit"),
     ],
 )
@@ -196,7 +221,11 @@ def test_stuck_where_the_last_actions_brought_nothing(tools):
     assert run(tools, history=fruitless(3), tried=3).status.code == "ok"
     assert run(tools, history=fruitless(4), tried=3).status.code == "ok"
     result = run(tools, history=fruitless(4), tried=4)
-    assert (result.status.code, result.status.reason, result.action) == ("stuck", "unlike_any_model", None)
+    assert (result.status.code, result.status.reason, result.action) == (
+        "stuck",
+        "unlike_any_model",
+        None,
+    )
     assert "unlike_any_model" in codes(result)
     assert result.alternatives
 
@@ -207,7 +236,12 @@ def dry(stiffness_m: float, count: int = 4) -> list[Experience]:
     for _ in range(count):
         act = Actions.random(rng, 1, 16)
         (dx, dy), turn = act.shift[0], act.turn[0]
-        after = slide(state, act.edge, np.array([[dx, dy, turn]]), Sliders.straight(np.array([stiffness_m]), 16))
+        after = slide(
+            state,
+            act.edge,
+            np.array([[dx, dy, turn]]),
+            Sliders.straight(np.array([stiffness_m]), 16),
+        )
         done = MoveAction(edge=int(act.edge[0]), dx_m=dx, dy_m=dy, dtheta_rad=turn)
         items.append(Experience(before=state[0].tolist(), action=done, after=after[0].tolist()))
         state = after
@@ -247,7 +281,9 @@ def test_history_that_contradicts_itself_is_said(tools):
 
 
 def test_estimates_come_with_what_is_left(tools):
-    result = stages.run(EstimateParametersRequest(history=experience(0.3, 10.0), object=OBJECT), tools).result
+    result = stages.run(
+        EstimateParametersRequest(history=experience(0.3, 10.0), object=OBJECT), tools
+    ).result
     assert result.k_b / result.k_d == pytest.approx(0.03, rel=0.15)
     assert result.loss_m < result.loss_mid_range_m
     assert len(result.sample_errors_m) == 4
@@ -256,17 +292,24 @@ def test_estimates_come_with_what_is_left(tools):
 
 @pytest.mark.parametrize("stiffness", [0.05, 1.0])
 def test_estimates_tell_dry_friction_and_the_stiffness_over_it(tools, stiffness):
-    result = stages.run(EstimateParametersRequest(history=dry(stiffness), object=OBJECT), tools).result
+    result = stages.run(
+        EstimateParametersRequest(history=dry(stiffness), object=OBJECT), tools
+    ).result
     assert result.friction == "dry"
     assert result.stiffness_m == pytest.approx(stiffness, rel=0.5)
-    viscous = stages.run(EstimateParametersRequest(history=experience(0.3, 10.0), object=OBJECT), tools).result
+    viscous = stages.run(
+        EstimateParametersRequest(history=experience(0.3, 10.0), object=OBJECT), tools
+    ).result
     assert (viscous.friction, viscous.stiffness_m) == ("viscous", None)
 
 
 def test_an_edge_that_is_not_there(tools):
     item = experience(count=1)[0]
     beyond = item.model_copy(update={"action": item.action.model_copy(update={"edge": 15})})
-    for bad in (request(history=[beyond]), EstimateParametersRequest(history=[beyond], object=OBJECT)):
+    for bad in (
+        request(history=[beyond]),
+        EstimateParametersRequest(history=[beyond], object=OBJECT),
+    ):
         with pytest.raises(InvalidInput) as caught:
             stages.run(bad, tools)
         assert caught.value.field == "history.0.action.edge"
@@ -305,10 +348,20 @@ def scaled(points, factor: float) -> list[tuple[float, float]]:
         ({"target_m": scaled(U, 30)}, "in another unit"),
         ({"object": DloObject(mass_kg=0.05, length_m=15.0)}, "in another unit"),
         ({"object": {"mass_kg": 0.05, "length_m": 1e-300}}, "length_m"),
-        ({"history": [{"before": line(), "after": scaled(line(), 10), "action": {"edge": 3, "dx_m": 0.05, "dy_m": 0.0,
-          "dtheta_rad": 0.0}}]}, "`after` is"),
+        (
+            {
+                "history": [
+                    {
+                        "before": line(),
+                        "after": scaled(line(), 10),
+                        "action": {"edge": 3, "dx_m": 0.05, "dy_m": 0.0, "dtheta_rad": 0.0},
+                    }
+                ]
+            },
+            "`after` is",
+        ),
     ],
-)  # fmt: skip
+)
 def test_lengths_that_no_dlo_has_are_refused_with_the_likely_unit(fields, unit):
     """A plan in millimeters moved the gripper by 80 m."""
     with pytest.raises(ValidationError, match=unit):
@@ -316,7 +369,8 @@ def test_lengths_that_no_dlo_has_are_refused_with_the_likely_unit(fields, unit):
 
 
 def test_a_long_dlo_is_moved_no_farther_than_is_stated(tools):
-    """The trained 0.1 m grew with the DLO's length, to 0.4 m here, though the limit is stated as 0.1."""
+    """The trained 0.1 m grew with the DLO's length, to 0.4 m here, though the limit is stated as
+    0.1."""
     far = [(x, y + 1.0) for x, y in line(16, 2.0)]
     for wish, most in ((None, 0.1), (0.3, 0.3)):
         limits = {} if wish is None else {"max_displacement_m": wish}

@@ -49,7 +49,9 @@ class Child:
         return lambda: self._what.append(name)
 
 
-def test_a_worker_is_asked_for_a_batch_job_while_an_interactive_one_waits(job_queue, ledger, client):
+def test_a_worker_is_asked_for_a_batch_job_while_an_interactive_one_waits(
+    job_queue, ledger, client
+):
     claim = begin(job_queue, ledger, client)
     assert ledger.renew(claim, "w") == "held"
     waiting = submit(job_queue)
@@ -65,9 +67,13 @@ def test_interactive_jobs_do_not_stand_still_for_each_other(job_queue, ledger, c
 
 
 def test_a_job_that_may_hold_a_lock_does_not_stand_still(job_queue, ledger, client):
-    """Another import, of an interactive job, would wait for the lock of the one that stands still for it."""
+    """Another import, of an interactive job, would wait for the lock of the one that stands still
+    for it."""
     request = ImportNetworkRequest.model_construct(kind="import_network", priority="batch")
-    client.hset(KEYS.job("1"), mapping={"state": "running", "attempts": 1, "priority": "batch", "kind": request.kind})
+    client.hset(
+        KEYS.job("1"),
+        mapping={"state": "running", "attempts": 1, "priority": "batch", "kind": request.kind},
+    )
     claim = SimpleNamespace(job_id="1", attempt=1)
     submit(job_queue)
     assert ledger.renew(claim, "w") == "held"
@@ -88,12 +94,16 @@ def runner(settings, client, ledger, what, *, warm=True, looks=1):
     """A runner whose next child ends its job well."""
     taker = lambda: client.lpop("rq:queue:dlo:interactive")  # noqa: E731
     made = Runner(settings, "w", QUEUES, taker)
-    other = Child(what, looks, end=lambda claim: ledger.succeed(claim, NoopResult(held_s=0.0), [], {}))
+    other = Child(
+        what, looks, end=lambda claim: ledger.succeed(claim, NoopResult(held_s=0.0), [], {})
+    )
     made._children.standby = lambda: other if warm else None
     return made
 
 
-def test_the_working_child_stands_still_while_the_next_one_works(settings, job_queue, ledger, client):
+def test_the_working_child_stands_still_while_the_next_one_works(
+    settings, job_queue, ledger, client
+):
     """A robot waited for the end of the batch job that was running, however long that took."""
     claim, robot, what = begin(job_queue, ledger, client), submit(job_queue), []
     child = Child(what, looks=3)
@@ -128,7 +138,9 @@ def test_the_job_that_stands_still_is_not_taken_for_lost(settings, job_queue, le
 
 
 @pytest.mark.parametrize("case", ["no warm child", "not begun", "nobody waits any more"])
-def test_it_goes_on_where_standing_still_would_help_nobody(settings, job_queue, ledger, client, case):
+def test_it_goes_on_where_standing_still_would_help_nobody(
+    settings, job_queue, ledger, client, case
+):
     claim, robot, what = begin(job_queue, ledger, client), submit(job_queue), []
     made = runner(settings, client, ledger, what, warm=case != "no warm child")
     child = Child(what, looks=3)
@@ -176,7 +188,12 @@ def test_batch_has_its_share_of_the_time(monkeypatch):
 
 @pytest.mark.parametrize(
     ("queues", "preempt", "taken"),
-    [(QUEUES, True, True), (QUEUES, False, False), (("batch",), True, False), (("interactive",), True, False)],
+    [
+        (QUEUES, True, True),
+        (QUEUES, False, False),
+        (("batch",), True, False),
+        (("interactive",), True, False),
+    ],
 )
 def test_which_workers_take_a_job_meanwhile(settings, job_queue, queues, preempt, taken):
     worker = WarmWorker(settings.model_copy(update={"preempt": preempt}), "w", queues)

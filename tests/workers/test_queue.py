@@ -4,7 +4,15 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
-from dlo_client.contracts import AnyJob, ImageRef, JobState, NoopRequest, NoopResult, PlanShapeRequest, SegmentRequest
+from dlo_client.contracts import (
+    AnyJob,
+    ImageRef,
+    JobState,
+    NoopRequest,
+    NoopResult,
+    PlanShapeRequest,
+    SegmentRequest,
+)
 
 from tests.processes import wait_until
 from tests.workers.trips import commands_during
@@ -14,7 +22,14 @@ from workers.connection import connect
 from workers.ledger import Ledger
 from workers.listing import trim
 from workers.presence import WorkerInfo, announce, depart
-from workers.queue import AsyncJobQueue, IdempotencyConflict, JobGone, JobQueue, JobUnknown, QueueFull
+from workers.queue import (
+    AsyncJobQueue,
+    IdempotencyConflict,
+    JobGone,
+    JobQueue,
+    JobUnknown,
+    QueueFull,
+)
 from workers.record import REQUEST, Entry, Origin
 from workers.settings import Settings
 
@@ -36,7 +51,12 @@ def with_settings(settings, **changes):
 def test_a_submitted_job_waits_in_the_queue_of_its_priority(job_queue):
     job, created = job_queue.submit(NoopRequest(priority="batch", label="night shift"))
     assert created
-    assert (job.state, job.kind, job.priority, job.label) == (JobState.QUEUED, "noop", "batch", "night shift")
+    assert (job.state, job.kind, job.priority, job.label) == (
+        JobState.QUEUED,
+        "noop",
+        "batch",
+        "night shift",
+    )
     assert job_queue.get(job.id) == job
     assert job_queue.depth() == {"interactive": 0, "batch": 1, "training": 0}
 
@@ -183,7 +203,9 @@ def test_recent_forgets_expired_jobs(settings):
 
 def test_workers_announce_themselves_and_depart(job_queue, settings):
     started_at = datetime(2026, 11, 23, tzinfo=UTC)
-    info = WorkerInfo("w1", ready=True, busy=False, queues=["batch"], started_at=started_at, networks=[])
+    info = WorkerInfo(
+        "w1", ready=True, busy=False, queues=["batch"], started_at=started_at, networks=[]
+    )
     with connect(settings) as client:
         announce(client, settings.keys, info)
         assert job_queue.workers() == [info]
@@ -220,7 +242,8 @@ def test_a_submission_that_is_sent_again_is_one_job(settings, ledger, job_queue)
 
 
 def test_the_twin_submits_without_a_thread(settings, job_queue):
-    """On a busy machine handing each submission to a thread and back took as long as all else about it."""
+    """On a busy machine handing each submission to a thread and back took as long as all else about
+    it."""
 
     async def twice(openings):
         queue = AsyncJobQueue(settings)
@@ -231,7 +254,9 @@ def test_the_twin_submits_without_a_thread(settings, job_queue):
 
     def opening(key=None, digest="", queue=job_queue, **fields):
         entry = Entry.of(NoopRequest(**fields))
-        found = queue.opening(entry, idempotency_key=key, request_digest=digest, origin=Origin("ann"))
+        found = queue.opening(
+            entry, idempotency_key=key, request_digest=digest, origin=Origin("ann")
+        )
         assert found is not None
         return found
 
@@ -246,7 +271,9 @@ def test_the_twin_submits_without_a_thread(settings, job_queue):
         asyncio.run(twice([opening("a", "2")]))
     with pytest.raises(QueueFull):
         asyncio.run(twice([opening(queue=with_settings(settings, max_queue_depth=1))]))
-    assert job_queue.opening(replace(Entry.of(NoopRequest()), request="x" * 40_000)) is None, "it goes into a blob"
+    assert job_queue.opening(replace(Entry.of(NoopRequest()), request="x" * 40_000)) is None, (
+        "it goes into a blob"
+    )
 
 
 def test_everybody_who_waits_for_a_job_gets_its_end(settings, job_queue, ledger):
@@ -254,7 +281,9 @@ def test_everybody_who_waits_for_a_job_gets_its_end(settings, job_queue, ledger)
         queue = AsyncJobQueue(settings)
         try:
             assert (await queue.when_ended(job_id, block_ms=10)).job.state is JobState.QUEUED
-            waiting = [asyncio.create_task(queue.when_ended(job_id, block_ms=9000)) for _ in range(3)]
+            waiting = [
+                asyncio.create_task(queue.when_ended(job_id, block_ms=9000)) for _ in range(3)
+            ]
             await asyncio.sleep(0.05)
             await asyncio.to_thread(finish, ledger, job_id)
             late = queue.when_ended(job_id, block_ms=9000)
@@ -297,5 +326,8 @@ def test_an_owner_may_have_so_many_jobs_under_way(job_queue, ledger):
 
 
 def test_two_owners_may_use_the_same_idempotency_key(job_queue):
-    made = [job_queue.submit(NoopRequest(), idempotency_key="k", origin=Origin(owner))[1] for owner in ("a", "b", "a")]
+    made = [
+        job_queue.submit(NoopRequest(), idempotency_key="k", origin=Origin(owner))[1]
+        for owner in ("a", "b", "a")
+    ]
     assert made == [True, True, False]

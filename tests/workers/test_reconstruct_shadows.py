@@ -22,7 +22,8 @@ def tools() -> Tools:
 
 
 def error_mm(color: int, seed: int, shadow: float, tools: Tools) -> float:
-    """Mean distance of the curve of a cable of 2 mm to the truth, from three views 25 mm apart at 0.28 m."""
+    """Mean distance of the curve of a cable of 2 mm to the truth, from three views 25 mm apart at
+    0.28 m."""
     points = random_cable(np.random.default_rng(seed), 0.16, bend=2.0, rise_m=0.0)
     points[:, 2] = HEIGHT_M
     cable = Cable3D(points, 0.001, cell.COLORS[color])
@@ -34,8 +35,11 @@ def error_mm(color: int, seed: int, shadow: float, tools: Tools) -> float:
 
 
 @pytest.mark.parametrize(("color", "seed"), [(0, 0), (4, 2)], ids=["blue", "black"])
-def test_a_soft_shadow_beside_a_thin_cable_moves_no_depth(color: int, seed: int, tools: Tools) -> None:
-    """The curve was 3 mm off in depth: the shadow moved an edge in one view and not in the other."""
+def test_a_soft_shadow_beside_a_thin_cable_moves_no_depth(
+    color: int, seed: int, tools: Tools
+) -> None:
+    """The curve was 3 mm off in depth: the shadow moved an edge in one view and not in the
+    other."""
     without, beside = (error_mm(color, seed, shadow, tools) for shadow in (0.0, 0.6))
     assert beside < 1.0
     assert beside < without + 0.3

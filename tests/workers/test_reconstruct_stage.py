@@ -1,4 +1,5 @@
-"""``reconstruct``, ``next_view`` and ``merge_curves`` on rendered pictures and the shipped networks."""
+"""``reconstruct``, ``next_view`` and ``merge_curves`` on rendered pictures and the shipped
+networks."""
 
 from __future__ import annotations
 
@@ -45,11 +46,14 @@ def truth() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def pictures(truth) -> list[np.ndarray]:
-    """From ROW; the cable leaves them at the top and at the bottom. The last one shows the table alone."""
+    """From ROW; the cable leaves them at the top and at the bottom. The last one shows the table
+    alone."""
     rng = np.random.default_rng(7)
     table = noise_texture(rng)
     scene = Scene3D((Cable3D(truth, RADIUS_M, (0.8, 0.1, 0.1)),), table)
-    return [render(scene, camera, rng).rgb for camera in ROW] + [render(Scene3D((), table), ROW[3], rng).rgb]
+    return [render(scene, camera, rng).rgb for camera in ROW] + [
+        render(Scene3D((), table), ROW[3], rng).rgb
+    ]
 
 
 def put(tools: Tools, rgb: np.ndarray) -> ImageRef:
@@ -64,7 +68,9 @@ def intrinsics(camera: Camera) -> PinholeIntrinsics:
 
 def view(tools: Tools, rgb: np.ndarray, camera: Camera, name: str | None = None) -> CameraView:
     pose = camera.T_world_camera.tolist()
-    return CameraView(image=put(tools, rgb), intrinsics=intrinsics(camera), T_world_camera=pose, name=name)
+    return CameraView(
+        image=put(tools, rgb), intrinsics=intrinsics(camera), T_world_camera=pose, name=name
+    )
 
 
 @pytest.fixture(scope="module")
@@ -100,12 +106,16 @@ def test_a_ros_camera_info_gives_the_same_curve(tools, views, outcome):
         asked = [v.model_copy(update={"intrinsics": info}) for v in views[:3]]
         curves.append(stages.run(ReconstructRequest(views=asked, files=[]), tools).result.curve)
     assert curves[0] == outcome.result.curve
-    apart_mm = 1000 * distances(np.array(curves[1].points_m), np.array(outcome.result.curve.points_m))
+    apart_mm = 1000 * distances(
+        np.array(curves[1].points_m), np.array(outcome.result.curve.points_m)
+    )
     assert apart_mm.max() > 1
 
 
 def test_two_of_three_pictures_may_be_from_one_place(tools, views, truth):
-    result = stages.run(ReconstructRequest(views=[views[0], views[0], views[2]], files=[]), tools).result
+    result = stages.run(
+        ReconstructRequest(views=[views[0], views[0], views[2]], files=[]), tools
+    ).result
     assert 1000 * distances(np.array(result.curve.points_m), truth).mean() < 0.82
 
 
@@ -124,7 +134,9 @@ def test_files_hold_the_same_curve(outcome):
     assert lines[0] == "ply"
     assert "element vertex 60" in lines
     vertex = lines[lines.index("end_header") + 1].split()
-    assert [float(v) for v in vertex[:3]] == pytest.approx(outcome.result.curve.points_m[0], abs=1e-6)
+    assert [float(v) for v in vertex[:3]] == pytest.approx(
+        outcome.result.curve.points_m[0], abs=1e-6
+    )
     assert {"overlay_0.png", "overlay_1.png", "overlay_2.png"} <= set(outcome.files)
 
 
@@ -142,14 +154,18 @@ def test_equal_requests_give_equal_bytes(tools, views, outcome):
 
 
 def test_the_published_method_can_be_asked_for(tools, views, truth):
-    result = stages.run(ReconstructRequest(views=views[:3], method="dlo3ds", files=[]), tools).result
+    result = stages.run(
+        ReconstructRequest(views=views[:3], method="dlo3ds", files=[]), tools
+    ).result
     assert result.method == "dlo3ds"
     assert 1000 * distances(np.array(result.curve.points_m), truth).mean() < 1.5
 
 
 def test_a_pixel_or_an_id_names_the_target(tools, views):
     x, y = ROW[1].project(np.array([0.0, 0.0, 0.01]))
-    by_pixel = ReconstructRequest(views=views[:3], target=Target(view=1, xy=(float(x), float(y))), files=[])
+    by_pixel = ReconstructRequest(
+        views=views[:3], target=Target(view=1, xy=(float(x), float(y))), files=[]
+    )
     by_id = ReconstructRequest(views=views[:3], target=Target(view=1, instance=1), files=[])
     found = [stages.run(request, tools).result for request in (by_pixel, by_id)]
     assert found[0].curve == found[1].curve
@@ -206,7 +222,9 @@ def test_cameras_that_look_the_other_way_fail_clearly(tools, pictures):
 
 
 def test_intrinsics_of_another_picture_are_refused(tools, views):
-    other = views[0].model_copy(update={"intrinsics": views[0].intrinsics.model_copy(update={"width": 641})})
+    other = views[0].model_copy(
+        update={"intrinsics": views[0].intrinsics.model_copy(update={"width": 641})}
+    )
     with pytest.raises(InvalidInput, match="641") as caught:
         stages.run(ReconstructRequest(views=[other, *views[1:3]]), tools)
     assert caught.value.field == "views.0.intrinsics"
@@ -218,7 +236,9 @@ def test_a_scan_is_continued(tools, outcome, truth):
     scene = Scene3D((Cable3D(truth, RADIUS_M, (0.8, 0.1, 0.1)),), noise_texture(rng))
     ahead = [camera_above(np.array([x, 0.05]), 0.25) for x in (-0.03, 0.0, 0.03)]
     views = [view(tools, render(scene, camera, rng).rgb, camera) for camera in ahead]
-    result = stages.run(ReconstructRequest(views=views, previous=outcome.result.curve, files=[]), tools).result
+    result = stages.run(
+        ReconstructRequest(views=views, previous=outcome.result.curve, files=[]), tools
+    ).result
     assert 0.5 < result.overlap < 0.95
     first, last = result.curve.points_m[0], result.curve.points_m[-1]
     before = outcome.result.curve.points_m
@@ -248,8 +268,13 @@ def test_a_section_elsewhere_cannot_be_continued(tools, views, outcome):
 
 
 def test_next_view_alone(tools, outcome):
-    cameras = [CameraPose(intrinsics=intrinsics(c), T_world_camera=c.T_world_camera.tolist()) for c in ROW[:3]]
-    request = NextViewRequest(curve=outcome.result.curve, cameras=cameras, pictures=4, nearest_m=0.2)
+    cameras = [
+        CameraPose(intrinsics=intrinsics(c), T_world_camera=c.T_world_camera.tolist())
+        for c in ROW[:3]
+    ]
+    request = NextViewRequest(
+        curve=outcome.result.curve, cameras=cameras, pictures=4, nearest_m=0.2
+    )
     plan = stages.run(request, tools).result.next_view
     assert len(plan.T_world_camera) == 4
     assert plan.delta_z_m < 0
@@ -280,7 +305,9 @@ def test_a_large_picture_from_a_bent_lens(tools, truth):
     error_mm = 1000 * distances(np.array(outcome.result.curve.points_m), truth)
     assert error_mm.mean() < 0.5
     assert [v.status for v in outcome.result.views] == ["used"] * 3
-    drawn = cv2.imdecode(np.frombuffer(outcome.files["overlay_1.png"][1], np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+    drawn = cv2.imdecode(
+        np.frombuffer(outcome.files["overlay_1.png"][1], np.uint8), cv2.IMREAD_COLOR
+    )[:, :, ::-1]
     assert drawn.shape == (600, 800, 3), "reduced by two"
     column, row = (round((v + 0.5) / 2 - 0.5) for v in (x, y))
     assert np.abs(drawn[row, column].astype(int) - (255, 214, 10)).max() < 60
@@ -299,7 +326,9 @@ def test_poses_in_millimeters_are_refused(tools, views):
     asked = []
     for given in views[:3]:
         pose = [[*row[:3], 1000 * row[3]] for row in given.T_world_camera[:3]] + [[0, 0, 0, 1]]
-        asked.append(CameraView(image=given.image, intrinsics=given.intrinsics, T_world_camera=pose))
+        asked.append(
+            CameraView(image=given.image, intrinsics=given.intrinsics, T_world_camera=pose)
+        )
     with pytest.raises(InvalidInput, match="millimeters") as caught:
         stages.run(ReconstructRequest(views=asked), tools)
     assert (caught.value.field, caught.value.code) == ("views", "invalid_scale")

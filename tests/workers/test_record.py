@@ -40,7 +40,12 @@ def test_read_job_of_a_finished_record():
     }
     job = read_job(record)
     assert job.created_at == datetime(2023, 11, 14, 22, 13, 20, 250_000, tzinfo=UTC)
-    assert (job.state, job.priority, job.label, job.attempts) == (JobState.SUCCEEDED, "batch", None, 2)
+    assert (job.state, job.priority, job.label, job.attempts) == (
+        JobState.SUCCEEDED,
+        "batch",
+        None,
+        2,
+    )
     assert job.result == NoopResult(held_s=0.5)
     assert job.timings_ms == {"total": 750.0}
     assert (job.started_at, job.problem) == (None, None)

@@ -50,7 +50,9 @@ def two_bars(tools) -> ImageRef:
 def test_cables_are_found_where_they_can_be(tools, two_bars, regions, seen):
     request = InstancesRequest(mask=two_bars, regions=regions)
     found = stages.run(request, tools).result.instances
-    assert sorted(round(np.mean([y for _, y in i.centerline_xy])) for i in found) == pytest.approx(seen, abs=1)
+    assert sorted(round(np.mean([y for _, y in i.centerline_xy])) for i in found) == pytest.approx(
+        seen, abs=1
+    )
 
 
 def test_a_harness_is_read_within_the_regions(tools, two_bars):
@@ -72,7 +74,8 @@ def test_what_is_within_keeps_its_probability():
 
 
 def test_what_a_cable_is_continued_by_ends_where_the_regions_end(tools, monkeypatch):
-    """The scene of a settled foreground was answered although a part of it lay outside the regions."""
+    """The scene of a settled foreground was answered although a part of it lay outside the
+    regions."""
     picture = np.full((120, 200, 3), 90, np.uint8)
     bars = np.zeros((120, 200), bool)
     bars[26:35, 20:180] = bars[86:95, 20:180] = True
@@ -83,6 +86,8 @@ def test_what_a_cable_is_continued_by_ends_where_the_regions_end(tools, monkeypa
 
     monkeypatch.setattr(foreground, "settle", settle)
     monkeypatch.setattr(perception, "without_lookalikes", lambda scene, *seen: scene)
-    request = InstancesRequest(image=put(tools, Image.fromarray(picture)), regions=Regions(only=[HIGH]))
+    request = InstancesRequest(
+        image=put(tools, Image.fromarray(picture)), regions=Regions(only=[HIGH])
+    )
     (cable,) = stages.run(request, tools).result.instances
     assert np.mean([y for _, y in cable.centerline_xy]) == pytest.approx(30, abs=1)

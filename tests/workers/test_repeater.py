@@ -6,7 +6,9 @@ import redis
 from workers.repeater import Repeater
 
 
-@pytest.mark.parametrize("error", [redis.ConnectionError("away"), OSError("disk"), ValueError("bug")])
+@pytest.mark.parametrize(
+    "error", [redis.ConnectionError("away"), OSError("disk"), ValueError("bug")]
+)
 def test_it_goes_on_whatever_happens_until_stopped(error):
     calls, enough = [], threading.Event()
 

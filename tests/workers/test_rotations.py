@@ -51,14 +51,21 @@ def test_a_convention_is_what_its_maker_means(convention):
 
 @pytest.mark.parametrize("convention", BY_HAND)
 def test_there_and_back_also_where_angles_lock(convention):
-    turns = [*Rotation.random(20, rng=np.random.default_rng(0)).as_matrix(), about("y", 90), about("y", -90), np.eye(3)]
+    turns = [
+        *Rotation.random(20, rng=np.random.default_rng(0)).as_matrix(),
+        about("y", 90),
+        about("y", -90),
+        np.eye(3),
+    ]
     for matrix in turns:
         numbers = rotations.written(matrix, convention)
         assert len(numbers) == rotations.length(convention)
         assert np.allclose(rotations.read(numbers, convention), matrix, atol=1e-7)
 
 
-@pytest.mark.parametrize(("numbers", "convention"), [([1, 2], "ur"), ([0, 0, 0, 0], "abb"), ([1, 0, 0, 0], "kuka_abc")])
+@pytest.mark.parametrize(
+    ("numbers", "convention"), [([1, 2], "ur"), ([0, 0, 0, 0], "abb"), ([1, 0, 0, 0], "kuka_abc")]
+)
 def test_other_counts_and_empty_quaternions_are_refused(numbers, convention):
     with pytest.raises(ValueError, match=r"has|numbers"):
         rotations.read(numbers, convention)

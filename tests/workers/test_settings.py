@@ -22,7 +22,9 @@ def test_files_that_a_deployment_leaves_empty_are_none(monkeypatch):
     assert Settings().redis_password_file is None
 
 
-@pytest.mark.parametrize("url", ["http://bucket", "s3://", "s3://b", "s3://Bucket", "bucket/folder", "s3://bucket/a b"])
+@pytest.mark.parametrize(
+    "url", ["http://bucket", "s3://", "s3://b", "s3://Bucket", "bucket/folder", "s3://bucket/a b"]
+)
 def test_a_place_for_blobs_that_is_none_is_refused(url):
     with pytest.raises(ValidationError, match="blobs_url"):
         Settings(blobs_url=url)

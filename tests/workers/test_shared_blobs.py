@@ -24,7 +24,9 @@ def blobs(folder) -> Blobs:
 
 
 def announce(client: Redis) -> None:
-    presence.announce(client, KEYS, presence.WorkerInfo("w", True, False, [], datetime.now(UTC), []))
+    presence.announce(
+        client, KEYS, presence.WorkerInfo("w", True, False, [], datetime.now(UTC), [])
+    )
 
 
 def test_a_folder_keeps_its_mark(tmp_path):
@@ -42,9 +44,13 @@ def test_the_folder_of_the_service_counts(queue_server, tmp_path):
     shared_blobs.claim(queue_server, KEYS, blobs(tmp_path / "service"))
     assert shared_blobs.apart(queue_server, KEYS, blobs(tmp_path / "service")) is None
     for other in (tmp_path / "other", tmp_path / "not there" / "at all"):
-        assert "give all of them one DLO_DATA_DIR" in (shared_blobs.apart(queue_server, KEYS, blobs(other)) or "")
+        assert "give all of them one DLO_DATA_DIR" in (
+            shared_blobs.apart(queue_server, KEYS, blobs(other)) or ""
+        )
     blobs(tmp_path / "other").mark(make=True)
-    assert str(tmp_path / "other") in (shared_blobs.apart(queue_server, KEYS, blobs(tmp_path / "other")) or "")
+    assert str(tmp_path / "other") in (
+        shared_blobs.apart(queue_server, KEYS, blobs(tmp_path / "other")) or ""
+    )
 
 
 def test_a_service_beside_ready_workers_does_not_take_over(queue_server, tmp_path, monkeypatch):
@@ -73,7 +79,9 @@ class Away:
         raise BlobsUnreachableError("access denied")
 
 
-def test_a_worker_whose_place_does_not_answer_does_not_join_and_says_why(queue_server, tmp_path, monkeypatch):
+def test_a_worker_whose_place_does_not_answer_does_not_join_and_says_why(
+    queue_server, tmp_path, monkeypatch
+):
     def give_up(_: float) -> None:
         raise TimeoutError
 

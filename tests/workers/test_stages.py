@@ -1,4 +1,5 @@
-"""The stages on real bytes and the shipped networks: every kind of picture, and one result shape."""
+"""The stages on real bytes and the shipped networks: every kind of picture, and one result
+shape."""
 
 from __future__ import annotations
 
@@ -8,7 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from dlo_client.contracts import ImageRef, InstancesRequest, InstancesResult, NoopRequest, SegmentRequest
+from dlo_client.contracts import (
+    ImageRef,
+    InstancesRequest,
+    InstancesResult,
+    NoopRequest,
+    SegmentRequest,
+)
 from PIL import Image
 
 from models.geometry import rle
@@ -49,7 +56,8 @@ def crossing_mask() -> np.ndarray:
 
 
 def test_every_default_network_is_loaded_before_the_first_job(tmp_path):
-    """Nine of fifteen were listed as loaded and were not; the first plan took the time of three loads."""
+    """Nine of fifteen were listed as loaded and were not; the first plan took the time of three
+    loads."""
     fresh = stages.warm(Settings(data_dir=tmp_path, onnx_threads=1))
     defaults = {spec.name for spec in inference.manifest().values() if spec.default}
     defaults.add(inference.eight_bit(inference.default_name("foreground")))
@@ -60,9 +68,14 @@ def test_every_default_network_is_loaded_before_the_first_job(tmp_path):
 
 
 def test_a_child_has_used_before_the_first_job_what_is_slow_at_first(tools, tmp_path, monkeypatch):
-    """The first picture took 190 ms longer than the second: it was the first one with a cable in it."""
+    """The first picture took 190 ms longer than the second: it was the first one with a cable in
+    it."""
     seen, harness, plan = first_use.use(tools)
-    assert (len(seen.result.instances), len(seen.result.crossings), len(harness.result.crossings)) == (2, 1, 1)
+    assert (
+        len(seen.result.instances),
+        len(seen.result.crossings),
+        len(harness.result.crossings),
+    ) == (2, 1, 1)
     assert all("overlay.png" in outcome.files for outcome in (seen, harness))
     assert plan.result.status.code == "ok"
     used = []
@@ -89,7 +102,9 @@ def test_noop_holds():
 )
 def test_every_color_mode_becomes_rgb(tools, mode, form, color, expected):
     options = {"lossless": True} if form == "WEBP" else {}
-    image = read_picture(put(tools, Image.new(mode, (5, 4), color), form, **options), "image", tools).rgb
+    image = read_picture(
+        put(tools, Image.new(mode, (5, 4), color), form, **options), "image", tools
+    ).rgb
     assert image.shape == (4, 5, 3)
     assert image.dtype == np.uint8
     if expected:
@@ -113,7 +128,9 @@ def test_sixteen_bit_color_is_read(tools):
 def test_exif_rotation_is_applied(tools):
     exif = Image.Exif()
     exif[0x0112] = 6  # the camera was turned: the upright picture is 10 wide, 20 high
-    assert read_picture(put(tools, Image.new("RGB", (20, 10)), "JPEG", exif=exif), "image", tools).rgb.shape == (
+    assert read_picture(
+        put(tools, Image.new("RGB", (20, 10)), "JPEG", exif=exif), "image", tools
+    ).rgb.shape == (
         20,
         10,
         3,
@@ -146,7 +163,10 @@ def test_expired_bytes_say_so(tools):
 def test_a_mask_may_be_white_or_one(tools, white):
     mask = np.zeros((4, 4), np.uint8)
     mask[1] = white
-    assert read_mask(put(tools, Image.fromarray(mask)), "mask", tools)[0].tolist() == (mask / white).tolist()
+    assert (
+        read_mask(put(tools, Image.fromarray(mask)), "mask", tools)[0].tolist()
+        == (mask / white).tolist()
+    )
 
 
 def test_a_wide_mask_keeps_its_scale(tools):
@@ -176,7 +196,9 @@ def test_instances_from_mask_and_image(tools):
     assert crossing.score > 0.5
     labels = np.asarray(Image.open(io.BytesIO(outcome.files["instances.png"][1])))
     for instance in result.instances:
-        assert np.array_equal(rle.decode(instance.mask_rle.counts, instance.mask_rle.size), labels == instance.id)
+        assert np.array_equal(
+            rle.decode(instance.mask_rle.counts, instance.mask_rle.size), labels == instance.id
+        )
     assert set(outcome.files) == {"instances.png", "overlay.png", "mask.png"}
     assert {"decode", "instances", "encode"} <= set(outcome.timings_ms)
 
@@ -191,7 +213,8 @@ def test_a_mask_alone_gives_an_order_that_is_not_known(tools):
 
 @pytest.mark.parametrize("method", ["section_matching", "rt_dlo", "fastdlo", "ariadne_plus"])
 def test_what_is_unsure_gives_a_reason(tools, method):
-    """Two clear bars of a mask, both ends of each in the picture, were ``unsure`` at 0.75 without any reason."""
+    """Two clear bars of a mask, both ends of each in the picture, were ``unsure`` at 0.75 without
+    any reason."""
     request = InstancesRequest(mask=put(tools, Image.fromarray(crossing_mask())), method=method)
     result = stages.run(request, tools).result
     unsure = [i for i in result.instances if i.score < result.status.limit]
@@ -200,7 +223,9 @@ def test_what_is_unsure_gives_a_reason(tools, method):
     assert "order" in result.status.reasons
 
 
-@pytest.mark.parametrize(("method", "networks"), [("section_matching", []), ("rt_dlo", ["rt_dlo_orientation"])])
+@pytest.mark.parametrize(
+    ("method", "networks"), [("section_matching", []), ("rt_dlo", ["rt_dlo_orientation"])]
+)
 def test_the_whole_chain_from_a_picture(tools, method, networks):
     image = put(tools, Image.fromarray(crossing_picture()))
     outcome = stages.run(InstancesRequest(image=image, method=method), tools)
@@ -209,10 +234,14 @@ def test_the_whole_chain_from_a_picture(tools, method, networks):
     assert [m.name for m in outcome.result.models] == ["foreground_compact_int8", *networks]
 
 
-@pytest.mark.parametrize(("effort", "suffix"), [("fast", "_int8"), ("normal", "_int8"), ("thorough", "")])
+@pytest.mark.parametrize(
+    ("effort", "suffix"), [("fast", "_int8"), ("normal", "_int8"), ("thorough", "")]
+)
 def test_every_effort_finds_cables(tools, effort, suffix):
     image = put(tools, Image.open(SAMPLES / "plain.jpg"))
-    result = stages.instances.run(InstancesRequest(image=image, effort=effort, files=[]), tools).result
+    result = stages.instances.run(
+        InstancesRequest(image=image, effort=effort, files=[]), tools
+    ).result
     assert result.models[0].name == inference.default_name("foreground") + suffix
     assert len(result.instances) >= 3
 
@@ -233,7 +262,9 @@ def test_odd_sizes_are_answered(tools, size):
 
 
 def test_a_mask_of_another_size_is_refused(tools):
-    request = InstancesRequest(image=put(tools, Image.new("RGB", (20, 10))), mask=put(tools, Image.new("L", (10, 20))))
+    request = InstancesRequest(
+        image=put(tools, Image.new("RGB", (20, 10))), mask=put(tools, Image.new("L", (10, 20)))
+    )
     with pytest.raises(InvalidInput) as caught:
         stages.run(request, tools)
     assert caught.value.field == "mask"
@@ -268,7 +299,9 @@ def test_a_mask_sent_as_image_is_taken_as_one(tools):
 
 def test_a_named_network_looks_at_every_picture_as_a_photograph(tools):
     image = put(tools, Image.fromarray(crossing_mask()))
-    result = stages.run(InstancesRequest(image=image, model="foreground_compact", files=[]), tools).result
+    result = stages.run(
+        InstancesRequest(image=image, model="foreground_compact", files=[]), tools
+    ).result
     assert [m.name for m in result.models] == ["foreground_compact_int8"]
     assert not any("mask" in warning for warning in result.warnings)
 
@@ -290,14 +323,19 @@ def test_remarks_name_their_field(tools):
 
 
 def test_the_overlay_of_a_large_picture_is_reduced(tools):
-    """At 12 megapixels the overlay alone took up to three times as long as the rest of the job, and 13 MB."""
+    """At 12 megapixels the overlay alone took up to three times as long as the rest of the job, and
+    13 MB."""
     large = cv2.resize(crossing_mask(), (2000, 1200), interpolation=cv2.INTER_NEAREST)
     outcome = stages.run(InstancesRequest(mask=put(tools, Image.fromarray(large))), tools)
-    overlay, labels = (Image.open(io.BytesIO(outcome.files[name][1])) for name in ("overlay.png", "instances.png"))
+    overlay, labels = (
+        Image.open(io.BytesIO(outcome.files[name][1])) for name in ("overlay.png", "instances.png")
+    )
     assert (overlay.size, labels.size) == ((1000, 600), (2000, 1200))
     drawn = np.asarray(overlay)
     x, y = (round((v + 0.5) / 2 - 0.5) for v in outcome.result.instances[0].centerline_xy[20])
-    assert np.ptp(drawn[y, x].astype(int)) > 60, "the colored centerline is where the reduced mask is"
+    assert np.ptp(drawn[y, x].astype(int)) > 60, (
+        "the colored centerline is where the reduced mask is"
+    )
     assert drawn[5, 5].max() < 8
 
 
@@ -309,4 +347,6 @@ def test_foreground_without_a_cable_is_named(tools):
     assert result.status.code == "none_found"
     assert any("25 % of the picture is foreground" in text for text in result.warnings)
     with pytest.raises(InvalidInput, match="255 everywhere"):
-        stages.run(InstancesRequest(mask=put(tools, Image.fromarray(np.full_like(slab, 255)))), tools)
+        stages.run(
+            InstancesRequest(mask=put(tools, Image.fromarray(np.full_like(slab, 255)))), tools
+        )

@@ -1,4 +1,5 @@
-"""``topology`` and ``plan_disentangle`` on real bytes and the shipped networks, and every bad input of theirs."""
+"""``topology`` and ``plan_disentangle`` on real bytes and the shipped networks, and every bad input
+of theirs."""
 
 from __future__ import annotations
 
@@ -47,7 +48,11 @@ def harness_mask() -> np.ndarray:
     cv2.line(mask, (20, 120), (380, 120), 255, 15)
     t = np.linspace(0, 1, 60)[:, None]
     corners = [np.array(p, float) for p in ((100, 120), (95, 320), (250, 260), (270, 30))]
-    curve = (1 - t) ** 3 * corners[0] + 3 * t * (1 - t) ** 2 * corners[1] + 3 * t**2 * (1 - t) * corners[2]
+    curve = (
+        (1 - t) ** 3 * corners[0]
+        + 3 * t * (1 - t) ** 2 * corners[1]
+        + 3 * t**2 * (1 - t) * corners[2]
+    )
     curve = curve + t**3 * corners[3]
     cv2.polylines(mask, [np.rint(curve).astype(np.int32)], False, 255, 8)
     return mask
@@ -71,21 +76,39 @@ def run(tools: Tools, **fields) -> TopologyResult:
 
 def test_a_warm_worker_has_the_topology_networks_loaded(tmp_path):
     loaded = stages.warm(Settings(data_dir=tmp_path, onnx_threads=1)).weights.loaded
-    assert {"topology", "topology_junctions", "topology_bridges", "topology_stubs", "topology_moves"} <= set(loaded)
+    assert {
+        "topology",
+        "topology_junctions",
+        "topology_bridges",
+        "topology_stubs",
+        "topology_moves",
+    } <= set(loaded)
 
 
 def test_the_whole_result_of_a_harness(tools):
-    outcome = stages.run(TopologyRequest(mask=put(tools, harness_mask()), files=["overlay", "mask"]), tools)
+    outcome = stages.run(
+        TopologyRequest(mask=put(tools, harness_mask()), files=["overlay", "mask"]), tools
+    )
     result = outcome.result
     assert isinstance(result, TopologyResult)
     assert TopologyResult.model_validate_json(result.model_dump_json()) == result
     assert (result.status, result.width, result.height) == ("branched", 400, 280)
     assert (len(result.sections), len(result.branch_points), len(result.crossings)) == (3, 1, 1)
-    assert {m.name for m in result.models} == {"topology", "topology_junctions", "topology_bridges", "topology_stubs"}
+    assert {m.name for m in result.models} == {
+        "topology",
+        "topology_junctions",
+        "topology_bridges",
+        "topology_stubs",
+    }
     assert set(outcome.files) == {"overlay.png", "mask.png"}
     assert {"decode", "segment", "topology", "encode", "topology.graph"} <= set(outcome.timings_ms)
     count = len(result.nodes_xy)
-    assert len(result.node_angles_rad) == len(result.node_branch_scores) == len(result.node_crossing_scores) == count
+    assert (
+        len(result.node_angles_rad)
+        == len(result.node_branch_scores)
+        == len(result.node_crossing_scores)
+        == count
+    )
     assert all(e.a < e.b < count for e in result.edges)
     assert [s.id for s in result.sections] == [1, 2, 3]
     assert sorted(result.branch_points[0].sections) == [1, 2, 3]
@@ -109,7 +132,9 @@ def test_a_depth_map_orders_the_crossing(tools, upper_branch):
 
 
 def test_points_may_be_anywhere(tools):
-    result = run(tools, mask=put(tools, harness_mask()), points=[SeenPoint(xy=(-900, 5), depth_m=1.0)])
+    result = run(
+        tools, mask=put(tools, harness_mask()), points=[SeenPoint(xy=(-900, 5), depth_m=1.0)]
+    )
     assert result.crossings[0].order_score == 0.5
 
 
@@ -138,19 +163,43 @@ def test_a_drawing_names_the_sections(tools):
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}, {"name": "b", "a": "Q", "b": "P", "length": 1}]},
-         "branches.*cycle"),
+        (
+            {
+                "branches": [
+                    {"name": "a", "a": "P", "b": "Q", "length": 1},
+                    {"name": "b", "a": "Q", "b": "P", "length": 1},
+                ]
+            },
+            "branches.*cycle",
+        ),
         ({"branches": [{"name": "a", "a": "P", "b": "P", "length": 1}]}, "branches.*cycle"),
         ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}], "unit": "cubit"}, "unit"),
         ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 0}]}, "length"),
-        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}, {"name": "a", "a": "Q", "b": "R", "length": 1}]},
-         "same name"),
-        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}, {"name": "b", "a": "R", "b": "S", "length": 1}]},
-         "several pieces"),
-        ({"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}], "connectors": ["Z"]}, "connectors.*Z"),
+        (
+            {
+                "branches": [
+                    {"name": "a", "a": "P", "b": "Q", "length": 1},
+                    {"name": "a", "a": "Q", "b": "R", "length": 1},
+                ]
+            },
+            "same name",
+        ),
+        (
+            {
+                "branches": [
+                    {"name": "a", "a": "P", "b": "Q", "length": 1},
+                    {"name": "b", "a": "R", "b": "S", "length": 1},
+                ]
+            },
+            "several pieces",
+        ),
+        (
+            {"branches": [{"name": "a", "a": "P", "b": "Q", "length": 1}], "connectors": ["Z"]},
+            "connectors.*Z",
+        ),
         ({"branches": []}, "branches"),
     ],
-)  # fmt: skip
+)
 def test_a_drawing_that_cannot_be_is_refused(fields, message):
     with pytest.raises(ValidationError, match=rf"(?s){message}"):
         HarnessDrawing.model_validate(fields)
@@ -199,7 +248,9 @@ def test_a_plan_from_a_mask_and_from_its_topology_agree(tools):
     assert "leaves 0 of 1" in best.why
     assert result.topology is not None
     given = json.loads(result.topology.model_dump_json())
-    again = stages.run(DisentangleRequest(topology=HarnessState.model_validate(given), arms=arms), tools).result
+    again = stages.run(
+        DisentangleRequest(topology=HarnessState.model_validate(given), arms=arms), tools
+    ).result
     assert again.actions[0].section == best.section
     assert again.actions[0].turn_rad == pytest.approx(best.turn_rad, abs=0.1)
     assert again.topology is None
@@ -213,24 +264,34 @@ def test_an_action_that_more_likely_fails_is_called_unsure_first(tools, monkeypa
     monkeypatch.setattr(plan_disentangle, "UNSURE_BELOW", 1.01)
     unsure = stages.run(request, tools).result
     assert unsure.status == "unsure"
-    assert unsure.message.startswith(f"unsure: the best action works with probability {sure.actions[0].score:.2f} only")
+    assert unsure.message.startswith(
+        f"unsure: the best action works with probability {sure.actions[0].score:.2f} only"
+    )
     assert unsure.actions == sure.actions, "they are still proposed"
 
 
 def test_the_grippers_size_is_taken_in_pixels_or_in_meters(tools):
     mask = put(tools, harness_mask())
     given = [Gripper(width_px=12), Gripper(width_m=0.006, m_per_px=0.0005), Gripper(width_px=90)]
-    pixels, meters, huge = (stages.run(DisentangleRequest(mask=mask, gripper=g), tools).result.actions for g in given)
+    pixels, meters, huge = (
+        stages.run(DisentangleRequest(mask=mask, gripper=g), tools).result.actions for g in given
+    )
     assert pixels == meters
     assert pixels != huge
 
 
 @pytest.mark.parametrize(
     ("gripper", "message"),
-    [({}, "either `width_px` or `width_m`"), ({"width_px": 3, "width_m": 0.1, "m_per_px": 0.1}, "either"),
-     ({"width_m": 0.1}, "belong together"), ({"width_px": 3, "m_per_px": 0.1}, "belong together"),
-     ({"width_px": 0}, "width_px"), ({"width_px": 1e-300}, "width_px"), ({"width_px": float("nan")}, "width_px")],
-)  # fmt: skip
+    [
+        ({}, "either `width_px` or `width_m`"),
+        ({"width_px": 3, "width_m": 0.1, "m_per_px": 0.1}, "either"),
+        ({"width_m": 0.1}, "belong together"),
+        ({"width_px": 3, "m_per_px": 0.1}, "belong together"),
+        ({"width_px": 0}, "width_px"),
+        ({"width_px": 1e-300}, "width_px"),
+        ({"width_px": float("nan")}, "width_px"),
+    ],
+)
 def test_a_gripper_without_a_size_is_refused(gripper, message):
     with pytest.raises(ValidationError, match=message):
         DisentangleRequest.model_validate({"gripper": gripper})
@@ -246,7 +307,9 @@ def test_without_crossing_there_is_a_reason(tools):
 
 def test_out_of_reach_is_a_reason(tools):
     arms = [ArmBase(name=n, xy=(5000, 5000), reach_px=10) for n in ("a", "b")]
-    result = stages.run(DisentangleRequest(mask=put(tools, harness_mask()), arms=arms), tools).result
+    result = stages.run(
+        DisentangleRequest(mask=put(tools, harness_mask()), arms=arms), tools
+    ).result
     assert (result.status, result.actions) == ("no_action", [])
     assert "reach" in result.message
 
@@ -255,7 +318,10 @@ def test_arms_reach_in_pixels_or_in_meters(tools):
     mask = put(tools, harness_mask())
 
     def planned(**reach):
-        arms = [ArmBase(name="left", xy=(0, 400), **reach), ArmBase(name="right", xy=(500, 300), **reach)]
+        arms = [
+            ArmBase(name="left", xy=(0, 400), **reach),
+            ArmBase(name="right", xy=(500, 300), **reach),
+        ]
         return stages.run(DisentangleRequest(mask=mask, arms=arms), tools).result.actions
 
     in_pixels = planned(reach_px=400)
@@ -273,7 +339,10 @@ def test_expectations_follow_what_was_tried(tools):
         done = [{"action": best.model_dump(), "crossings": crossings}] * 2
         request = DisentangleRequest.model_validate({"mask": mask.model_dump(), "attempts": done})
         actions = stages.run(request, tools).result.actions
-        return next((a.score for a in actions if a.section == best.section and a.hold.xy == best.hold.xy), 0.0)
+        return next(
+            (a.score for a in actions if a.section == best.section and a.hold.xy == best.hold.xy),
+            0.0,
+        )
 
     assert after(best.crossings_after + 1) < 0.7 * best.score
     assert after(best.crossings_after) >= best.score
@@ -285,8 +354,14 @@ def test_expectations_follow_what_was_tried(tools):
         ({"arms": [{"name": "a", "xy": [0, 0]}]}, "`arms` needs two"),
         ({"arms": [{"name": "a", "xy": [0, 0]}, {"name": "a", "xy": [1, 1]}]}, "same name"),
         ({"mask": {"id": "a" * 64}}, "`topology` already says"),
-        ({"arms": [{"name": "a", "xy": [0, 0], "reach_m": 1}]}, "`reach_m` and `m_per_px` belong together"),
-        ({"arms": [{"name": "a", "xy": [0, 0], "reach_px": 1, "reach_m": 1, "m_per_px": 0.1}]}, "exclude each other"),
+        (
+            {"arms": [{"name": "a", "xy": [0, 0], "reach_m": 1}]},
+            "`reach_m` and `m_per_px` belong together",
+        ),
+        (
+            {"arms": [{"name": "a", "xy": [0, 0], "reach_px": 1, "reach_m": 1, "m_per_px": 0.1}]},
+            "exclude each other",
+        ),
     ],
 )
 def test_requests_that_cannot_be_are_refused(tools, change, message):

@@ -36,7 +36,9 @@ def mask(tools: Tools, *rows: float) -> ImageRef:
 
 def look(tools: Tools, previous: TrackState, *rows: float, **more: object) -> InstancesResult:
     request = InstancesRequest(mask=mask(tools, *rows), previous=previous, files=[], **more)
-    result = instances.run(InstancesRequest.model_validate_json(request.model_dump_json()), tools).result
+    result = instances.run(
+        InstancesRequest.model_validate_json(request.model_dump_json()), tools
+    ).result
     return InstancesResult.model_validate_json(result.model_dump_json())
 
 
@@ -85,7 +87,8 @@ def test_without_previous_nothing_is_tracked(tools):
 
 
 def test_pictures_far_apart_in_time_are_expected_further_on(tools):
-    """A cable moves 4 px a frame; the frame after a pause of five is 20 px on, nearer to where the other one was."""
+    """A cable moves 4 px a frame; the frame after a pause of five is 20 px on, nearer to where the
+    other one was."""
     track = TrackState()
     for t in range(8):
         track = look(tools, track, 20 + 4 * t, 100, time_s=0.1 * t).track

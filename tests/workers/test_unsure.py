@@ -16,7 +16,9 @@ def store(tmp_path: Path) -> UnsureStore:
 
 
 def test_the_least_sure_ones_stay(store: UnsureStore) -> None:
-    taken = [store.offer("a", bytes([k]), c, "why") for k, c in enumerate((0.9, 0.5, 0.7, 0.8, 0.1))]
+    taken = [
+        store.offer("a", bytes([k]), c, "why") for k, c in enumerate((0.9, 0.5, 0.7, 0.8, 0.1))
+    ]
     assert taken == [True, True, True, True, True]
     assert [p.certainty for p in store.listed("a")] == [0.1, 0.5, 0.7]
     assert not store.offer("a", b"sure", 0.95, "")

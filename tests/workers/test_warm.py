@@ -26,7 +26,8 @@ def test_the_queue_server_is_asked_twice_around_a_job(settings, job_queue, monke
 
 
 def test_rq_goes_on_knowing_its_worker(settings, monkeypatch, job_queue):
-    """It forgets one that says nothing for a minute and a half, and then its jobs would look abandoned to its tools."""
+    """It forgets one that says nothing for a minute and a half, and then its jobs would look
+    abandoned to its tools."""
     worker = WarmWorker(settings, "w")
     assert "expire" in commands_during(settings, worker.heartbeat)
     assert commands_during(settings, worker.heartbeat) == {}

@@ -41,7 +41,9 @@ class Receiver:
             def log_message(self, *_: object) -> None:
                 pass
 
-        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)  # its end waits for no connection
+        self.server = ThreadingHTTPServer(
+            ("127.0.0.1", 0), Handler
+        )  # its end waits for no connection
         self.url = f"http://127.0.0.1:{self.server.server_port}/hook"
 
 
@@ -112,7 +114,9 @@ def test_what_is_not_heard_is_tried_again_later(receiver, courier, end, client, 
     assert len(receiver.calls) == 1
     assert courier.deliver() == 0
     assert len(receiver.calls) == 1, "not before its time, and no redirect is followed"
-    assert client.zscore(KEYS.webhooks, job_id) == pytest.approx(time.time() + webhooks.DELAYS_S[0], abs=1.5)
+    assert client.zscore(KEYS.webhooks, job_id) == pytest.approx(
+        time.time() + webhooks.DELAYS_S[0], abs=1.5
+    )
     receiver.status = 200
     make_due(client, job_id)
     assert courier.deliver() == 1
@@ -163,7 +167,10 @@ def again(secret: str, age_s: int, body: bytes) -> dict[str, str]:
     [
         (lambda body, headers: (body + b" ", headers), "not of this secret"),
         (lambda body, headers: (body, headers | {"webhook-id": "other"}), "not of this secret"),
-        (lambda body, headers: (body, headers | {"webhook-signature": "v2,abc"}), "not of this secret"),
+        (
+            lambda body, headers: (body, headers | {"webhook-signature": "v2,abc"}),
+            "not of this secret",
+        ),
         (lambda body, headers: (body, {}), "no webhook-id"),
         (lambda body, headers: (b"{}", again(SECRET, 0, b"{}")), "no job"),
         (lambda body, headers: (body, again(SECRET, 1000, body)), "too old"),
@@ -224,7 +231,9 @@ def dripping():
     listener.close()
 
 
-def test_a_receiver_that_drips_is_left_and_holds_up_nobody(receiver, courier, end, client, dripping, monkeypatch):
+def test_a_receiver_that_drips_is_left_and_holds_up_nobody(
+    receiver, courier, end, client, dripping, monkeypatch
+):
     """Its every byte began a new time limit, and all webhooks of the worker waited for it."""
     monkeypatch.setattr(webhooks, "_DEADLINE_S", 3.0)
     slow = [end(dripping) for _ in range(6)]

@@ -9,7 +9,8 @@ from workers.settings import Settings
 
 
 def commands_during(settings: Settings, act: Callable[[], object]) -> dict[str, int]:
-    """Commands that reach the queue server while ``act`` runs, those within scripts too, and how many of each."""
+    """Commands that reach the queue server while ``act`` runs, those within scripts too, and how
+    many of each."""
     with connect(settings) as client:
         client.config_resetstat()
         act()

@@ -3,10 +3,10 @@
 Needs ``requirements/s3.txt``. Who we are and where the server is comes from the variables of AWS
 (``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL_S3``, …), or from the role that the machine has.
 
-Strategy: a blob is an object under its id. The age of an object is its lifetime, so touching one copies it onto
-itself inside the server; one that this process touched a moment ago is left as it is, and the lifetime is longer by
-that moment. Staged bytes are objects beside, copied to their place when they are kept: several
-replicas of the service need no disk of their own.
+Strategy: a blob is an object under its id. The age of an object is its lifetime, so touching one
+copies it onto itself inside the server; one that this process touched a moment ago is left as it
+is, and the lifetime is longer by that moment. Staged bytes are objects beside, copied to their
+place when they are kept: several replicas of the service need no disk of their own.
 """
 
 from __future__ import annotations
@@ -39,7 +39,10 @@ _MOST_FRESH = 10_000
 KEPT = "kept/"
 """Below the folder of the blobs: objects that are none and have no lifetime."""
 CONFIG = Config(
-    connect_timeout=2, read_timeout=20, retries={"mode": "standard", "total_max_attempts": 3}, max_pool_connections=64
+    connect_timeout=2,
+    read_timeout=20,
+    retries={"mode": "standard", "total_max_attempts": 3},
+    max_pool_connections=64,
 )
 
 
@@ -86,7 +89,9 @@ class BucketBlobs:
         """``s3://bucket/folder``."""
         parts = urlsplit(url)
         folder = parts.path.strip("/")
-        return cls(boto3.client("s3", config=CONFIG), parts.netloc, folder and f"{folder}/", lifetime_s)
+        return cls(
+            boto3.client("s3", config=CONFIG), parts.netloc, folder and f"{folder}/", lifetime_s
+        )
 
     def put(self, data: bytes) -> str:
         """See :class:`workers.blobs.Blobs`."""
@@ -147,8 +152,16 @@ class BucketBlobs:
         for name, age_s in self._ages(now):
             last = name.rpartition("/")[2]
             is_blob = _ID.fullmatch(last)
-            lifetime_s = self._lifetime_s + self._fresh_s if is_blob else min(_STAGED_FOR_S, self._lifetime_s)
-            if last != "mark" and age_s > lifetime_s and not name.startswith(f"{self._folder}{KEPT}"):
+            lifetime_s = (
+                self._lifetime_s + self._fresh_s
+                if is_blob
+                else min(_STAGED_FOR_S, self._lifetime_s)
+            )
+            if (
+                last != "mark"
+                and age_s > lifetime_s
+                and not name.startswith(f"{self._folder}{KEPT}")
+            ):
                 self.remove(name)
                 removed += 1
         return removed
@@ -162,7 +175,9 @@ class BucketBlobs:
             if not make:
                 return None
         with told(name, but="PreconditionFailed"):  # another process was first
-            self._client.put_object(Bucket=self._bucket, Key=name, Body=uuid4().hex.encode(), IfNoneMatch="*")
+            self._client.put_object(
+                Bucket=self._bucket, Key=name, Body=uuid4().hex.encode(), IfNoneMatch="*"
+            )
         return self._read(name).decode()
 
     def _read(self, name: str) -> bytes:
@@ -171,8 +186,11 @@ class BucketBlobs:
         return body
 
     def _ages(self, now: float | None) -> Iterator[tuple[str, float]]:
-        """Names, and seconds since they were last written, by the server's clock unless ``now`` is given."""
-        pages = self._client.get_paginator("list_objects_v2").paginate(Bucket=self._bucket, Prefix=self._folder)
+        """Names, and seconds since they were last written, by the server's clock unless ``now`` is
+        given."""
+        pages = self._client.get_paginator("list_objects_v2").paginate(
+            Bucket=self._bucket, Prefix=self._folder
+        )
         with told(self._folder):
             for page in pages:
                 date = page["ResponseMetadata"]["HTTPHeaders"]["date"]

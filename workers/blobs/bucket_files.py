@@ -1,4 +1,5 @@
-"""Files without a lifetime in the bucket that holds the blobs: what hosts that share no folder keep of networks."""
+"""Files without a lifetime in the bucket that holds the blobs: what hosts that share no folder keep
+of networks."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ _TAKEN = ("PreconditionFailed", "ConditionalRequestConflict")
 
 
 class BucketFiles:
-    """:class:`workers.networks.files.Files` as objects below ``url``, which is ``s3://bucket/folder``."""
+    """:class:`workers.networks.files.Files` as objects below ``url``, which is
+    ``s3://bucket/folder``."""
 
     def __init__(self, url: str, sort: str) -> None:
         parts = urlsplit(url)
@@ -57,7 +59,8 @@ class BucketFiles:
 
     @contextmanager
     def locked(self, folder: str) -> Iterator[None]:
-        """The lock is an object that only one can make. Raises BlobsUnreachableError when others hold it too long."""
+        """The lock is an object that only one can make. Raises BlobsUnreachableError when others
+        hold it too long."""
         key, give_up = f"{self._root}{folder}.lock", time.monotonic() + _PATIENCE_S
         while not self._made(key):
             if time.monotonic() > give_up:
@@ -71,7 +74,9 @@ class BucketFiles:
 
     def _made(self, key: str) -> bool:
         try:
-            self._client.put_object(Bucket=self._bucket, Key=key, Body=uuid4().bytes, IfNoneMatch="*")
+            self._client.put_object(
+                Bucket=self._bucket, Key=key, Body=uuid4().bytes, IfNoneMatch="*"
+            )
         except ClientError as error:
             if error.response.get("Error", {}).get("Code") not in _TAKEN:
                 raise BlobsUnreachableError(str(error)) from error
@@ -95,7 +100,9 @@ class BucketFiles:
         start = f"{self._root}{below}"
         with told(start):
             found = pages.paginate(Bucket=self._bucket, Prefix=start)
-            return [one["Key"].removeprefix(start) for page in found for one in page.get("Contents", ())]
+            return [
+                one["Key"].removeprefix(start) for page in found for one in page.get("Contents", ())
+            ]
 
     def _key(self, folder: str, name: str) -> str:
         return f"{self._root}{folder}/{name}"

@@ -41,7 +41,8 @@ class Staged(Protocol):
 class Blobs(Protocol):
     """Blobs by the SHA-256 of their bytes; one lives for a time after it was last put or touched.
 
-    Every method raises BlobsUnreachableError where the place is on another machine that does not answer.
+    Every method raises BlobsUnreachableError where the place is on another machine that does not
+    answer.
     """
 
     place: str
@@ -63,11 +64,13 @@ class Blobs(Protocol):
         """Start the lifetime anew; False if there is no such blob."""
 
     def let_go(self, staged: Staged, after_s: float) -> None:
-        """Where the place can, let what ``staged`` made a blob be swept away ``after_s`` seconds from now, unless it is
-        touched again or was one before."""
+        """Where the place can, let what ``staged`` made a blob be swept away ``after_s`` seconds
+        from now, unless it is touched again or was one before."""
 
     def sweep(self, now: float | None = None) -> int:
-        """Remove what has outlived its lifetime at ``now`` (seconds since the epoch); return how many."""
+        """Remove what has outlived its lifetime at ``now`` (seconds since the epoch); return how
+        many."""
 
     def mark(self, *, make: bool = False) -> str | None:
-        """An id of the place, the same for everybody who shares it; None if it has none and none is to be made."""
+        """An id of the place, the same for everybody who shares it; None if it has none and none is
+        to be made."""

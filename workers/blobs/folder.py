@@ -1,9 +1,10 @@
 """Blobs as files in a folder.
 
-Strategy: bytes are written beside their place and renamed, so that a reader never sees half a blob; what a
-write that failed has left is removed at once. Who stages bytes decides later whether to keep them. A blob that is
-kept is on the disk, not only in the memory of the machine: the queue remembers its job over a loss of power. Nothing
-is written that would leave less of the disk free than a reserve: others on the same disk have to go on.
+Strategy: bytes are written beside their place and renamed, so that a reader never sees half a blob;
+what a write that failed has left is removed at once. Who stages bytes decides later whether to keep
+them. A blob that is kept is on the disk, not only in the memory of the machine: the queue remembers
+its job over a loss of power. Nothing is written that would leave less of the disk free than a
+reserve: others on the same disk have to go on.
 """
 
 from __future__ import annotations
@@ -59,7 +60,8 @@ class StagedFile:
 
 
 class FolderBlobs:
-    """Blobs as files ``root/ab/abcd…``; one lives for ``lifetime_s`` after it was last put or touched."""
+    """Blobs as files ``root/ab/abcd…``; one lives for ``lifetime_s`` after it was last put or
+    touched."""
 
     def __init__(self, root: Path, lifetime_s: float, reserve_bytes: int = 0) -> None:
         self._root = root
@@ -68,19 +70,26 @@ class FolderBlobs:
         self._reserve_bytes = reserve_bytes
 
     def put(self, data: bytes) -> str:
-        """Store ``data`` and return its id; the same bytes are stored once. Raises :class:`NoRoomError`."""
+        """Store ``data`` and return its id; the same bytes are stored once. Raises
+        :class:`NoRoomError`."""
         return self.stage(data).keep()
 
     def stage(self, data: bytes) -> StagedFile:
         """Write ``data`` to the disk, to be kept or dropped; raises :class:`NoRoomError`."""
         blob_id = hashlib.sha256(data).hexdigest()
         place = self._place(blob_id)
-        known = self.touch(blob_id) and place.stat().st_size == len(data)  # a crash may leave an empty file
-        return StagedFile(blob_id, len(data), place, None if known else self._write_beside(place, data))
+        known = self.touch(blob_id) and place.stat().st_size == len(
+            data
+        )  # a crash may leave an empty file
+        return StagedFile(
+            blob_id, len(data), place, None if known else self._write_beside(place, data)
+        )
 
     def free_bytes(self) -> int:
         """What may still be written."""
-        folder = next(folder for folder in (self._root, *self._root.absolute().parents) if folder.exists())
+        folder = next(
+            folder for folder in (self._root, *self._root.absolute().parents) if folder.exists()
+        )
         return shutil.disk_usage(folder).free - self._reserve_bytes
 
     def get(self, blob_id: str) -> bytes:
@@ -113,13 +122,18 @@ class FolderBlobs:
                 os.utime(self._place(staged.blob_id), (at, at))
 
     def sweep(self, now: float | None = None) -> int:
-        """Remove what has outlived its lifetime at ``now`` (seconds since the epoch); return how many."""
+        """Remove what has outlived its lifetime at ``now`` (seconds since the epoch); return how
+        many."""
         if not self._root.is_dir():
             return 0
         now = self._clock() if now is None else now
         removed = 0
         for file in self._files():
-            lifetime_s = self._lifetime_s if _ID.fullmatch(file.name) else min(_STAGED_FOR_S, self._lifetime_s)
+            lifetime_s = (
+                self._lifetime_s
+                if _ID.fullmatch(file.name)
+                else min(_STAGED_FOR_S, self._lifetime_s)
+            )
             # Another worker may sweep the same folder.
             with contextlib.suppress(FileNotFoundError):
                 if file.stat().st_mtime < now - lifetime_s:
@@ -128,7 +142,8 @@ class FolderBlobs:
         return removed
 
     def _clock(self) -> float:
-        """What the file system takes for now: a host whose clock is ahead would remove what others need."""
+        """What the file system takes for now: a host whose clock is ahead would remove what others
+        need."""
         os.utime(self._root)
         return self._root.stat().st_mtime
 

@@ -1,4 +1,5 @@
-"""Files by key, for what has no lifetime: the little that a store of networks asks of whatever keeps it."""
+"""Files by key, for what has no lifetime: the little that a store of networks asks of whatever
+keeps it."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ class Files(Protocol):
         """Raises OSError when the disk takes nothing more."""
 
     def remove(self, folder: str, name: str | None = None) -> None:
-        """A file, or the folder with all that is in it; one that is not there is removed already."""
+        """A file, or the folder with all that is in it; one that is not there is removed
+        already."""
 
     def locked(self, folder: str) -> contextlib.AbstractContextManager[None]:
         """Others that ask for it wait."""

@@ -1,7 +1,8 @@
 """The file of a network: a ZIP archive of ``card.json`` and ``network.onnx``, stored as they are.
 
-What is read here may come from anywhere, so sizes are looked at before anything is taken out. Whether the weights are
-of any use is for a worker's child to find out (:mod:`workers.stages.import_network`).
+What is read here may come from anywhere, so sizes are looked at before anything is taken out.
+Whether the weights are of any use is for a worker's child to find out
+(:mod:`workers.stages.import_network`).
 """
 
 from __future__ import annotations

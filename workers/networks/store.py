@@ -1,8 +1,9 @@
 """The networks of this service's users: every name has versions, one of which the name stands for.
 
-Strategy: a version is two files, the network's own and what is known of it; the second is written last, so a version
-is there as a whole or not at all. Which version a name stands for is one small file. Only the first version of a name
-takes that place by itself, as nobody can have used the name before: later ones wait until somebody asks for them.
+Strategy: a version is two files, the network's own and what is known of it; the second is written
+last, so a version is there as a whole or not at all. Which version a name stands for is one small
+file. Only the first version of a name takes that place by itself, as nobody can have used the name
+before: later ones wait until somebody asks for them.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class StoreFullError(Exception):
 
 
 class _State(Contract):
-    """``current``: the version that the name stands for; ``latest``: the highest number that was ever given."""
+    """``current``: the version that the name stands for; ``latest``: the highest number that was
+    ever given."""
 
     owner: str
     current: int
@@ -67,7 +69,8 @@ class NetworkStore:
         return self._known(name).owner
 
     def find(self, model: str) -> tuple[str, int]:
-        """Name and version that ``name`` or ``name@version`` stands for. Raises NetworkUnknownError."""
+        """Name and version that ``name`` or ``name@version`` stands for. Raises
+        NetworkUnknownError."""
         name, _, wanted = model.partition("@")
         version = int(wanted) if wanted.isdecimal() else self._known(name).current
         if version not in self._versions(name):
@@ -97,12 +100,23 @@ class NetworkStore:
         current = kept[state.current]
         card = current.card
         return NetworkInfo(
-            name=name, version=str(state.current), task=card.task, default=False, warm=False, sha256=card.sha256,
-            bytes=current.bytes, parameters=card.parameters,
+            name=name,
+            version=str(state.current),
+            task=card.task,
+            default=False,
+            warm=False,
+            sha256=card.sha256,
+            bytes=current.bytes,
+            parameters=card.parameters,
             input=_INPUT.format(multiple=card.preprocess.multiple),
-            origin=card.origin, license=card.license, metrics=card.metrics, shipped=False, owner=state.owner,
-            parent=card.parent, versions=[_version(number, one) for number, one in kept.items()],
-        )  # fmt: skip
+            origin=card.origin,
+            license=card.license,
+            metrics=card.metrics,
+            shipped=False,
+            owner=state.owner,
+            parent=card.parent,
+            versions=[_version(number, one) for number, one in kept.items()],
+        )
 
     def add(self, card: NetworkCard, onnx: bytes, name: str, owner: str) -> int:
         """Store a further version of ``name``; its number. Raises StoreFullError, OSError."""
@@ -129,7 +143,8 @@ class NetworkStore:
             self._write(name, state.model_copy(update={"current": version}))
 
     def delete(self, name: str, version: int | None = None) -> bool:
-        """A version, or all of them; False for the version that the name stands for while there are others.
+        """A version, or all of them; False for the version that the name stands for while there are
+        others.
 
         Raises NetworkUnknownError.
         """
@@ -148,7 +163,9 @@ class NetworkStore:
             return True
 
     def _versions(self, name: str) -> list[int]:
-        stems = (file.removesuffix(".json") for file in self._files.names(name) if file.endswith(".json"))
+        stems = (
+            file.removesuffix(".json") for file in self._files.names(name) if file.endswith(".json")
+        )
         return sorted(int(stem) for stem in stems if stem.isdecimal())
 
     def _known(self, name: str) -> _State:
@@ -175,9 +192,13 @@ class NetworkStore:
 
 def _version(number: int, kept: _Kept) -> NetworkVersion:
     return NetworkVersion(
-        version=number, sha256=kept.card.sha256, created_at=kept.stored_at, parent=kept.card.parent,
-        origin=kept.card.origin, metrics=kept.card.metrics,
-    )  # fmt: skip
+        version=number,
+        sha256=kept.card.sha256,
+        created_at=kept.stored_at,
+        parent=kept.card.parent,
+        origin=kept.card.origin,
+        metrics=kept.card.metrics,
+    )
 
 
 def _file(version: int) -> str:

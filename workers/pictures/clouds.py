@@ -1,6 +1,7 @@
 """Organised point clouds: a point for every pixel of a picture, as depth cameras publish them.
 
-Read are NumPy arrays (NPY) of floats, (H, W, 3), and PCD files with a height above 1 and fields x, y, z of floats.
+Read are NumPy arrays (NPY) of floats, (H, W, 3), and PCD files with a height above 1 and fields x,
+y, z of floats.
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ def _npy_shape(data: bytes) -> tuple[tuple[int, int], np.dtype[Any]]:
         raise PictureError("is a damaged NumPy array") from error
     if len(shape) != 3 or shape[2] != 3 or dtype.kind != "f" or min(shape) < 1:
         form = f"{dtype.name} of {' × '.join(map(str, shape))}"
-        raise PictureError(f"is a NumPy array ({form}); a point cloud is one of floats, height × width × 3")
+        raise PictureError(
+            f"is a NumPy array ({form}); a point cloud is one of floats, height × width × 3"
+        )
     return (int(shape[0]), int(shape[1])), dtype
 
 
@@ -66,8 +69,8 @@ def _of_npy(data: bytes) -> Points:
 
 
 class _Header(NamedTuple):
-    """``shape`` (height, width); ``fields`` by name, a record's ``dtype``; ``form`` ascii or binary; ``start`` of the
-    points."""
+    """``shape`` (height, width); ``fields`` by name, a record's ``dtype``; ``form`` ascii or
+    binary; ``start`` of the points."""
 
     shape: tuple[int, int]
     dtype: np.dtype[Any]
@@ -94,23 +97,32 @@ def _header(data: bytes) -> _Header:
     except (KeyError, IndexError, ValueError) as error:
         raise PictureError("is a damaged PCD file: its header is incomplete") from error
     if min(shape) < 2:
-        raise PictureError("is a point cloud without rows (HEIGHT 1): there should be a point for each pixel")
+        raise PictureError(
+            "is a point cloud without rows (HEIGHT 1): there should be a point for each pixel"
+        )
     if form not in ("ascii", "binary"):
         raise PictureError(f"is a PCD file of {form[:40]} data: save it as binary or ascii")
     return _Header(shape, dtype, form, start)
 
 
 def _record(lines: dict[str, list[str]]) -> np.dtype[Any]:
-    """Of one point. Raises PictureError where there are no x, y, z of floats, else ValueError or KeyError."""
+    """Of one point. Raises PictureError where there are no x, y, z of floats, else ValueError or
+    KeyError."""
     names, sizes, kinds = lines["FIELDS"], lines["SIZE"], lines["TYPE"]
     counts = [int(n) for n in lines.get("COUNT", ["1"] * len(names))]
     if not all(0 < n <= _MOST_COUNT for n in counts):
         raise ValueError("counts are small")
     parts = list(zip(names, kinds, map(int, sizes), counts, strict=True))
-    if not {(name, "F", 1) for name in "xyz"} <= {(name, kind, count) for name, kind, _, count in parts}:
+    if not {(name, "F", 1) for name in "xyz"} <= {
+        (name, kind, count) for name, kind, _, count in parts
+    }:
         raise PictureError("is a PCD file without the fields x, y, z of floats")
-    return np.dtype([(f"{k} {name}" if name not in "xyz" else name, _TYPES[kind, size], (count,))
-                     for k, (name, kind, size, count) in enumerate(parts)])  # fmt: skip
+    return np.dtype(
+        [
+            (f"{k} {name}" if name not in "xyz" else name, _TYPES[kind, size], (count,))
+            for k, (name, kind, size, count) in enumerate(parts)
+        ]
+    )
 
 
 def _of_pcd(data: bytes) -> Points:

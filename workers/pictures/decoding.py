@@ -20,7 +20,15 @@ Values = NDArray[Any]
 """(H, W) or (H, W, 3), of uint8, uint16, int32 or float32."""
 
 _WHITE_IS_ZERO, _PHOTOMETRIC = 0, 262
-_CONVERTED = {"1": "L", "CMYK": "RGB", "YCbCr": "RGB", "RGBX": "RGB", "RGBa": "RGBA", "La": "LA", "PA": "RGBA"}
+_CONVERTED = {
+    "1": "L",
+    "CMYK": "RGB",
+    "YCbCr": "RGB",
+    "RGBX": "RGB",
+    "RGBa": "RGBA",
+    "La": "LA",
+    "PA": "RGBA",
+}
 _PLAIN = {"L", "RGB", "P", "LA", "RGBA"}
 _WIDE = {"I;16", "I;16L", "I;16B", "I;16N", "I", "F"}
 
@@ -29,9 +37,9 @@ _WIDE = {"I;16", "I;16L", "I;16B", "I;16N", "I", "F"}
 class Samples:
     """An upright picture as its file holds it.
 
-    ``values``: gray or RGB, finite and not negative. ``alpha``: (H, W) where there is transparency that differs from
-    place to place. ``indices``: (H, W) into a palette, whose colors ``values`` holds. ``lossy``: compression may have
-    changed every value. ``remarks`` for the one who sent it.
+    ``values``: gray or RGB, finite and not negative. ``alpha``: (H, W) where there is transparency
+    that differs from place to place. ``indices``: (H, W) into a palette, whose colors ``values``
+    holds. ``lossy``: compression may have changed every value. ``remarks`` for the one who sent it.
     """
 
     values: Values
@@ -47,8 +55,8 @@ class Samples:
 
 
 def decode(data: bytes, *, max_pixels: int, holes: bool = False) -> Samples:
-    """``holes``: values that are not finite, or below 0, are taken for 0. Raises PictureError with a message that
-    continues the name of a field."""
+    """``holes``: values that are not finite, or below 0, are taken for 0. Raises PictureError with
+    a message that continues the name of a field."""
     with headers.opened(data) as picture:
         headers.check_size(picture.size, max_pixels)
         page, sizes = picture.tell(), headers.pages(picture)
@@ -86,10 +94,14 @@ def _other_pages(page: int, sizes: list[tuple[int, int]]) -> str:
 
 
 def _samples(picture: Image.Image, deep: Values | None, holes: bool) -> Samples:
-    lossy = picture.format in ("JPEG", "MPO") or (picture.format == "WEBP" and not _is_lossless(picture))
+    lossy = picture.format in ("JPEG", "MPO") or (
+        picture.format == "WEBP" and not _is_lossless(picture)
+    )
     mode, negative = picture.mode, _white_is_zero(picture)
     if mode not in _PLAIN | _WIDE | _CONVERTED.keys():
-        raise PictureError(f"is in the color space {mode}, which is not read here: send gray or RGB")
+        raise PictureError(
+            f"is in the color space {mode}, which is not read here: send gray or RGB"
+        )
     if mode in _WIDE or deep is not None:
         ImageOps.exif_transpose(picture, in_place=True)
         values = _checked(np.asarray(picture) if deep is None else deep, holes)
@@ -103,7 +115,9 @@ def _samples(picture: Image.Image, deep: Values | None, holes: bool) -> Samples:
     elif picture.mode == "P":
         picture = picture.convert("RGB")
     array = np.asarray(picture)
-    return Samples(_gray_if_equal(array[:, :, :3] if array.ndim == 3 else array), _alpha(array), indices, lossy)
+    return Samples(
+        _gray_if_equal(array[:, :, :3] if array.ndim == 3 else array), _alpha(array), indices, lossy
+    )
 
 
 def _alpha(array: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
@@ -121,13 +135,16 @@ def _gray_if_equal(values: Values) -> Values:
     first = values[:, :, 0]
     rows = slice(None, None, max(1, len(first) // 16))
     for part in (rows, slice(None)):  # most color pictures differ in a few rows already
-        if any(not np.array_equal(first[part], values[part, :, k]) for k in range(1, values.shape[2])):
+        if any(
+            not np.array_equal(first[part], values[part, :, k]) for k in range(1, values.shape[2])
+        ):
             return values
     return np.ascontiguousarray(first)
 
 
 def _deep_color(picture: Image.Image, data: bytes, page: int) -> Values | None:
-    """(H, W, 3), (H, W) upright of a color picture with 16 bits a sample, of which Pillow keeps 8; else None."""
+    """(H, W, 3), (H, W) upright of a color picture with 16 bits a sample, of which Pillow keeps 8;
+    else None."""
     tiles = getattr(picture, "tile", [])
     if picture.mode in _WIDE or page > 0 or not any(";16" in str(tile.args) for tile in tiles):
         return None

@@ -42,7 +42,9 @@ _OTHERS = {
     b"P6": "a PPM picture",
 }
 _BRANDS = {
-    **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"), "a HEIC picture"),
+    **dict.fromkeys(
+        (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"), "a HEIC picture"
+    ),
     **dict.fromkeys((b"avif", b"avis"), "an AVIF picture"),
     b"crx ": "a raw picture",
 }
@@ -102,7 +104,8 @@ def opened(data: bytes) -> Iterator[Image.Image]:
 
 
 def pages(picture: Image.Image) -> list[tuple[int, int]]:
-    """Sizes of the pages or frames, of the first 1000. A second view behind a JPEG is none. Leaves it at the last."""
+    """Sizes of the pages or frames, of the first 1000. A second view behind a JPEG is none. Leaves
+    it at the last."""
     if picture.format not in ("TIFF", "PNG", "GIF", "WEBP"):
         return [picture.size]
     if picture.format != "TIFF":

@@ -27,7 +27,11 @@ def levels_of(samples: Samples) -> tuple[Levels, int, list[str]]:
         return values, 255, []
     white = white_of(values)
     if values.dtype == np.uint16:
-        return values, int(white) - 1, [] if white in (256, 65536) else [f"has values up to {values.max()}"]
+        return (
+            values,
+            int(white) - 1,
+            [] if white in (256, 65536) else [f"has values up to {values.max()}"],
+        )
     if white <= 65536 and np.array_equal(values, np.rint(values)):
         return values.astype(np.uint16), max(int(white) - 1, 1), []
     scaled = np.rint(values.astype(np.float64) * (65535 / white)).clip(0, 65535).astype(np.uint16)
@@ -46,7 +50,8 @@ def _is_ground(hidden: NDArray[np.bool_]) -> bool:
 
 
 def _of_palette(indices: NDArray[np.uint8], values: Values) -> tuple[Levels, int, list[str]]:
-    """The colors, without the rim that Pascal VOC leaves undecided; the indices where the palette has one color."""
+    """The colors, without the rim that Pascal VOC leaves undecided; the indices where the palette
+    has one color."""
     if values.min() == values.max():
         return indices, 255, []
     void = indices == 255
@@ -54,6 +59,8 @@ def _of_palette(indices: NDArray[np.uint8], values: Values) -> tuple[Levels, int
         return values, 255, []
     ground = ground_of(np.where(void, 0, indices).astype(np.uint8)).level[0]
     known = values[indices == ground]
-    return np.where(void[:, :, None], known[0] if len(known) else 0, values), 255, [
-        "has index 255 as an undecided rim, which was left out"
-    ]  # fmt: skip
+    return (
+        np.where(void[:, :, None], known[0] if len(known) else 0, values),
+        255,
+        ["has index 255 as an undecided rim, which was left out"],
+    )

@@ -1,9 +1,10 @@
 """Samples to foreground: whatever is not background is cable.
 
-Strategy: the background is the value (gray level, color, index) that holds most of the picture and of its border. Where
-outlines are sharp, every other value is cable, be it 1, 2 or red. Otherwise a gray mask is read as probability, unless
-whole areas have a level below the half; these, and colors, count by the area that is nearest in color. What is neither
-is refused, with words that state what was found.
+Strategy: the background is the value (gray level, color, index) that holds most of the picture and
+of its border. Where outlines are sharp, every other value is cable, be it 1, 2 or red. Otherwise a
+gray mask is read as probability, unless whole areas have a level below the half; these, and colors,
+count by the area that is nearest in color. What is neither is refused, with words that state what
+was found.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ _PHOTOGRAPH = "looks like a photograph, not like a mask: send it as `image`"
 _BETWEEN = 0.1
 """A gray level farther than this from black and from white is neither."""
 _LEAST_GROUND = 0.4
-"""A mask has exactly one color on this share of it at least, also after JPEG; a photograph has not."""
+"""A mask has exactly one color on this share of it at least, also after JPEG; a photograph has
+not."""
 _FEW_COLORS = 256
 _DIMMEST = 8
 _LIGHT = 0.55
@@ -60,7 +62,9 @@ def foreground_of(samples: Samples) -> tuple[Float, list[str]]:
     return _of_gray(levels, white, tolerance, remarks)
 
 
-def _of_one_value(ground: Ground, size: tuple[int, ...], remarks: list[str]) -> tuple[Float, list[str]]:
+def _of_one_value(
+    ground: Ground, size: tuple[int, ...], remarks: list[str]
+) -> tuple[Float, list[str]]:
     if any(ground.level):
         raise PictureError(f"is {_name(ground.level)} everywhere: no cable is outlined in it")
     return np.zeros(size, np.float32), [*remarks, "is 0 everywhere: it holds no cable"]
@@ -83,29 +87,44 @@ def _name(level: tuple[int, ...]) -> str:
     return str(level[0]) if len(level) == 1 else f"RGB {level}"
 
 
-def _of_gray(levels: Levels, white: int, tolerance: int, remarks: list[str]) -> tuple[Float, list[str]]:
+def _of_gray(
+    levels: Levels, white: int, tolerance: int, remarks: list[str]
+) -> tuple[Float, list[str]]:
     """A probability, turned round where most of the mask and of its border is light."""
     probability = np.minimum(levels.astype(np.float32) / np.float32(white), 1)
     between = np.mean((probability > _BETWEEN) & (probability < 1 - _BETWEEN))
     if between > 0.5:
         raise PictureError(f"{_PHOTOGRAPH}; {between:.0%} of it is neither black nor white")
-    border = np.concatenate([probability[0], probability[-1], probability[:, 0], probability[:, -1]])
+    border = np.concatenate(
+        [probability[0], probability[-1], probability[:, 0], probability[:, -1]]
+    )
     if min(probability.mean(), border.mean()) > _LIGHT:
         light = float(np.mean(probability >= 0.5))
         probability = 1 - probability
-        remarks = [*remarks, f"is light for the most part ({light:.0%}): the dark was taken as cable"]
+        remarks = [
+            *remarks,
+            f"is light for the most part ({light:.0%}): the dark was taken as cable",
+        ]
     gray = np.rint(probability * 255).astype(np.uint8)
     dim = [int(level) for level in area_colors(gray, gray, tolerance)[:, 0]]
-    dim = [level for level in dim if _DIMMEST <= level < 128 and is_steep(gray, level, gray, tolerance)]
+    dim = [
+        level for level in dim if _DIMMEST <= level < 128 and is_steep(gray, level, gray, tolerance)
+    ]
     if dim:
         colors = np.array([*dim, 255], np.uint8)[:, None]
         dimmed = nearer_than_ground(gray, (0,), colors) & (gray >= min(dim) // 2)
         found = ", ".join(map(str, dim))
-        remarks = [*remarks, f"has areas of level {found} (white is 255), which were taken as cable"]
+        remarks = [
+            *remarks,
+            f"has areas of level {found} (white is 255), which were taken as cable",
+        ]
         return dimmed.astype(np.float32), remarks
     highest = float(probability.max())
     if highest < 0.5:
-        remarks = [*remarks, f"is a probability of {highest:.2f} at most: where it is below the threshold is no cable"]
+        remarks = [
+            *remarks,
+            f"is a probability of {highest:.2f} at most: where it is below the threshold is no cable",
+        ]
     return probability, remarks
 
 
@@ -115,14 +134,20 @@ def _of_colors(
     """Cable is what is nearer to the color, or the gray, of another area than to the ground."""
     distance = ground.distance.astype(np.uint8)
     if ground.share < _LEAST_GROUND and len(ground.distinct) > _FEW_COLORS:
-        found = f"more than {_FEW_COLORS} colors, the most frequent of them on {ground.share:.0%} of it"
+        found = (
+            f"more than {_FEW_COLORS} colors, the most frequent of them on {ground.share:.0%} of it"
+        )
         raise PictureError(f"{_PHOTOGRAPH}; it has {found}")
     colors = area_colors(levels, distance, tolerance)
     if len(colors):
         cable = nearer_than_ground(levels, ground.level, colors) & (distance > tolerance)
         names = ", ".join(_name(tuple(color)) for color in colors[:_LISTED].tolist())
     else:  # lines so thin that no pixel has its own color all around it
-        strongest = float(np.percentile(distance[distance > tolerance], 95)) if (distance > tolerance).any() else 255.0
+        strongest = (
+            float(np.percentile(distance[distance > tolerance], 95))
+            if (distance > tolerance).any()
+            else 255.0
+        )
         cable, names = distance >= max(strongest / 2, tolerance), "thin lines"
     remark = f"has {_name(ground.level)} as background; the rest ({names}) was taken as cable"
     return cable.astype(np.float32), [*remarks, remark]

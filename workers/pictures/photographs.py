@@ -17,16 +17,22 @@ def rgb_of(samples: Samples) -> tuple[NDArray[np.uint8], list[str]]:
     """(H, W, 3), and remarks. Transparency is left out."""
     values, remarks = eight_bits(samples.values)
     if samples.alpha is not None and values.min() == values.max():
-        values, remarks = samples.alpha, [*remarks, "is of one color: its transparency was looked at instead"]
+        values, remarks = (
+            samples.alpha,
+            [*remarks, "is of one color: its transparency was looked at instead"],
+        )
     low, high = _extent(values)
     if high - low <= _NEARLY_ONE_COLOR:
-        remarks.append(f"is nearly one color (values from {low} to {high} of 255): nothing can be told apart in it")
+        remarks.append(
+            f"is nearly one color (values from {low} to {high} of 255): nothing can be told apart in it"
+        )
     rgb = np.repeat(values[:, :, None], 3, axis=2) if values.ndim == 2 else values
     return np.ascontiguousarray(rgb), [*samples.remarks, *remarks]
 
 
 def eight_bits(values: Values) -> tuple[NDArray[np.uint8], list[str]]:
-    """Scaled by the power of two above the maximum: at least 256, or 1 for floats, whose white is 1."""
+    """Scaled by the power of two above the maximum: at least 256, or 1 for floats, whose white is
+    1."""
     if values.dtype == np.uint8:
         return values, []
     white = white_of(values)
@@ -39,7 +45,8 @@ def eight_bits(values: Values) -> tuple[NDArray[np.uint8], list[str]]:
 
 
 def white_of(values: Values) -> float:
-    """The power of two above the maximum: at least 256 for integers; floats up to 1 have white at 1."""
+    """The power of two above the maximum: at least 256 for integers; floats up to 1 have white at
+    1."""
     highest = float(values.max())
     if values.dtype == np.float32:
         return 1.0 if highest <= 1 else float(2 ** (int(np.floor(np.log2(highest))) + 1))
@@ -47,13 +54,18 @@ def white_of(values: Values) -> float:
 
 
 def _extent(values: NDArray[np.uint8]) -> tuple[int, int]:
-    """Lowest and highest value of the plane that differs most, of a grid of pixels at most 1024 wide; a few pixels of
-    another color, such as dead ones, do not count."""
+    """Lowest and highest value of the plane that differs most, of a grid of pixels at most 1024
+    wide; a few pixels of another color, such as dead ones, do not count."""
     step = max(1, max(values.shape[:2]) // _LOOKED_AT)
     grid = values[::step, ::step]
     extents = []
     for plane in [grid] if grid.ndim == 2 else np.moveaxis(grid, 2, 0):
         below = np.cumsum(np.bincount(plane.ravel(), minlength=256))
         few = _FEW * plane.size
-        extents.append((int(np.searchsorted(below, few, "right")), int(np.searchsorted(below, plane.size - few))))
+        extents.append(
+            (
+                int(np.searchsorted(below, few, "right")),
+                int(np.searchsorted(below, plane.size - few)),
+            )
+        )
     return max(extents, key=lambda extent: extent[1] - extent[0])

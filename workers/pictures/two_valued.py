@@ -1,4 +1,5 @@
-"""Whether what was sent as a picture is a mask: people open their harness masks as they open photographs."""
+"""Whether what was sent as a picture is a mask: people open their harness masks as they open
+photographs."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from workers.pictures.photographs import eight_bits
 _NEAR = 8
 _APART = 64
 _ON_TWO_VALUES = 0.95
-"""Share of the pixels near one of two values; the others are smoothed outlines. No photograph has so many."""
+"""Share of the pixels near one of two values; the others are smoothed outlines. No photograph has
+so many."""
 _EXACTLY = 0.9
 _LEAST = 2e-4
 _UNSEEN_RANGE = 32

@@ -57,19 +57,29 @@ log = structlog.get_logger(__name__)
 
 
 _ABOUT: dict[JobKind, str] = {
-    "noop": "hold_s", "segment": "image", "instances": "image", "topology": "image", "plan_disentangle": "topology",
-    "reconstruct": "views", "next_view": "cameras", "merge_curves": "curves", "label_tracked": "strokes",
-    "plan_shape": "target_m", "estimate_parameters": "history", "import_network": "file",
+    "noop": "hold_s",
+    "segment": "image",
+    "instances": "image",
+    "topology": "image",
+    "plan_disentangle": "topology",
+    "reconstruct": "views",
+    "next_view": "cameras",
+    "merge_curves": "curves",
+    "label_tracked": "strokes",
+    "plan_shape": "target_m",
+    "estimate_parameters": "history",
+    "import_network": "file",
     "adapt": "labels",
-}  # fmt: skip
+}
 """The field that the numbers of each kind come from."""
 
 
 def run(request: AnyRequest, tools: Tools) -> Outcome:
     """Do one job.
 
-    Numbers that arithmetic fails on, or that lead to an answer which its contract does not allow (NaN, infinite, out of
-    range), are the request's: nothing of that kind leaves as an answer. They are also logged, as a check is missing.
+    Numbers that arithmetic fails on, or that lead to an answer which its contract does not allow
+    (NaN, infinite, out of range), are the request's: nothing of that kind leaves as an answer. They
+    are also logged, as a check is missing.
     """
     try:
         return _run(request, tools)
@@ -113,7 +123,8 @@ def _run(request: AnyRequest, tools: Tools) -> Outcome:
 
 
 def warm(settings: Settings) -> Tools:
-    """Load every default network and use what is slow at first, so that the first job of a kind is not the slow one."""
+    """Load every default network and use what is slow at first, so that the first job of a kind is
+    not the slow one."""
     threads = settings.onnx_threads or max(1, (os.cpu_count() or 1) // settings.workers)
     cv2.setNumThreads(threads)
     tools = Tools(
@@ -129,18 +140,28 @@ def warm(settings: Settings) -> Tools:
     for spec in inference.manifest().values():
         if spec.default:
             tools.network(spec.name)
-    _say_where(settings.onnx_providers, {network.provider for network in tools.weights.loaded.values()})
+    _say_where(
+        settings.onnx_providers, {network.provider for network in tools.weights.loaded.values()}
+    )
     first_use.use(tools)
-    tools.networks = [_info(spec, warm=spec.name in tools.weights.loaded) for spec in inference.manifest().values()]
+    tools.networks = [
+        _info(spec, warm=spec.name in tools.weights.loaded)
+        for spec in inference.manifest().values()
+    ]
     return tools
 
 
 def _say_where(wanted: Sequence[str], used: Collection[str]) -> None:
-    """A worker that falls back to the processor computes the same, but slower: somebody should hear of it."""
+    """A worker that falls back to the processor computes the same, but slower: somebody should hear
+    of it."""
     if set(wanted[:1]) == set(used):
         log.info("networks loaded", providers=sorted(used))
     else:
-        log.warning("networks do not run where they are to run first", wanted=list(wanted), providers=sorted(used))
+        log.warning(
+            "networks do not run where they are to run first",
+            wanted=list(wanted),
+            providers=sorted(used),
+        )
 
 
 def _info(spec: NetworkSpec, *, warm: bool) -> NetworkInfo:

@@ -1,8 +1,9 @@
 """``adapt``: labelled pictures of one place to a foreground network that knows it.
 
-Strategy: learning is a process of its own (``models.training.foreground.adaptation``), so that torch is loaded by those
-who train and dies with its job. Its folder is named after what is asked for: the same request, after a cancel or a
-crash, finds the checkpoint there and goes on. What is not accepted is never stored.
+Strategy: learning is a process of its own (``models.training.foreground.adaptation``), so that
+torch is loaded by those who train and dies with its job. Its folder is named after what is asked
+for: the same request, after a cancel or a crash, finds the checkpoint there and goes on. What is
+not accepted is never stored.
 """
 
 from __future__ import annotations
@@ -19,7 +20,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult, AsidePicture, Overlap, Retained
+from dlo_client.contracts.adaptation import (
+    AdaptRequest,
+    AdaptResult,
+    AsidePicture,
+    Overlap,
+    Retained,
+)
 from dlo_client.contracts.networks import NetworkCard, Preprocess
 
 from models.weights.foreign import fit_foreground
@@ -53,8 +60,12 @@ def run(request: AdaptRequest, tools: Tools) -> Outcome:
     report = _learn(folder, request, parent, tools)
     result = _result(request, parent, report, warnings)
     if not report["refused"]:
-        result = _stored(result, request, (folder / "network.onnx").read_bytes(), parent, report, tools)
-    files = {file.name: ("image/png", file.read_bytes()) for file in sorted(folder.glob("worst_*.png"))}
+        result = _stored(
+            result, request, (folder / "network.onnx").read_bytes(), parent, report, tools
+        )
+    files = {
+        file.name: ("image/png", file.read_bytes()) for file in sorted(folder.glob("worst_*.png"))
+    }
     shutil.rmtree(folder, ignore_errors=True)
     return Outcome(result, _with_report(files, report), {"learn": 1000.0 * report["seconds"]})
 
@@ -66,8 +77,14 @@ def _parent(request: AdaptRequest, tools: Tools, store: NetworkStore) -> tuple[N
     except NoSuchNetworkError as error:
         raise InvalidInput("parent", str(error), "invalid_model") from error
     if _architecture(spec) not in TRAINABLE:
-        raise InvalidInput("parent", f"{spec.name} is of a kind that cannot be trained further", "invalid_model")
-    data = (WEIGHTS / spec.file).read_bytes() if spec.file else store.onnx(spec.name, int(spec.version))
+        raise InvalidInput(
+            "parent", f"{spec.name} is of a kind that cannot be trained further", "invalid_model"
+        )
+    data = (
+        (WEIGHTS / spec.file).read_bytes()
+        if spec.file
+        else store.onnx(spec.name, int(spec.version))
+    )
     return spec, data
 
 
@@ -83,7 +100,9 @@ def _key(request: AdaptRequest, parent: NetworkSpec) -> str:
     return hashlib.sha256(repr(told).encode()).hexdigest()[:32]
 
 
-def _prepare(folder: Path, request: AdaptRequest, parent: NetworkSpec, data: bytes, tools: Tools) -> list[str]:
+def _prepare(
+    folder: Path, request: AdaptRequest, parent: NetworkSpec, data: bytes, tools: Tools
+) -> list[str]:
     """Pictures and parent, where the training looks for them. Returns what limits the result."""
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     os.utime(folder)
@@ -91,19 +110,38 @@ def _prepare(folder: Path, request: AdaptRequest, parent: NetworkSpec, data: byt
     (folder / "parent.onnx").write_bytes(data)
     (folder / "preprocess.json").write_text(json.dumps(dict(parent.preprocess)))
     if count < _FEW:
-        return [f"{count} pictures are few: how good the network is, was measured on very few of them"]
+        return [
+            f"{count} pictures are few: how good the network is, was measured on very few of them"
+        ]
     return []
 
 
-def _learn(folder: Path, request: AdaptRequest, parent: NetworkSpec, tools: Tools) -> dict[str, Any]:
+def _learn(
+    folder: Path, request: AdaptRequest, parent: NetworkSpec, tools: Tools
+) -> dict[str, Any]:
     command = [
-        sys.executable, "-m", _COMMAND, str(folder), "--parent", str(folder / "parent.onnx"),
-        "--network", _architecture(parent), "--preprocess", str(folder / "preprocess.json"),
-        "--minutes", str(request.minutes), "--keep-aside", str(request.keep_aside),
-        "--threads", str(tools.runtime.threads or os.cpu_count() or 1), *tools.training_options,
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        _COMMAND,
+        str(folder),
+        "--parent",
+        str(folder / "parent.onnx"),
+        "--network",
+        _architecture(parent),
+        "--preprocess",
+        str(folder / "preprocess.json"),
+        "--minutes",
+        str(request.minutes),
+        "--keep-aside",
+        str(request.keep_aside),
+        "--threads",
+        str(tools.runtime.threads or os.cpu_count() or 1),
+        *tools.training_options,
+    ]
     with (folder / "training.log").open("w") as log:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, stdin=subprocess.DEVNULL, text=True)
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=log, stdin=subprocess.DEVNULL, text=True
+        )
         last = _followed(process, tools.progress)
     if process.returncode == 2 and "problem" in last:
         raise InvalidInput("labels", str(last["problem"]), "invalid_labels")
@@ -127,7 +165,9 @@ def _followed(process: subprocess.Popen[str], progress: Callable[[float], None])
     return last
 
 
-def _result(request: AdaptRequest, parent: NetworkSpec, report: dict[str, Any], warnings: list[str]) -> AdaptResult:
+def _result(
+    request: AdaptRequest, parent: NetworkSpec, report: dict[str, Any], warnings: list[str]
+) -> AdaptResult:
     aside = sorted(report["kept_aside"], key=lambda row: float(row["after"]))
     return AdaptResult(
         accepted=not report["refused"],
@@ -137,10 +177,14 @@ def _result(request: AdaptRequest, parent: NetworkSpec, report: dict[str, Any], 
         in_service=False,
         before=Overlap(dice=round(report["before"], 2)),
         after=Overlap(dice=round(report["after"], 2)),
-        general=Retained(before=round(report["general_before"], 2), after=round(report["general_after"], 2)),
+        general=Retained(
+            before=round(report["general_before"], 2), after=round(report["general_after"], 2)
+        ),
         trained_on=report["pictures"],
         kept_aside=[
-            AsidePicture(name=row["name"], before=round(row["before"], 2), after=round(row["after"], 2))
+            AsidePicture(
+                name=row["name"], before=round(row["before"], 2), after=round(row["after"], 2)
+            )
             for row in aside
         ],
         kept_share=report["share"],
@@ -182,7 +226,9 @@ def _stored(
     if request.use:
         tools.store.use(request.name, version)
     serves = tools.store.find(request.name) == (request.name, version)
-    return result.model_copy(update={"model": request.name, "version": version, "in_service": serves})
+    return result.model_copy(
+        update={"model": request.name, "version": version, "in_service": serves}
+    )
 
 
 def _with_report(files: dict[str, File], report: dict[str, Any]) -> dict[str, File]:

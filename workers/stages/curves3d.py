@@ -48,7 +48,9 @@ def encode(curve: Curve) -> Curve3D:
     known = np.isfinite(curve.mean_radius_m)
     return Curve3D(
         points_m=_points(curve.points_m),
-        covariance_m2=[tuple(float(f"{c[i, j]:.4g}") for i, j in _UPPER) for c in curve.covariance_m2],
+        covariance_m2=[
+            tuple(float(f"{c[i, j]:.4g}") for i, j in _UPPER) for c in curve.covariance_m2
+        ],
         sigma_m=[float(f"{s:.4g}") for s in curve.sigma_m],
         spline=Spline3(
             degree=DEGREE,
@@ -56,15 +58,20 @@ def encode(curve: Curve) -> Curve3D:
             control_m=_points(curve.spline.control_m),
         ),
         radius_m=round(curve.mean_radius_m, _MICROMETERS) if known else None,
-        radius_sigma_m=round(curve.radius_sigma_m, _MICROMETERS) if np.isfinite(curve.radius_sigma_m) else None,
+        radius_sigma_m=round(curve.radius_sigma_m, _MICROMETERS)
+        if np.isfinite(curve.radius_sigma_m)
+        else None,
         length_m=round(curve.length_m, _MICROMETERS),
     )
 
 
 def decode(given: Curve3D, field: str) -> Curve:
-    """Raises InvalidInput naming ``field`` for a spline that is not cubic or a covariance that is none."""
+    """Raises InvalidInput naming ``field`` for a spline that is not cubic or a covariance that is
+    none."""
     if given.spline.degree != DEGREE:
-        raise InvalidInput(f"{field}.spline.degree", f"is {given.spline.degree}; curves are cubic", "invalid_curve")
+        raise InvalidInput(
+            f"{field}.spline.degree", f"is {given.spline.degree}; curves are cubic", "invalid_curve"
+        )
     covariance = np.zeros((len(given.covariance_m2), 3, 3))
     for column, (i, j) in enumerate(_UPPER):
         covariance[:, i, j] = covariance[:, j, i] = [row[column] for row in given.covariance_m2]
@@ -79,7 +86,8 @@ def decode(given: Curve3D, field: str) -> Curve:
 
 
 def csv_file(curves: list[Curve]) -> tuple[str, bytes]:
-    """A row a point: curve (0 the target), x, y, z, radius, sigma in meters; a radius that is not known is empty."""
+    """A row a point: curve (0 the target), x, y, z, radius, sigma in meters; a radius that is not
+    known is empty."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(["curve", "x_m", "y_m", "z_m", "radius_m", "sigma_m"])
@@ -94,11 +102,17 @@ def ply_file(curves: list[Curve]) -> tuple[str, bytes]:
     """ASCII PLY: vertices with radius and sigma, and edges that join the vertices of a curve."""
     counts = [len(c.points_m) for c in curves]
     head = [
-        "ply", "format ascii 1.0", "comment meters; curve 0 is the target; radius 0 is not known",
-        f"element vertex {sum(counts)}", *(f"property float {name}" for name in ("x", "y", "z", "radius", "sigma")),
-        "property int curve", f"element edge {sum(counts) - len(counts)}",
-        "property int vertex1", "property int vertex2", "end_header",
-    ]  # fmt: skip
+        "ply",
+        "format ascii 1.0",
+        "comment meters; curve 0 is the target; radius 0 is not known",
+        f"element vertex {sum(counts)}",
+        *(f"property float {name}" for name in ("x", "y", "z", "radius", "sigma")),
+        "property int curve",
+        f"element edge {sum(counts) - len(counts)}",
+        "property int vertex1",
+        "property int vertex2",
+        "end_header",
+    ]
     vertices, edges, first = [], [], 0
     for number, curve in enumerate(curves):
         for point, sigma in zip(curve.points_m, curve.sigma_m, strict=True):

@@ -16,7 +16,8 @@ File = tuple[str, bytes]
 """Media type and contents."""
 
 OVERLAY_SIDE = 1280
-"""Longest side of a picture for people: at full size those of large photographs took longer than the job."""
+"""Longest side of a picture for people: at full size those of large photographs took longer than
+the job."""
 _QUICK = 1
 _DECIMALS = 2
 _PNG = "image/png"
@@ -37,7 +38,9 @@ def overlay_png(picture: NDArray[np.uint8]) -> File:
     if factor > 1:
         height, width = (max(1, side // factor) for side in picture.shape[:2])
         part = picture[: height * factor, : width * factor]
-        picture = np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        picture = np.asarray(
+            cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), np.uint8
+        )
     return png(picture, _QUICK)
 
 

@@ -13,7 +13,9 @@ from workers.stages.outcome import InvalidInput, Outcome, Tools
 from workers.stages.shape_belief import about_history, friction_of
 from workers.stages.shapes import check_edges, history_of, learned, length_of, rope_of
 
-_NO_ROPE = "holds states that no rope model can move: do nodes lie upon each other, are units right?"
+_NO_ROPE = (
+    "holds states that no rope model can move: do nodes lie upon each other, are units right?"
+)
 
 
 def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
@@ -24,7 +26,9 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
     history = history_of(request.history, rope.scale)
     with watch.step("estimate"):
         length = request.object.length_m
-        found = _estimated(dynamics, history, rope.mass, None if length is None else length * rope.scale)
+        found = _estimated(
+            dynamics, history, rope.mass, None if length is None else length * rope.scale
+        )
         belief = believed(dynamics, found.rope(rope.mass), history)
     errors = found.error_m / rope.scale
     result = EstimateParametersResult(
@@ -36,18 +40,22 @@ def run(request: EstimateParametersRequest, tools: Tools) -> Outcome:
         loss_m=round(float(errors.mean()), 6),
         loss_mid_range_m=round(float(found.error_before_m.mean()) / rope.scale, 6),
         sample_errors_m=np.round(errors, 6).tolist(),
-        warnings=rope.warnings + about_history(belief, history, found.error_m, rope.scale, len(history.edge)),
+        warnings=rope.warnings
+        + about_history(belief, history, found.error_m, rope.scale, len(history.edge)),
         models=models,
     )
     return Outcome(result, timings_ms=watch.timings_ms)
 
 
 def _estimated(dynamics: Dynamics, history: History, mass: float, length: float | None) -> Estimate:
-    """Raises InvalidInput where the rope model leads nowhere: nodes that lie upon each other have no direction."""
+    """Raises InvalidInput where the rope model leads nowhere: nodes that lie upon each other have
+    no direction."""
     try:
         found = estimate(dynamics, history, mass, length)
     except np.linalg.LinAlgError as error:
         raise InvalidInput("history", _NO_ROPE, "invalid_history") from error
-    if not np.isfinite([found.bending, found.damping, *found.sigma, *found.error_m, *found.error_before_m]).all():
+    if not np.isfinite(
+        [found.bending, found.damping, *found.sigma, *found.error_m, *found.error_before_m]
+    ).all():
         raise InvalidInput("history", _NO_ROPE, "invalid_history")
     return found

@@ -31,7 +31,8 @@ _GRAY = 140
 
 @dataclass(frozen=True)
 class Source:
-    """What there is to look at: ``image`` (H, W, 3), ``mask`` (H, W) probability, or both, of one size."""
+    """What there is to look at: ``image`` (H, W, 3), ``mask`` (H, W) probability, or both, of one
+    size."""
 
     image: NDArray[np.uint8] | None
     mask: NDArray[np.float32] | None
@@ -51,9 +52,9 @@ class Source:
 
 @dataclass(frozen=True)
 class Foreground:
-    """``probability`` (H, W) of cable; ``cable`` (H, W) what counts as such at ``threshold``; ``picture`` (H, W, 3) to
-    draw on; ``models`` that took part; ``reference`` what pictures of the empty place were worth, if there were any;
-    ``scene`` the strands of one that is settled."""
+    """``probability`` (H, W) of cable; ``cable`` (H, W) what counts as such at ``threshold``;
+    ``picture`` (H, W, 3) to draw on; ``models`` that took part; ``reference`` what pictures of the
+    empty place were worth, if there were any; ``scene`` the strands of one that is settled."""
 
     probability: NDArray[np.float32]
     cable: NDArray[np.bool_]
@@ -70,10 +71,13 @@ class Foreground:
 
 
 def read_source(
-    request: InstancesRequest | TopologyRequest | DisentangleRequest, tools: Tools, depth: SeenDepth | None = None
+    request: InstancesRequest | TopologyRequest | DisentangleRequest,
+    tools: Tools,
+    depth: SeenDepth | None = None,
 ) -> Source:
-    """``image`` and ``mask`` of a request. A picture with two values is taken as the mask, unless there is another one
-    or the request names a network. Without both, what stands out of the ``depth`` is the mask.
+    """``image`` and ``mask`` of a request. A picture with two values is taken as the mask, unless
+    there is another one or the request names a network. Without both, what stands out of the
+    ``depth`` is the mask.
 
     Raises InvalidInput naming the field.
     """
@@ -101,7 +105,9 @@ def _by_height(depth: SeenDepth | None) -> NDArray[np.float32]:
     if depth is None:
         raise InvalidInput("image", "an image or a mask is needed, or a depth")
     if depth.odds is None:
-        raise InvalidInput("depth", "shows no table, so nothing stands out of it: send an image or a mask, too")
+        raise InvalidInput(
+            "depth", "shows no table, so nothing stands out of it: send an image or a mask, too"
+        )
     return alone(depth.odds)
 
 
@@ -121,9 +127,9 @@ def find_foreground(
     view: int | None = None,
     depth: SeenDepth | None = None,
 ) -> Foreground:
-    """The mask, or what the network of ``options`` sees in the picture (of the ``view``), weighed against the pictures
-    of the empty place and the heights of a ``depth``; nothing outside the regions. The network's 8-bit form looks,
-    where there is one, unless it is to look thoroughly.
+    """The mask, or what the network of ``options`` sees in the picture (of the ``view``), weighed
+    against the pictures of the empty place and the heights of a ``depth``; nothing outside the
+    regions. The network's 8-bit form looks, where there is one, unless it is to look thoroughly.
 
     Raises InvalidInput naming ``model``, ``reference`` or ``regions``.
     """
@@ -148,8 +154,8 @@ def find_foreground(
 def settled(
     found: Foreground, source: Source, options: ForegroundOptions, threshold: float | None = None
 ) -> Foreground:
-    """What is left of a picture's foreground once its strands were looked at, and what was added; a mask, and what a
-    ``threshold`` was asked for, stay as they are."""
+    """What is left of a picture's foreground once its strands were looked at, and what was added; a
+    mask, and what a ``threshold`` was asked for, stay as they are."""
     if source.mask is not None or source.image is None or threshold is not None:
         return found
     seen = settle(source.image, found.probability, found.cable, found.threshold)

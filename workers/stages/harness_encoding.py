@@ -39,7 +39,9 @@ def section_names(match: Match) -> dict[int, str]:
     return {k: name for name, sections in match.sections.items() for k in sections}
 
 
-def encode(seen: SeenHarness, match: Match | None = None, drawing: HarnessDrawing | None = None) -> TopologyResult:
+def encode(
+    seen: SeenHarness, match: Match | None = None, drawing: HarnessDrawing | None = None
+) -> TopologyResult:
     """The topology as it travels: ids count from 1."""
     topology = seen.topology
     names = section_names(match) if match else {}
@@ -57,25 +59,40 @@ def encode(seen: SeenHarness, match: Match | None = None, drawing: HarnessDrawin
         node_crossing_scores=[round(p, 4) for p in topology.node_classes[:, 1].tolist()],
         edges=[
             TopologyEdge(a=a, b=b, score=round(score, 4))
-            for (a, b), score in zip(topology.links.tolist(), topology.link_scores.tolist(), strict=True)
+            for (a, b), score in zip(
+                topology.links.tolist(), topology.link_scores.tolist(), strict=True
+            )
         ],
         sections=[_section(k, seen, names.get(k)) for k in range(len(topology.sections))],
         branch_points=[
-            BranchPoint(id=k + 1, xy=as_point(b.xy), sections=[s + 1 for s in b.sections], score=round(b.score, 4),
-                        name=places.get(k))
+            BranchPoint(
+                id=k + 1,
+                xy=as_point(b.xy),
+                sections=[s + 1 for s in b.sections],
+                score=round(b.score, 4),
+                name=places.get(k),
+            )
             for k, b in enumerate(topology.branch_points)
         ],
         crossings=[
-            SectionCrossing(id=k, xy=as_point(c.xy), over=_place(c.over), under=_place(c.under),
-                            score=round(c.score, 4), order_score=round(c.order_score, 4))
+            SectionCrossing(
+                id=k,
+                xy=as_point(c.xy),
+                over=_place(c.over),
+                under=_place(c.under),
+                score=round(c.score, 4),
+                order_score=round(c.order_score, 4),
+            )
             for k, c in enumerate(topology.crossings, start=1)
         ],
-        match=None if match is None or drawing is None else _drawing_match(match, drawing, topology),
+        match=None
+        if match is None or drawing is None
+        else _drawing_match(match, drawing, topology),
         reference=seen.foreground.references,
         table=plane(seen.depth),
         warnings=seen.remarks,
         models=seen.models,
-    )  # fmt: skip
+    )
 
 
 def _covered(k: int, topology: found.Topology) -> list[tuple[float, float]]:
@@ -83,7 +100,11 @@ def _covered(k: int, topology: found.Topology) -> list[tuple[float, float]]:
     stretches = []
     for crossing in topology.crossings:
         if crossing.under.section == k:
-            half = 0.75 * topology.sections[crossing.over.section].width / max(topology.sections[k].length, 1e-9)
+            half = (
+                0.75
+                * topology.sections[crossing.over.section].width
+                / max(topology.sections[k].length, 1e-9)
+            )
             stretches.append((crossing.under.u - half, crossing.under.u + half))
     return stretches
 
@@ -102,7 +123,9 @@ def _section(k: int, seen: SeenHarness, name: str | None) -> Section:
         closed=section.closed,
         score=round(section.score, 4),
         name=name,
-        **curve_fields(seen.depth, section.xy, section.width, _covered(k, seen.topology), len(section.xy)),
+        **curve_fields(
+            seen.depth, section.xy, section.width, _covered(k, seen.topology), len(section.xy)
+        ),
     )
 
 
@@ -113,7 +136,9 @@ def _drawing_match(match: Match, drawing: HarnessDrawing, topology: found.Topolo
             BranchMatch(
                 name=b.name,
                 sections=[k + 1 for k in match.sections[b.name]],
-                length_px=round(sum(topology.sections[k].length for k in match.sections[b.name]), 2),
+                length_px=round(
+                    sum(topology.sections[k].length for k in match.sections[b.name]), 2
+                ),
                 expected_px=round(scale * b.length, 2),
                 cost=round(match.costs[b.name], 4),
             )
@@ -141,18 +166,35 @@ def decode(state: HarnessState) -> found.Topology:
         first, last = ((b - 1 if b is not None else -1) for b in s.branch_points)
         length = float(arc_lengths(xy)[-1])
         if length <= 0:
-            raise InvalidInput("topology.sections", f"section {s.id} has no length", "invalid_topology")
-        sections.append(found.Section(xy, s.width_px, length, s.ends, (first, last), s.closed, s.score))
-    branches = [found.BranchPoint(b.xy, tuple(k - 1 for k in b.sections), b.score) for b in state.branch_points]
+            raise InvalidInput(
+                "topology.sections", f"section {s.id} has no length", "invalid_topology"
+            )
+        sections.append(
+            found.Section(xy, s.width_px, length, s.ends, (first, last), s.closed, s.score)
+        )
+    branches = [
+        found.BranchPoint(b.xy, tuple(k - 1 for k in b.sections), b.score)
+        for b in state.branch_points
+    ]
     crossings = [
-        found.Crossing(c.xy, _decoded_place(c.over), _decoded_place(c.under), c.score, c.order_score)
+        found.Crossing(
+            c.xy, _decoded_place(c.over), _decoded_place(c.under), c.score, c.order_score
+        )
         for c in state.crossings
     ]
     none = np.zeros(0)
     return found.Topology(
-        (state.height, state.width), "branched" if branches else "plain", tuple(sections), tuple(branches),
-        tuple(crossings), np.zeros((0, 2)), none, np.zeros((0, 2)), np.zeros((0, 2), np.int64), none,
-    )  # fmt: skip
+        (state.height, state.width),
+        "branched" if branches else "plain",
+        tuple(sections),
+        tuple(branches),
+        tuple(crossings),
+        np.zeros((0, 2)),
+        none,
+        np.zeros((0, 2)),
+        np.zeros((0, 2), np.int64),
+        none,
+    )
 
 
 def _decoded_place(place: SectionPlace) -> found.Place:

@@ -13,11 +13,14 @@ from workers.stages.storing import INVALID, store_as
 
 
 def run(request: ImportNetworkRequest, tools: Tools) -> Outcome:
-    """Raises InvalidInput for a file that is none, a network that is unfit, and a name that another holds."""
+    """Raises InvalidInput for a file that is none, a network that is unfit, and a name that another
+    holds."""
     try:
         data = tools.blobs.get(request.file.id)
     except BlobMissing as error:
-        raise InvalidInput("file", "its bytes have expired: upload it again", "unknown_file") from error
+        raise InvalidInput(
+            "file", "its bytes have expired: upload it again", "unknown_file"
+        ) from error
     try:
         card, onnx = unpack(data, tools.max_network_bytes)
         fit_foreground(spec_of(card, card.name, "0", len(onnx)), onnx, tools.runtime)

@@ -29,7 +29,15 @@ from models.instances.drawing import palette
 from models.instances.overlay import overlay
 from models.strands.stopwatch import Stopwatch
 from workers.stages.depth import SeenDepth, curve_fields, plane, read_depth
-from workers.stages.encoding import OVERLAY_SIDE, File, as_point, as_points, indexed_png, mask_png, overlay_png
+from workers.stages.encoding import (
+    OVERLAY_SIDE,
+    File,
+    as_point,
+    as_points,
+    indexed_png,
+    mask_png,
+    overlay_png,
+)
 from workers.stages.foreground import read_source
 from workers.stages.outcome import Outcome, Tools
 from workers.stages.perception import Perception, perceive
@@ -62,7 +70,9 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
         size = seen.foreground.probability.shape
         masks = rle.encode_labels(seen.scene.labels, len(seen.scene.instances))
         instances = [
-            _instance(k, seen.scene, MaskRLE(size=size, counts=counts), request.points_per_instance, depth)
+            _instance(
+                k, seen.scene, MaskRLE(size=size, counts=counts), request.points_per_instance, depth
+            )
             for k, counts in enumerate(masks, start=1)
         ]
         files = _files(request, seen)
@@ -88,8 +98,13 @@ def run(request: InstancesRequest, tools: Tools) -> Outcome:
 
 
 def _offer(request: InstancesRequest, result: InstancesResult, tools: Tools) -> None:
-    """Keep the picture for its owner if that is allowed and the answer is among the least sure ones."""
-    if not request.keep_if_unsure or tools.unsure is None or not isinstance(request.image, ImageRef):
+    """Keep the picture for its owner if that is allowed and the answer is among the least sure
+    ones."""
+    if (
+        not request.keep_if_unsure
+        or tools.unsure is None
+        or not isinstance(request.image, ImageRef)
+    ):
         return
     label = label_of(result, "")
     tools.unsure.offer(tools.owner, tools.blobs.get(request.image.id), label.certainty, label.doubt)
@@ -100,7 +115,9 @@ def _files(request: InstancesRequest, seen: Perception) -> dict[str, File]:
     if "instances" in request.files:
         files["instances.png"] = indexed_png(seen.scene.labels, palette())
     if "overlay" in request.files:
-        files["overlay.png"] = overlay_png(overlay(seen.foreground.picture, seen.scene, OVERLAY_SIDE))
+        files["overlay.png"] = overlay_png(
+            overlay(seen.foreground.picture, seen.scene, OVERLAY_SIDE)
+        )
     if "mask" in request.files:
         files["mask.png"] = mask_png(seen.foreground.probability)
     return files
@@ -114,7 +131,9 @@ def _status(scene: found.Scene) -> SceneStatus:
     reasons["order"] = sum(c.score < SURE for c in scene.crossings)
     code: Literal["ok", "unsure", "none_found"] = "unsure" if unsure or doubtful else "ok"
     return SceneStatus(
-        code=code if scene.instances else "none_found", limit=SURE, reasons=[r for r, n in reasons.most_common() if n]
+        code=code if scene.instances else "none_found",
+        limit=SURE,
+        reasons=[r for r, n in reasons.most_common() if n],
     )
 
 
@@ -123,10 +142,14 @@ def _remarks(seen: Perception) -> list[str]:
     share = float(seen.foreground.cable.mean())
     if seen.scene.instances or not share:
         return []
-    return [f"{100 * share:.3g} % of the picture is foreground, but no part of it has the shape of a cable"]
+    return [
+        f"{100 * share:.3g} % of the picture is foreground, but no part of it has the shape of a cable"
+    ]
 
 
-def _instance(number: int, scene: found.Scene, mask: MaskRLE, points: int | None, depth: SeenDepth | None) -> Instance:
+def _instance(
+    number: int, scene: found.Scene, mask: MaskRLE, points: int | None, depth: SeenDepth | None
+) -> Instance:
     item = scene.instances[number - 1]
     centerline = item.centerline_xy if points is None else resample(item.centerline_xy, points)
     covered = covered_stretches(scene, number)

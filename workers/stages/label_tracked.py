@@ -1,4 +1,5 @@
-"""``label_tracked``: pictures from known poses and a tracked pen's strokes to labels of every picture (DLO-WSL)."""
+"""``label_tracked``: pictures from known poses and a tracked pen's strokes to labels of every
+picture (DLO-WSL)."""
 
 from __future__ import annotations
 
@@ -49,7 +50,9 @@ def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
         spacing_px=request.spacing_px,
         measured=TrackedParams.measured if request.measure_width else 0.0,
         correct=request.correct,
-        correction=CorrectionParams(agree=request.agree, aside_px=CorrectionParams.aside_px if request.agree else 0),
+        correction=CorrectionParams(
+            agree=request.agree, aside_px=CorrectionParams.aside_px if request.agree else 0
+        ),
         ends=EndParams() if request.find_ends else None,
     )
     thickness = [stroke.thickness_m for stroke in request.strokes]
@@ -64,10 +67,14 @@ def run(request: LabelTrackedRequest, tools: Tools) -> Outcome:
         files = _files(request, images, views)
     used: list[ModelUsed] = [model_used(network.spec)] if request.correct else []
     warnings = [*_warnings(request, labels), *remarks]
-    return Outcome(LabelTrackedResult(views=labels, warnings=warnings, models=used), files, watch.timings_ms)
+    return Outcome(
+        LabelTrackedResult(views=labels, warnings=warnings, models=used), files, watch.timings_ms
+    )
 
 
-def _views(request: LabelTrackedRequest, tools: Tools) -> tuple[list[NDArray[np.uint8]], list[Camera], list[str]]:
+def _views(
+    request: LabelTrackedRequest, tools: Tools
+) -> tuple[list[NDArray[np.uint8]], list[Camera], list[str]]:
     views = [read_view(given, f"views.{index}", tools) for index, given in enumerate(request.views)]
     pictures, cameras = [picture for picture, _ in views], [camera for _, camera in views]
     return [p.rgb for p in pictures], cameras, [remark for p in pictures for remark in p.remarks]
@@ -92,7 +99,9 @@ def _labels(request: LabelTrackedRequest, index: int, view: TrackedView) -> Trac
     masks = rle.encode_labels(view.ids, len(view.strands))
     height, width = view.ids.shape
     instances = [
-        _instance(k, request, strand, view.corrections[k], MaskRLE(size=(height, width), counts=masks[k]))
+        _instance(
+            k, request, strand, view.corrections[k], MaskRLE(size=(height, width), counts=masks[k])
+        )
         for k, strand in enumerate(view.strands)
         if strand is not None
     ]
@@ -110,13 +119,20 @@ def _labels(request: LabelTrackedRequest, index: int, view: TrackedView) -> Trac
 
 
 def _instance(
-    number: int, request: LabelTrackedRequest, strand: Strand, correction: CorrectedStroke, mask: MaskRLE
+    number: int,
+    request: LabelTrackedRequest,
+    strand: Strand,
+    correction: CorrectedStroke,
+    mask: MaskRLE,
 ) -> TrackedInstance:
     run = max(stretches(np.isfinite(correction.offset_px)), key=lambda r: r.stop - r.start)
     trust = correction.trust[run].clip(0, 1)
     line = [(x, y) for x, y in np.round(strand.xy, 2).tolist()]
     height, width = mask.size
-    ends = [Endpoint(xy=xy, kind="border" if _at_border(xy, width, height) else "free") for xy in (line[0], line[-1])]
+    ends = [
+        Endpoint(xy=xy, kind="border" if _at_border(xy, width, height) else "free")
+        for xy in (line[0], line[-1])
+    ]
     return TrackedInstance(
         id=number + 1,
         name=request.strokes[number].name,
@@ -131,7 +147,9 @@ def _instance(
 
 
 def _at_border(xy: tuple[float, float], width: int, height: int) -> bool:
-    return min(xy[0], xy[1], width - 1 - xy[0], height - 1 - xy[1]) < max(_BORDER_PX, 0.02 * min(width, height))
+    return min(xy[0], xy[1], width - 1 - xy[0], height - 1 - xy[1]) < max(
+        _BORDER_PX, 0.02 * min(width, height)
+    )
 
 
 def _crossing(number: int, found: StrandCrossing) -> Crossing:
@@ -151,11 +169,15 @@ def _warnings(request: LabelTrackedRequest, labels: list[TrackedLabels]) -> list
         scores = [i.score for view in labels for i in view.instances if i.id == index]
         if request.correct and scores and np.mean(scores) < _DOUBTFUL:
             name = stroke.name or f"strokes.{index - 1}"
-            warnings.append(f"{name}: its corrections are doubtful (mean trust {np.mean(scores):.2f}); look at them")
+            warnings.append(
+                f"{name}: its corrections are doubtful (mean trust {np.mean(scores):.2f}); look at them"
+            )
     return warnings
 
 
-def _files(request: LabelTrackedRequest, images: list[NDArray[np.uint8]], views: list[TrackedView]) -> dict[str, File]:
+def _files(
+    request: LabelTrackedRequest, images: list[NDArray[np.uint8]], views: list[TrackedView]
+) -> dict[str, File]:
     files = {}
     for k, (image, view) in enumerate(zip(images, views, strict=True)):
         if "labels" in request.files:

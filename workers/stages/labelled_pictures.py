@@ -25,7 +25,8 @@ INVALID = "invalid_labels"
 
 
 def unpacked(labels: UploadRef, folder: Path, tools: Tools) -> int:
-    """``imgs/NAME.png`` and ``masks/NAME.png`` (255 cable) below ``folder``; how many. Nothing if they are there.
+    """``imgs/NAME.png`` and ``masks/NAME.png`` (255 cable) below ``folder``; how many. Nothing if
+    they are there.
 
     Raises InvalidInput naming ``labels`` and the picture.
     """
@@ -36,19 +37,27 @@ def unpacked(labels: UploadRef, folder: Path, tools: Tools) -> int:
         data = tools.blobs.get(labels.id)
         pairs = pairs_of(data)
     except BlobMissing as error:
-        raise InvalidInput("labels", "they have expired: upload them again", "unknown_labels") from error
+        raise InvalidInput(
+            "labels", "they have expired: upload them again", "unknown_labels"
+        ) from error
     except ArchiveError as error:
         raise InvalidInput("labels", str(error), INVALID) from error
     for part in ("imgs", "masks"):
         (folder / part).mkdir(exist_ok=True)
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         for number, pair in enumerate(pairs):
-            _write(folder, f"{number:04d}__{pair.name.replace('/', '__')[-80:]}", *_read(archive, pair, tools))
+            _write(
+                folder,
+                f"{number:04d}__{pair.name.replace('/', '__')[-80:]}",
+                *_read(archive, pair, tools),
+            )
     done.write_text(str(len(pairs)))
     return len(pairs)
 
 
-def _read(archive: zipfile.ZipFile, pair: Labelled, tools: Tools) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def _read(
+    archive: zipfile.ZipFile, pair: Labelled, tools: Tools
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """(H, W, 3) and (H, W) 0 or 255."""
     try:
         rgb, _ = rgb_of(decode(archive.read(pair.picture), max_pixels=tools.max_image_pixels))

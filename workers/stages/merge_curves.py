@@ -27,5 +27,8 @@ def run(request: MergeCurvesRequest) -> Outcome:
         disagreement_m=round(merged.disagreement_m, 6),
         outliers=merged.outliers,
     )
-    files = {"curve.ply": curves3d.ply_file([merged.curve]), "curve.csv": curves3d.csv_file([merged.curve])}
+    files = {
+        "curve.ply": curves3d.ply_file([merged.curve]),
+        "curve.csv": curves3d.csv_file([merged.curve]),
+    }
     return Outcome(result, files)

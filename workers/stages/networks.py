@@ -43,13 +43,20 @@ class Networks:
             self.loaded[name] = inference.load(name, self.runtime)
         return self.loaded[name]
 
-    def foreground(self, model: str | None, default: str | None = None, *, eight_bit: bool = False) -> Network:
-        """The network that ``model`` names now, so a version that was chosen a moment ago is taken; without one the
-        ``default``, the service's, the shipped one. ``eight_bit``: its 8-bit form, where it has one.
+    def foreground(
+        self, model: str | None, default: str | None = None, *, eight_bit: bool = False
+    ) -> Network:
+        """The network that ``model`` names now, so a version that was chosen a moment ago is taken;
+        without one the ``default``, the service's, the shipped one. ``eight_bit``: its 8-bit form,
+        where it has one.
 
         Raises NoSuchNetworkError naming ``model``, or ``default_model``.
         """
-        for field_name, name in (("model", model), ("default_model", default), ("default_model", self.default_model)):
+        for field_name, name in (
+            ("model", model),
+            ("default_model", default),
+            ("default_model", self.default_model),
+        ):
             if name:
                 return self._named(field_name, name, eight_bit)
         return self._named("model", default_name(TASK), eight_bit)
@@ -65,8 +72,12 @@ class Networks:
                 pass  # said below, with what there is
             except PackageError as error:
                 raise NoSuchNetworkError(field_name, f"{name!r} was damaged: {error}") from error
-        known = ", ".join([*(s.name for s in manifest().values() if s.task == TASK), *self._stored_names()])
-        raise NoSuchNetworkError(field_name, f"there is no foreground network {name!r}; there are: {known}")
+        known = ", ".join(
+            [*(s.name for s in manifest().values() if s.task == TASK), *self._stored_names()]
+        )
+        raise NoSuchNetworkError(
+            field_name, f"there is no foreground network {name!r}; there are: {known}"
+        )
 
     def _stored_names(self) -> list[str]:
         return self.store.names() if self.store else []
@@ -76,7 +87,9 @@ class Networks:
         key = f"{name}@{version} {card.sha256}"
         if key not in self._stored:
             data = store.onnx(name, version)
-            self._stored[key] = inference.opened(spec_of(card, name, str(version), len(data)), data, self.runtime)
+            self._stored[key] = inference.opened(
+                spec_of(card, name, str(version), len(data)), data, self.runtime
+            )
             while len(self._stored) > _MOST_LOADED:
                 self._stored.popitem(last=False)
         self._stored.move_to_end(key)
@@ -84,9 +97,21 @@ class Networks:
 
 
 def spec_of(card: NetworkCard, name: str, version: str, size: int) -> NetworkSpec:
-    """What the manifest says of a shipped network, of one of a user's; ``size`` of its ONNX file in bytes."""
+    """What the manifest says of a shipped network, of one of a user's; ``size`` of its ONNX file in
+    bytes."""
     return NetworkSpec(
-        name=name, version=version, task=card.task, default=False, file="", sha256=card.sha256, bytes=size,
-        parameters=card.parameters, input="", license=card.license, origin=card.origin,
-        preprocess=card.preprocess.model_dump(), training={"network": card.architecture}, metrics=card.metrics,
-    )  # fmt: skip
+        name=name,
+        version=version,
+        task=card.task,
+        default=False,
+        file="",
+        sha256=card.sha256,
+        bytes=size,
+        parameters=card.parameters,
+        input="",
+        license=card.license,
+        origin=card.origin,
+        preprocess=card.preprocess.model_dump(),
+        training={"network": card.architecture},
+        metrics=card.metrics,
+    )

@@ -1,4 +1,5 @@
-"""Foreground to DLO instances, on arrays: what ``instances``, ``reconstruct`` and ``plan_shape`` share."""
+"""Foreground to DLO instances, on arrays: what ``instances``, ``reconstruct`` and ``plan_shape``
+share."""
 
 from __future__ import annotations
 
@@ -42,8 +43,8 @@ def perceive(
     params: MethodParams | None = None,
     depth: SeenDepth | None = None,
 ) -> Perception:
-    """The whole chain, for the ``view`` of several or the one picture; a ``depth`` counts for the foreground and the
-    order at crossings. Raises InvalidInput as find_foreground does."""
+    """The whole chain, for the ``view`` of several or the one picture; a ``depth`` counts for the
+    foreground and the order at crossings. Raises InvalidInput as find_foreground does."""
     watch = Stopwatch()
     with watch.step("segment"):
         foreground = find_foreground(source, tools, options, threshold, view, depth)
@@ -51,7 +52,9 @@ def perceive(
         foreground = settled(foreground, source, options, threshold)
     extract, networks = extract_with(method, params, tools)
     with watch.step("instances"):
-        scene = _instances(foreground, source, extract, known=method == DEFAULT_METHOD and params is None)
+        scene = _instances(
+            foreground, source, extract, known=method == DEFAULT_METHOD and params is None
+        )
         if depth is not None:
             scene = reordered(scene, depth.depth_m)
     models = [*foreground.models, *(model_used(network.spec) for network in networks)]

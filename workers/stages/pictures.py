@@ -24,15 +24,17 @@ _FARTHEST_M = 100.0
 
 @dataclass(frozen=True)
 class Picture:
-    """``rgb`` (H, W, 3); ``mask`` (H, W) probability of cable where the picture was recognised as a mask; ``remarks``
-    for the one who sent it, each with the field's name."""
+    """``rgb`` (H, W, 3); ``mask`` (H, W) probability of cable where the picture was recognised as a
+    mask; ``remarks`` for the one who sent it, each with the field's name."""
 
     rgb: NDArray[np.uint8]
     mask: NDArray[np.float32] | None
     remarks: list[str]
 
 
-def read_picture(source: ImageSource, field: str, tools: Tools, *, may_be_mask: bool = False) -> Picture:
+def read_picture(
+    source: ImageSource, field: str, tools: Tools, *, may_be_mask: bool = False
+) -> Picture:
     """The upright picture. Raises InvalidInput naming ``field``."""
     samples = _samples(source, field, tools)
     if may_be_mask and (why := why_a_mask(samples)):
@@ -43,13 +45,16 @@ def read_picture(source: ImageSource, field: str, tools: Tools, *, may_be_mask: 
     return Picture(rgb, None, _named(field, remarks))
 
 
-def read_mask(source: ImageSource, field: str, tools: Tools) -> tuple[NDArray[np.float32], list[str]]:
+def read_mask(
+    source: ImageSource, field: str, tools: Tools
+) -> tuple[NDArray[np.float32], list[str]]:
     """Foreground probability (H, W), and remarks. Raises InvalidInput naming ``field``."""
     return _mask(_samples(source, field, tools), field)
 
 
 def read_depth_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.float32]:
-    """Distance to the camera (H, W) in meters from 16-bit gray in millimeters or floats in meters; NaN is unknown.
+    """Distance to the camera (H, W) in meters from 16-bit gray in millimeters or floats in meters;
+    NaN is unknown.
 
     Raises InvalidInput naming ``field``, also for a picture of 8 bits or of colors.
     """
@@ -78,10 +83,14 @@ def read_cloud_m(source: ImageSource, field: str, tools: Tools) -> NDArray[np.fl
         raise InvalidInput(field, str(error), "invalid_depth") from error
     known = np.isfinite(points).all(2) & (points[..., 2] > 0)
     if not known.any():
-        raise InvalidInput(field, "is a point cloud without a point before the camera (z forward)", "invalid_depth")
+        raise InvalidInput(
+            field, "is a point cloud without a point before the camera (z forward)", "invalid_depth"
+        )
     farthest = float(points[known, 2].max())
     if farthest > _FARTHEST_M:
-        raise InvalidInput(field, f"has points up to {farthest:g} m away: points are in meters", "invalid_depth")
+        raise InvalidInput(
+            field, f"has points up to {farthest:g} m away: points are in meters", "invalid_depth"
+        )
     return np.asarray(np.where(known[..., None], points, np.nan), np.float32)
 
 
@@ -111,4 +120,6 @@ def _bytes(source: ImageSource, field: str, tools: Tools) -> bytes:
     try:
         return tools.blobs.get(source.id)
     except BlobMissing as error:
-        raise InvalidInput(field, "its bytes have expired: upload it again", "unknown_image") from error
+        raise InvalidInput(
+            field, "its bytes have expired: upload it again", "unknown_image"
+        ) from error

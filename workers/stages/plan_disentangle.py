@@ -1,4 +1,5 @@
-"""``plan_disentangle``: a topology, or a picture, to ranked dual-arm actions that remove a crossing."""
+"""``plan_disentangle``: a topology, or a picture, to ranked dual-arm actions that remove a
+crossing."""
 
 from __future__ import annotations
 
@@ -18,7 +19,15 @@ from numpy.typing import NDArray
 from models.disentangling.evidence import MOVE_FEATURES
 from models.disentangling.expectations import Attempt
 from models.disentangling.overlay import draw_action
-from models.disentangling.plan import UNSURE_BELOW, Action, Base, DisentangleParams, Grasp, assign_arms, plan
+from models.disentangling.plan import (
+    UNSURE_BELOW,
+    Action,
+    Base,
+    DisentangleParams,
+    Grasp,
+    assign_arms,
+    plan,
+)
 from models.strands.stopwatch import Stopwatch
 from models.topology import scene as found
 from models.topology.overlay import overlay
@@ -46,7 +55,9 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
     with watch.step("plan"):
         hand_px = None if request.gripper is None else request.gripper.pixels
         done = [_attempt(a) for a in request.attempts]
-        settings = DisentangleParams(hand_px, margin_px=request.margin_px, at_most=request.at_most, attempts=done)
+        settings = DisentangleParams(
+            hand_px, margin_px=request.margin_px, at_most=request.at_most, attempts=done
+        )
         actions = plan(topology, network, settings)
         assigned = [(a, _arms(a, request.arms)) for a in actions]
         feasible = [(a, arms) for a, arms in assigned if arms is not None]
@@ -90,11 +101,16 @@ def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None]
     return None if chosen is None else (bases[chosen[0]].name, bases[chosen[1]].name)
 
 
-def _status(topology: found.Topology, actions: list[Action], feasible: list[Action]) -> tuple[PlanStatus, str]:
+def _status(
+    topology: found.Topology, actions: list[Action], feasible: list[Action]
+) -> tuple[PlanStatus, str]:
     if not topology.crossings:
         return "no_crossing", "there is no crossing to remove"
     if not actions:
-        return "no_action", "no section can be turned so that crossings go: they are held at both ends, or meet others"
+        return (
+            "no_action",
+            "no section can be turned so that crossings go: they are held at both ends, or meet others",
+        )
     if not feasible:
         return "no_action", "every action that helps is out of the arms' reach"
     count, best = len(topology.crossings), feasible[0]
@@ -102,7 +118,10 @@ def _status(topology: found.Topology, actions: list[Action], feasible: list[Acti
     if all(a.after >= a.before for a in feasible):
         outcome = f"no move leaves fewer than {count} crossings, {len(feasible)} prepare one"
     if best.score < UNSURE_BELOW:
-        return "unsure", f"unsure: the best action works with probability {best.score:.2f} only; {outcome}"
+        return (
+            "unsure",
+            f"unsure: the best action works with probability {best.score:.2f} only; {outcome}",
+        )
     return "planned", outcome
 
 
@@ -129,7 +148,9 @@ def _action(rank: int, action: Action, arms: tuple[str | None, str | None]) -> D
 
 
 def _why(action: Action) -> str:
-    about = f"branch-point {action.branch + 1}" if action.branch >= 0 else "a place along the section"
+    about = (
+        f"branch-point {action.branch + 1}" if action.branch >= 0 else "a place along the section"
+    )
     parts = [
         f"turning section {action.section + 1} by {np.rad2deg(action.turn):.0f}° about {about} "
         f"leaves {action.after} of {action.before} crossings",
@@ -140,9 +161,13 @@ def _why(action: Action) -> str:
     if action.clearance < 0:
         parts.append("it then touches another section")
     if action.touching >= 0:
-        parts.append(f"this supposes that branch-point {action.touching + 1} is a mere touch: look closer before")
+        parts.append(
+            f"this supposes that branch-point {action.touching + 1} is a mere touch: look closer before"
+        )
     if action.leaves_view:
-        parts.append("part of the piece is outside the picture: whether it is free there is not known")
+        parts.append(
+            "part of the piece is outside the picture: whether it is free there is not known"
+        )
     return "; ".join(parts)
 
 

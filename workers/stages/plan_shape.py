@@ -47,14 +47,22 @@ def run(request: PlanShapeRequest, tools: Tools) -> Outcome:
         target = middle + (target - middle) * length_of(points) / length_of(target)
     nodes = to_nodes if fixed is None else fine
     limits = _limits(request, points, rope.scale, warnings, len(nodes(points)))
-    problem = Problem(points, nodes(points) * rope.scale, nodes(target) * rope.scale, rope.scale, limits)
+    problem = Problem(
+        points, nodes(points) * rope.scale, nodes(target) * rope.scale, rope.scale, limits
+    )
     tools.progress(0.3)
     with watch.step("parameters"):
         belief, used = belief_of(request, dynamics, rope, warnings)
         if fixed is None:
-            warnings += _about_rest(belief, problem.target, request.tolerance_m * rope.scale, rope.scale)
+            warnings += _about_rest(
+                belief, problem.target, request.tolerance_m * rope.scale, rope.scale
+            )
     with watch.step("plan"):
-        answer = _answer(request, belief, problem) if fixed is None else answer_among(request, problem, fixed)
+        answer = (
+            _answer(request, belief, problem)
+            if fixed is None
+            else answer_among(request, problem, fixed)
+        )
     result = PlanShapeResult(
         **answer,
         state_m=rounded(points),
@@ -81,32 +89,46 @@ def _about_shapes(points: FloatArray, target: FloatArray, scaled: bool) -> list[
     return found
 
 
-def _about_rest(belief: Belief, target: FloatArray, tolerance: float, scale: float) -> list[PlanWarning]:
+def _about_rest(
+    belief: Belief, target: FloatArray, tolerance: float, scale: float
+) -> list[PlanWarning]:
     back = belief.springs_back_m(target)
     if back <= tolerance:
         return []
     text = (
-        f"friction does not hold the DLO in this shape: put there and let go, it springs back by {back / scale:.3f} m"
+        "friction does not hold the DLO in this shape: put there and let go, "
+        f"it springs back by {back / scale:.3f} m"
     )
     return [PlanWarning(code="springs_back", field="target_m", message=text)]
 
 
 def _limits(
-    request: PlanShapeRequest, points: FloatArray, scale: float, warnings: list[PlanWarning], nodes: int
+    request: PlanShapeRequest,
+    points: FloatArray,
+    scale: float,
+    warnings: list[PlanWarning],
+    nodes: int,
 ) -> Limits:
     """In the network's scale; what it was not trained for is cut off, and said.
 
-    Without a wish an action moves a long DLO no farther than the trained range, though the network, scaled, would
-    answer for more.
+    Without a wish an action moves a long DLO no farther than the trained range, though the network,
+    scaled, would answer for more.
     """
     given, largest = request.limits, MOVE_SCALE[[0, 2]] / np.array([scale, 1.0])
     asked = (given.max_displacement_m, given.max_rotation_rad)
-    for name, value, most in zip(("max_displacement_m", "max_rotation_rad"), asked, largest, strict=True):
+    for name, value, most in zip(
+        ("max_displacement_m", "max_rotation_rad"), asked, largest, strict=True
+    ):
         if value is not None and value > most + 1e-9:
             text = f"{value:g} is more than one action may do: {most:.3g}"
-            warnings.append(PlanWarning(code="limits_reduced", field=f"limits.{name}", message=text))
+            warnings.append(
+                PlanWarning(code="limits_reduced", field=f"limits.{name}", message=text)
+            )
     default = np.minimum(largest, MOVE_SCALE[[0, 2]])
-    shift, turn = (float(d if v is None else min(v, m)) for v, d, m in zip(asked, default, largest, strict=True))
+    shift, turn = (
+        float(d if v is None else min(v, m))
+        for v, d, m in zip(asked, default, largest, strict=True)
+    )
     reach = given.reach_m or (0.0, float("inf"))
     return Limits(
         box=None if given.workspace_m is None else np.array(given.workspace_m) * scale,
@@ -124,9 +146,13 @@ def _answer(request: PlanShapeRequest, belief: Belief, problem: Problem) -> dict
     """The fields of the result that state what to do."""
     before = float(shape_distance(problem.state, problem.target)) / problem.scale
     base: dict[str, object] = {
-        "action": None, "alternatives": [], "predicted_m": None, "error_after_m": None,
-        "error_before_m": round(before, DECIMALS), "converged": before <= request.tolerance_m,
-    }  # fmt: skip
+        "action": None,
+        "alternatives": [],
+        "predicted_m": None,
+        "error_after_m": None,
+        "error_before_m": round(before, DECIMALS),
+        "converged": before <= request.tolerance_m,
+    }
     if before <= request.tolerance_m:
         return base | status("done", f"the DLO is within {request.tolerance_m:g} m of the target")
     if text := outside(problem):
@@ -140,29 +166,47 @@ def _answer(request: PlanShapeRequest, belief: Belief, problem: Problem) -> dict
     ]
     best = proposed[0]
     if stuck := _stuck(request, problem, best.error_at_end_m, before):
-        reason, text = reason_of(belief, problem.target, problem.limits, request.tolerance_m * problem.scale)
+        reason, text = reason_of(
+            belief, problem.target, problem.limits, request.tolerance_m * problem.scale
+        )
         listed = {"alternatives": proposed[: request.alternatives]}
-        return base | listed | {"status": PlanStatus(code="stuck", message=f"{stuck}: {text}", reason=reason)}
-    moved = back_to_points(problem.points, problem.state / problem.scale, found.predicted[0] / problem.scale)
+        return (
+            base
+            | listed
+            | {"status": PlanStatus(code="stuck", message=f"{stuck}: {text}", reason=reason)}
+        )
+    moved = back_to_points(
+        problem.points, problem.state / problem.scale, found.predicted[0] / problem.scale
+    )
     text = f"expected mean distance {best.error_after_m:.4f} m, now {before:.4f} m"
-    return base | {
-        "action": best,
-        "alternatives": proposed[1:],
-        "predicted_m": rounded(moved),
-        "error_after_m": best.error_after_m,
-    } | status("ok", text)  # fmt: skip
+    return (
+        base
+        | {
+            "action": best,
+            "alternatives": proposed[1:],
+            "predicted_m": rounded(moved),
+            "error_after_m": best.error_after_m,
+        }
+        | status("ok", text)
+    )
 
 
 def _chance(belief: Belief, problem: Problem, found: Candidates, k: int) -> float:
     return chance_of_half(belief, problem.state, problem.target, int(found.edge[k]), found.move[k])
 
 
-def _stuck(request: PlanShapeRequest, problem: Problem, at_end_m: float, before_m: float) -> str | None:
+def _stuck(
+    request: PlanShapeRequest, problem: Problem, at_end_m: float, before_m: float
+) -> str | None:
     """What shows that the DLO comes no nearer to the target; None where it may."""
     if at_end_m > (1 - _LEAST_GAIN) * before_m:
         return f"the best actions leave {at_end_m:.4f} m of {before_m:.4f} m"
     tried = request.history[-request.tried :] if request.tried else []
-    states = [to_nodes(np.array(points)) * problem.scale for item in tried for points in (item.before, item.after)]
+    states = [
+        to_nodes(np.array(points)) * problem.scale
+        for item in tried
+        for points in (item.before, item.after)
+    ]
     if states and no_progress(shape_distance(np.array(states), problem.target).reshape(-1, 2)):
         return f"the last {FRUITLESS} actions brought the DLO no nearer than it was"
     return None

@@ -10,9 +10,11 @@ from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.pictures import Picture, read_picture
 
 
-def read_view(given: CameraView, field: str, tools: Tools, *, may_be_mask: bool = False) -> tuple[Picture, Camera]:
-    """Raises InvalidInput, below ``field``, for a picture that is missing, cannot be read, or is not of its camera's
-    size."""
+def read_view(
+    given: CameraView, field: str, tools: Tools, *, may_be_mask: bool = False
+) -> tuple[Picture, Camera]:
+    """Raises InvalidInput, below ``field``, for a picture that is missing, cannot be read, or is
+    not of its camera's size."""
     if given.image is None:
         raise InvalidInput(f"{field}.image", "is missing")
     camera = curves3d.camera(given, field)

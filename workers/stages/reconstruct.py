@@ -40,12 +40,15 @@ _LONGEST_M, _THICKEST_M = 500.0, 0.5
 _ODD_THICKNESS_M = (1e-4, 0.1)
 """DLOs are thicker and thinner than this."""
 _SUSPICIOUS_PX = 2.0
-"""A mean reprojection error above this is no noise of a centerline: the poses or the intrinsics are off."""
+"""A mean reprojection error above this is no noise of a centerline: the poses or the intrinsics are
+off."""
 
 
 def run(request: ReconstructRequest, tools: Tools) -> Outcome:
     watch = Stopwatch()
-    previous = curves3d.decode(request.previous, "previous") if request.previous is not None else None
+    previous = (
+        curves3d.decode(request.previous, "previous") if request.previous is not None else None
+    )
     with watch.step("perceive"):
         seen, models, remarks = see(request, tools)
     with watch.step("reconstruct"):
@@ -65,39 +68,55 @@ def run(request: ReconstructRequest, tools: Tools) -> Outcome:
 
 
 def _check_scale(curve: Curve) -> None:
-    """Raises InvalidInput for a DLO of a size that none has, with the unit that the poses may be in."""
+    """Raises InvalidInput for a DLO of a size that none has, with the unit that the poses may be
+    in."""
     thick = 2 * curve.mean_radius_m if np.isfinite(curve.mean_radius_m) else None
     if curve.length_m > _LONGEST_M or (thick is not None and thick > _THICKEST_M):
-        size = f"{curve.length_m:.3g} m long" + (f" and {thick:.2g} m thick" if thick is not None else "")
+        size = f"{curve.length_m:.3g} m long" + (
+            f" and {thick:.2g} m thick" if thick is not None else ""
+        )
         text = f"make the DLO {size}: are the translations of `T_world_camera` in millimeters? They are in meters"
         raise InvalidInput("views", text, "invalid_scale")
 
 
-def _reconstruct(request: ReconstructRequest, seen: list[SeenView], previous: Curve | None) -> list[Reconstruction]:
-    """The target alone; without one the continuation of ``previous``, or all DLOs, longest first."""
+def _reconstruct(
+    request: ReconstructRequest, seen: list[SeenView], previous: Curve | None
+) -> list[Reconstruction]:
+    """The target alone; without one the continuation of ``previous``, or all DLOs, longest
+    first."""
     views = [s.view for s in seen]
     full = [view.name for view in views if view.strands]
     if len(full) < 2:
         where = f"only in {full[0]}" if full else "in none of them"
-        raise InvalidInput("views", f"a DLO was found {where}; two views at least have to show it", NO_CURVE)
+        raise InvalidInput(
+            "views", f"a DLO was found {where}; two views at least have to show it", NO_CURVE
+        )
     params = ReconstructParams(points=request.points)
     chosen = chosen_strand(request, seen, previous)
     try:
         if request.method == "dlo3ds":
             view, strand = chosen or _longest(views)
-            return [dlo3ds.reconstruct(views, view, strand, dlo3ds.Dlo3dsParams(points=request.points))]
+            return [
+                dlo3ds.reconstruct(views, view, strand, dlo3ds.Dlo3dsParams(points=request.points))
+            ]
         if chosen is not None:
             return [reconstruct_strand(views, *chosen, params, previous)]
     except NotReconstructable as error:
         raise InvalidInput("views", str(error), NO_CURVE) from error
     found = reconstruct_all(views, params)
     if not found:
-        raise InvalidInput("views", "no DLO is seen in two views so that the poses fit: are the poses right?", NO_CURVE)
+        raise InvalidInput(
+            "views",
+            "no DLO is seen in two views so that the poses fit: are the poses right?",
+            NO_CURVE,
+        )
     return found
 
 
 def _longest(views: list[View]) -> tuple[int, int]:
-    sizes = [(s.length_px, -v, -k) for v, view in enumerate(views) for k, s in enumerate(view.strands)]
+    sizes = [
+        (s.length_px, -v, -k) for v, view in enumerate(views) for k, s in enumerate(view.strands)
+    ]
     _, v, k = max(sizes)
     return -v, -k
 
@@ -127,7 +146,10 @@ def _result(
             OtherCurve(
                 curve=curves3d.encode(other.curve),
                 reprojection_px=_reprojection_px(other, seen),
-                instances=[s.instance(support.strands) for s, support in zip(seen, other.supports, strict=True)],
+                instances=[
+                    s.instance(support.strands)
+                    for s, support in zip(seen, other.supports, strict=True)
+                ],
             )
             for other in found[1:]
         ],
@@ -145,7 +167,9 @@ def _result(
 
 def _reprojection_px(found: Reconstruction, seen: list[SeenView]) -> float:
     """Mean over the views that took part, in pixels of the pictures."""
-    return round(float(np.mean([found.supports[k].reprojection_px / seen[k].scale for k in found.used])), 4)
+    return round(
+        float(np.mean([found.supports[k].reprojection_px / seen[k].scale for k in found.used])), 4
+    )
 
 
 def _view(request: ReconstructRequest, seen: SeenView, index: int, support: Support) -> ViewOutcome:
@@ -174,7 +198,8 @@ def _reason(support: Support, scale: float) -> str:
 
 
 def _ends(found: Reconstruction, seen: list[SeenView]) -> tuple[CurveEnd, CurveEnd]:
-    """Whether the first and the last point lie at the border of a picture: then the DLO may go on."""
+    """Whether the first and the last point lie at the border of a picture: then the DLO may go
+    on."""
     used = [seen[k].view.camera for k in found.used]
     ends = found.curve.points_m[[0, -1]]
     inside = np.all([camera.sees(camera.project(ends), _BORDER_PX) for camera in used], axis=0)
@@ -188,17 +213,23 @@ def _end(inside: bool) -> CurveEnd:
 def _warnings(found: Reconstruction, seen: list[SeenView]) -> list[str]:
     unseen = depth_warning(found.curve, [seen[k].camera for k in found.used])
     warnings = [] if unseen is None else [unseen]
-    misfits = [seen[k].view.name for k, s in enumerate(found.supports) if s.verdict == "does_not_fit"]
+    misfits = [
+        seen[k].view.name for k, s in enumerate(found.supports) if s.verdict == "does_not_fit"
+    ]
     if misfits and len(found.used) == 2:
         warnings.append(
             f"the views contradict one another ({', '.join(misfits)} against the rest), and two that agree do not "
             "show which of them is wrong: check the poses"
         )
     elif misfits:
-        warnings.append(f"the pose of {', '.join(misfits)} does not fit the other {len(found.used)} views")
+        warnings.append(
+            f"the pose of {', '.join(misfits)} does not fit the other {len(found.used)} views"
+        )
     thick = 2 * found.curve.mean_radius_m
     if thick < _ODD_THICKNESS_M[0] or thick > _ODD_THICKNESS_M[1]:
-        warnings.append(f"the DLO would be {1000 * thick:.3g} mm thick: are the translations of the poses in meters?")
+        warnings.append(
+            f"the DLO would be {1000 * thick:.3g} mm thick: are the translations of the poses in meters?"
+        )
     if found.reprojection_px > _SUSPICIOUS_PX:
         warnings.append(
             f"the curve misses the centerlines by {found.reprojection_px:.1f} px on average: "
@@ -220,6 +251,12 @@ def _files(
     if "overlay" in request.files:
         for k, s in enumerate(seen):
             support = found[0].supports[k]
-            dropped = None if support.verdict == "used" else f"dropped: {support.verdict.replace('_', ' ')}"
-            files[f"overlay_{k}.png"] = overlay_png(reprojection(s.image, s.camera, curves, dropped))
+            dropped = (
+                None
+                if support.verdict == "used"
+                else f"dropped: {support.verdict.replace('_', ' ')}"
+            )
+            files[f"overlay_{k}.png"] = overlay_png(
+                reprojection(s.image, s.camera, curves, dropped)
+            )
     return files

@@ -16,7 +16,8 @@ _SUBPIXEL_BITS = 4
 
 
 def within(regions: Regions | None, probability: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) ``probability``, 0 where the regions exclude cables. Raises InvalidInput naming ``regions``."""
+    """(H, W) ``probability``, 0 where the regions exclude cables. Raises InvalidInput naming
+    ``regions``."""
     if regions is None:
         return probability
     size = probability.shape

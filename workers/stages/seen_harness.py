@@ -31,7 +31,9 @@ class SeenHarness:
     depth: SeenDepth | None
 
 
-def see_harness(request: TopologyRequest | DisentangleRequest, tools: Tools, watch: Stopwatch) -> SeenHarness:
+def see_harness(
+    request: TopologyRequest | DisentangleRequest, tools: Tools, watch: Stopwatch
+) -> SeenHarness:
     """Decode, find the foreground, extract the topology. Raises InvalidInput naming the field."""
     with watch.step("decode"):
         depth = read_depth(request, tools)
@@ -44,21 +46,28 @@ def see_harness(request: TopologyRequest | DisentangleRequest, tools: Tools, wat
     network, classifiers = topology_networks(tools)
     models = [*foreground.models, *(model_used(n.spec) for n in (network, *classifiers))]
     with watch.step("topology"):
-        topology = extract(foreground.cable, network, Classifiers(*classifiers), source.image, surfaces)
+        topology = extract(
+            foreground.cable, network, Classifiers(*classifiers), source.image, surfaces
+        )
     return SeenHarness(topology, foreground, models, source.remarks, depth)
 
 
 def topology_networks(tools: Tools) -> tuple[Network, list[Network]]:
-    """The graph's network, and those that classifier single places, in the order of :class:`Classifiers`."""
+    """The graph's network, and those that classifier single places, in the order of
+    :class:`Classifiers`."""
     return tools.network(default_name("topology")), [
         tools.network(default_name(task)).weighing(columns) for task, columns in FEATURES.items()
     ]
 
 
-def _surfaces(request: TopologyRequest | DisentangleRequest, depth: SeenDepth | None) -> list[Surface]:
+def _surfaces(
+    request: TopologyRequest | DisentangleRequest, depth: SeenDepth | None
+) -> list[Surface]:
     surfaces = []
     if depth is not None:
-        surfaces.append(depth_map(depth.depth_m, None if depth.camera is None else depth.camera.focal_px))
+        surfaces.append(
+            depth_map(depth.depth_m, None if depth.camera is None else depth.camera.focal_px)
+        )
     if request.points:
         xy = np.array([p.xy for p in request.points])
         surfaces.append(points(xy, np.array([p.depth_m for p in request.points])))

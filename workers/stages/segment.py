@@ -17,7 +17,9 @@ def run(request: SegmentRequest, tools: Tools) -> Outcome:
         raise InvalidInput("image", "is missing")
     watch = Stopwatch()
     with watch.step("decode"):
-        source = Source.of(read_picture(request.image, "image", tools, may_be_mask=request.model is None))
+        source = Source.of(
+            read_picture(request.image, "image", tools, may_be_mask=request.model is None)
+        )
     tools.progress(0.2)
     with watch.step("segment"):
         found = find_foreground(source, tools, request, request.threshold)
@@ -29,7 +31,8 @@ def run(request: SegmentRequest, tools: Tools) -> Outcome:
     result = SegmentResult(
         width=width,
         height=height,
-        coverage=float(np.count_nonzero(found.probability >= found.threshold)) / found.probability.size,
+        coverage=float(np.count_nonzero(found.probability >= found.threshold))
+        / found.probability.size,
         threshold=found.threshold,
         reference=found.references,
         warnings=source.remarks,

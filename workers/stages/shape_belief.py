@@ -1,4 +1,5 @@
-"""What ``plan_shape`` takes the DLO and its table for, from the request's parameters and history."""
+"""What ``plan_shape`` takes the DLO and its table for, from the request's parameters and
+history."""
 
 from __future__ import annotations
 
@@ -27,10 +28,14 @@ def belief_of(
         return Belief.certain(dynamics, np.array([rope.mass, used.k_b, used.k_d])), used
     history = history_of(request.history, rope.scale)
     length = request.object.length_m
-    belief, found = learned(dynamics, history, rope.mass, None if length is None else length * rope.scale)
+    belief, found = learned(
+        dynamics, history, rope.mass, None if length is None else length * rope.scale
+    )
     parts: dict[str, object] = {"k_b": MID_RANGE[0], "k_d": MID_RANGE[1], "source": "mid_range"}
     if request.history:
-        warnings += about_history(belief, history.latest(LEARNED_FROM), found.error_m, rope.scale, len(history.edge))
+        warnings += about_history(
+            belief, history.latest(LEARNED_FROM), found.error_m, rope.scale, len(history.edge)
+        )
         k_b, k_d = round(found.bending, _DECIMALS), round(found.damping, _DECIMALS)
         sigma = tuple(round(float(s), 4) for s in found.sigma)
         parts = {"k_b": k_b, "k_d": k_d, "sigma": sigma, "source": "history"}
@@ -48,22 +53,30 @@ def _given(request: PlanShapeRequest, warnings: list[PlanWarning]) -> UsedParame
 
 
 def friction_of(belief: Belief, scale: float) -> dict[str, object]:
-    """The more probable kind, its probability, and with dry friction the stiffness over it: fields of an answer."""
+    """The more probable kind, its probability, and with dry friction the stiffness over it: fields
+    of an answer."""
     viscous = float(belief.weights[0])
     if belief.best == 0:
         return {"friction": "viscous", "friction_probability": round(viscous, 4)}
     stiffness = round(float(belief.stiffness[belief.best - 1]) / scale, 4)
-    return {"friction": "dry", "friction_probability": round(1 - viscous, 4), "stiffness_m": stiffness}
+    return {
+        "friction": "dry",
+        "friction_probability": round(1 - viscous, 4),
+        "stiffness_m": stiffness,
+    }
 
 
 def about_history(
     belief: Belief, history: History, errors_m: FloatArray, scale: float, items: int
 ) -> list[PlanWarning]:
-    """Items that neither kind of friction explains, of the last of so many items; and a DLO like none that is known."""
+    """Items that neither kind of friction explains, of the last of so many items; and a DLO like
+    none that is known."""
     left = errors_m.copy()
     latest = slice(len(left) - len(belief.residual_m), None)
     left[latest] = np.minimum(left[latest], belief.residual_m)
-    found = contradictions(left / scale, shape_distance(history.before, history.after) / scale, items)
+    found = contradictions(
+        left / scale, shape_distance(history.before, history.after) / scale, items
+    )
     if unlike_any_model(belief):
         text = f"the DLO moves like none that is known: {100 * belief.unexplained:.0f} % of its motion is unexplained"
         found.append(PlanWarning(code="unlike_any_model", field="history", message=text))

@@ -1,4 +1,5 @@
-"""``plan_shape`` among pegs, clips and edges: from the request's fixtures and route to an answer."""
+"""``plan_shape`` among pegs, clips and edges: from the request's fixtures and route to an
+answer."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ class Among:
 
 
 def among(request: PlanShapeRequest, points: FloatArray, length_m: float, scale: float) -> Among:
-    """The goal for a DLO whose points (N, 2) m are known. Raises InvalidInput naming what is impossible."""
+    """The goal for a DLO whose points (N, 2) m are known. Raises InvalidInput naming what is
+    impossible."""
     diameter = request.object.diameter_m or _DIAMETER_SHARE * length_m
     for k, fixture in enumerate(request.fixtures):
         if isinstance(fixture, ClipGiven) and fixture.width_m <= diameter:
@@ -51,7 +53,9 @@ def among(request: PlanShapeRequest, points: FloatArray, length_m: float, scale:
     fixtures = _fixtures(request, diameter, scale)
     _check_free(request, fixtures, fine(points) * scale, "state_m", scale)
     if request.route is None:
-        shape = _shape(np.array(request.target_m), length_m if request.scale_target else None) * scale
+        shape = (
+            _shape(np.array(request.target_m), length_m if request.scale_target else None) * scale
+        )
         _check_free(request, fixtures, shape, "target_m", scale)
         return Among(fixtures, Goal(shape))
     route = _route(request, fixtures, points, scale)
@@ -59,7 +63,11 @@ def among(request: PlanShapeRequest, points: FloatArray, length_m: float, scale:
         shape = route.shape(length_m * scale, FINE)
     except Impossible as error:
         field = "route" if error.stop is None else f"route.stops.{error.stop}"
-        text = str(error) if error.needed is None else f"is {error.needed / scale:.3f} m long, the DLO {length_m:.3f} m"
+        text = (
+            str(error)
+            if error.needed is None
+            else f"is {error.needed / scale:.3f} m long, the DLO {length_m:.3f} m"
+        )
         raise InvalidInput(field, text, "invalid_route") from error
     _check_free(request, fixtures, shape, "route", scale)
     return Among(fixtures, Goal(shape, route))
@@ -88,7 +96,9 @@ def _clip(given: ClipGiven, diameter: float, scale: float) -> Clip:
     return Clip(np.array(given.xy_m) * scale, given.angle_rad, play * scale, given.length_m * scale)
 
 
-def _route(request: PlanShapeRequest, fixtures: Fixtures, points: FloatArray, scale: float) -> Route:
+def _route(
+    request: PlanShapeRequest, fixtures: Fixtures, points: FloatArray, scale: float
+) -> Route:
     given = request.route
     assert given is not None
     solid = [k for k, f in enumerate(request.fixtures) if not isinstance(f, ClipGiven)]
@@ -108,7 +118,9 @@ def _route(request: PlanShapeRequest, fixtures: Fixtures, points: FloatArray, sc
     return Route(stops, given.slack_m * scale, start * scale, end)
 
 
-def _check_free(request: PlanShapeRequest, fixtures: Fixtures, shape: FloatArray, field: str, scale: float) -> None:
+def _check_free(
+    request: PlanShapeRequest, fixtures: Fixtures, shape: FloatArray, field: str, scale: float
+) -> None:
     """Raises InvalidInput where a DLO (31, 2) passes through a peg or an edge."""
     depth = -fixtures.gap(shape[:-1], shape[1:]).min(0, initial=np.inf)
     through = (depth > _DEEPEST_M) | (depth >= fixtures.radius - _CROSSING_M)
@@ -126,19 +138,29 @@ def answer_among(request: PlanShapeRequest, problem: Problem, found: Among) -> d
     before = float(goal.away(state[None], fixtures)[0])
     tolerance = request.tolerance_m * scale
     base: dict[str, object] = {
-        "action": None, "alternatives": [], "predicted_m": None, "error_after_m": None,
-        "error_before_m": round(before / scale, DECIMALS), "converged": goal.reached(state, fixtures, tolerance),
+        "action": None,
+        "alternatives": [],
+        "predicted_m": None,
+        "error_after_m": None,
+        "error_before_m": round(before / scale, DECIMALS),
+        "converged": goal.reached(state, fixtures, tolerance),
         "stops_left": [] if goal.route is None else goal.route.missed(state),
-    }  # fmt: skip
+    }
     if base["converged"]:
-        what = f"within {request.tolerance_m:g} m of the target" if goal.route is None else "on the route"
+        what = (
+            f"within {request.tolerance_m:g} m of the target"
+            if goal.route is None
+            else "on the route"
+        )
         return base | status("done", f"the DLO is {what}")
     if text := outside(problem):
         return base | status("target_outside", text)
     world = World(fixtures, problem.limits, _stiffness(request, fixtures, scale))
     actions = routed(world, state, goal, 1 + request.alternatives)
     if not len(actions.edge):
-        return base | status("no_action", "every action breaks a limit, or jams the DLO at a fixture")
+        return base | status(
+            "no_action", "every action breaks a limit, or jams the DLO at a fixture"
+        )
     return base | _planned(request, problem, found, actions, before)
 
 
@@ -151,7 +173,9 @@ def _planned(
     gain = float(actions.error[0]) < cost
     actions = replace(actions, error=away)
     clear = [PlanCheck(name="fixtures", passed=True)]
-    proposed = [proposal(problem, actions, k, float(away[k]), None, clear) for k in range(len(away))]
+    proposed = [
+        proposal(problem, actions, k, float(away[k]), None, clear) for k in range(len(away))
+    ]
     if not gain or _fruitless(request, goal, fixtures, scale):
         listed = {"alternatives": proposed[: request.alternatives]}
         text = "no action that was looked at brings the DLO nearer to the route or the target"
@@ -164,13 +188,15 @@ def _planned(
         "alternatives": proposed[1:],
         "predicted_m": rounded(moved),
         "error_after_m": proposed[0].error_after_m,
-    } | status("ok", text)  # fmt: skip
+    } | status("ok", text)
 
 
 def _fruitless(request: PlanShapeRequest, goal: Goal, fixtures: Fixtures, scale: float) -> bool:
     """Whether the last actions that aimed at this goal brought nothing."""
     tried = request.history[-request.tried :] if request.tried else []
-    states = [fine(np.array(points)) * scale for item in tried for points in (item.before, item.after)]
+    states = [
+        fine(np.array(points)) * scale for item in tried for points in (item.before, item.after)
+    ]
     return bool(states) and no_progress(goal.cost(np.array(states), fixtures).reshape(-1, 2))
 
 
@@ -178,7 +204,9 @@ def _stiffness(request: PlanShapeRequest, fixtures: Fixtures, scale: float) -> f
     items = request.history[-_LATEST:]
     before = np.array([fine(np.array(i.before)) for i in items]).reshape(-1, FINE, 2) * scale
     after = np.array([fine(np.array(i.after)) for i in items]).reshape(-1, FINE, 2) * scale
-    edges = np.array([node_edge_of(np.array(i.before), i.action.edge, FINE) for i in items], np.int64)
+    edges = np.array(
+        [node_edge_of(np.array(i.before), i.action.edge, FINE) for i in items], np.int64
+    )
     moves = [[i.action.dx_m * scale, i.action.dy_m * scale, i.action.dtheta_rad] for i in items]
     world = World(fixtures, Limits())
     return likely_stiffness(world, before, edges, np.array(moves).reshape(-1, 3), after)

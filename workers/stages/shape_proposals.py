@@ -40,9 +40,15 @@ def outside(problem: Problem) -> str | None:
 
 
 def proposal(
-    problem: Problem, found: Candidates, k: int, at_end: float, probability: float | None, more: list[PlanCheck]
+    problem: Problem,
+    found: Candidates,
+    k: int,
+    at_end: float,
+    probability: float | None,
+    more: list[PlanCheck],
 ) -> PlannedAction:
-    """Candidate ``k``; ``at_end``: the distance at the end of its sequence, in the scale of ``found.error``."""
+    """Candidate ``k``; ``at_end``: the distance at the end of its sequence, in the scale of
+    ``found.error``."""
     edge, move, scale = int(found.edge[k]), found.move[k], problem.scale
     pair = problem.state[edge : edge + 2] / scale
     shift = move[:2] / scale

@@ -31,7 +31,8 @@ def learned(tools: Tools) -> tuple[Dynamics, list[ModelUsed]]:
 
 @dataclass(frozen=True)
 class Rope:
-    """``scale`` from the client's meters to a length that the network knows, ``mass`` kg within its range."""
+    """``scale`` from the client's meters to a length that the network knows, ``mass`` kg within its
+    range."""
 
     scale: float
     mass: float
@@ -39,7 +40,8 @@ class Rope:
 
 
 def rope_of(object_: DloObject, length_m: float) -> Rope:
-    """A DLO beyond the trained range is planned for as one at its edge, scaled; said in a warning."""
+    """A DLO beyond the trained range is planned for as one at its edge, scaled; said in a
+    warning."""
     warnings = []
     mass = float(np.clip(object_.mass_kg, *MASS_KG))
     if mass != object_.mass_kg:
@@ -65,7 +67,8 @@ def crosses_itself(points: FloatArray) -> bool:
 
 
 def check_edges(history: Sequence[Experience]) -> None:
-    """Every action of the history names an edge that there is. Raises InvalidInput naming the item."""
+    """Every action of the history names an edge that there is. Raises InvalidInput naming the
+    item."""
     for k, item in enumerate(history):
         if item.action.edge > len(item.before) - 2:
             text = f"{len(item.before)} points have edges 0 to {len(item.before) - 2}"
@@ -92,12 +95,16 @@ def history_of(items: Sequence[Experience], scale: float) -> History:
 
 
 def contradictions(errors_m: FloatArray, moved_m: FloatArray, items: int) -> list[PlanWarning]:
-    """Of the last of so many items of the history those that no parameters explain: more than half of the motion is
-    left, and over 15 mm."""
+    """Of the last of so many items of the history those that no parameters explain: more than half
+    of the motion is left, and over 15 mm."""
     first = items - len(errors_m)
     odd = np.flatnonzero((errors_m > 0.5 * moved_m) & (errors_m > 0.015))
     text = "no k_b and k_d explain this item: {:.0f} mm a point are left"
     return [
-        PlanWarning(code="history_contradicts", field=f"history.{first + k}", message=text.format(1e3 * errors_m[k]))
+        PlanWarning(
+            code="history_contradicts",
+            field=f"history.{first + k}",
+            message=text.format(1e3 * errors_m[k]),
+        )
         for k in odd.tolist()
     ]

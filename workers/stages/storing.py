@@ -12,7 +12,8 @@ INVALID = "invalid_network"
 
 
 def store_as(card: NetworkCard, onnx: bytes, name: str, field: str, tools: Tools) -> int:
-    """Store it as a further version of ``name``; the version. Raises InvalidInput naming ``field``."""
+    """Store it as a further version of ``name``; the version. Raises InvalidInput naming
+    ``field``."""
     assert tools.store is not None
     check_name(name, field, tools.store, tools.owner)
     try:
@@ -24,7 +25,9 @@ def store_as(card: NetworkCard, onnx: bytes, name: str, field: str, tools: Tools
 def check_name(name: str, field: str, store: NetworkStore, owner: str) -> None:
     """Raises InvalidInput unless ``owner`` may store a network of this name."""
     if name in manifest():
-        raise InvalidInput(field, f"{name!r} is the name of a network that ships with the service", "name_taken")
+        raise InvalidInput(
+            field, f"{name!r} is the name of a network that ships with the service", "name_taken"
+        )
     try:
         holder = store.owner(name)
     except NetworkUnknownError:

@@ -37,8 +37,8 @@ class Seen:
 
 
 def state_from_image(request: PlanShapeRequest, tools: Tools) -> Seen:
-    """The DLO whose length fits, when there are several, the longest where no length is known; which end is which is
-    decided by the target, or by where a route starts.
+    """The DLO whose length fits, when there are several, the longest where no length is known;
+    which end is which is decided by the target, or by where a route starts.
 
     Raises InvalidInput: no DLO, or a homography that takes it to infinity.
     """
@@ -47,14 +47,18 @@ def state_from_image(request: PlanShapeRequest, tools: Tools) -> Seen:
     assert request.homography is not None
     picture = read_picture(request.image, "image", tools, may_be_mask=request.model is None)
     perception = perceive(Source.of(picture), tools, request)
-    lines = [to_table(i.centerline_xy, np.array(request.homography)) for i in perception.scene.instances]
+    lines = [
+        to_table(i.centerline_xy, np.array(request.homography)) for i in perception.scene.instances
+    ]
     if not lines:
         raise InvalidInput("image", "no DLO was found in it", "none_found")
     target = None if request.target_m is None else np.array(request.target_m)
     wanted = request.object.length_m or (None if target is None else float(arc_lengths(target)[-1]))
     lengths = np.array([arc_lengths(line)[-1] for line in lines])
     chosen = int(np.argmin(np.abs(np.log(np.maximum(lengths, 1e-9) / (wanted or lengths.max())))))
-    warnings = [PlanWarning(code="picture", field="image", message=text) for text in picture.remarks]
+    warnings = [
+        PlanWarning(code="picture", field="image", message=text) for text in picture.remarks
+    ]
     if len(lines) > 1:
         text = f"{len(lines)} DLOs are in the picture; planned for the one {lengths[chosen]:.3f} m long"
         warnings.append(PlanWarning(code="other_dlo", field="image", message=text))
@@ -83,17 +87,23 @@ def to_table(xy: FloatArray, homography: FloatArray) -> FloatArray:
     size = np.diag([*np.maximum(np.abs(xy).max(axis=0), 1.0), 1.0])
     rows = np.linalg.norm(homography @ size, axis=1)
     if rows.min() == 0 or abs(np.linalg.det(homography @ size / rows[:, None])) < _SINGULAR:
-        raise InvalidInput("homography", "is singular: it takes the picture to a line", "invalid_homography")
+        raise InvalidInput(
+            "homography", "is singular: it takes the picture to a line", "invalid_homography"
+        )
     mapped = np.column_stack([xy, np.ones(len(xy))]) @ (homography / rows[2]).T
     depth = np.abs(mapped[:, 2])
     if np.ptp(np.sign(mapped[:, 2])) or depth.min() < 1e-9 * depth.max():
-        raise InvalidInput("homography", "takes a part of the DLO behind the horizon", "invalid_homography")
+        raise InvalidInput(
+            "homography", "takes a part of the DLO behind the horizon", "invalid_homography"
+        )
     return np.asarray(mapped[:, :2] / mapped[:, 2:])
 
 
-def _check_scale(points: FloatArray, xy: FloatArray, homography: FloatArray, wanted_m: float | None) -> None:
-    """Raises InvalidInput for a homography that makes the DLO a length that none has, or that is far from the one that
-    is wanted, with the likely mistake."""
+def _check_scale(
+    points: FloatArray, xy: FloatArray, homography: FloatArray, wanted_m: float | None
+) -> None:
+    """Raises InvalidInput for a homography that makes the DLO a length that none has, or that is
+    far from the one that is wanted, with the likely mistake."""
     length = float(arc_lengths(points)[-1])
     fits = wanted_m is None or wanted_m / MOST_STRETCH <= length <= wanted_m * MOST_STRETCH
     if fits and LEAST_LENGTH_M <= length <= LONGEST_M and np.abs(points).max() <= FARTHEST_M:
@@ -104,4 +114,6 @@ def _check_scale(points: FloatArray, xy: FloatArray, homography: FloatArray, wan
     else:
         hint = f"is it to {in_another_unit(length)}, not to meters?"
     else_where = "" if wanted_m is None else f", the request speaks of {wanted_m:.3g} m"
-    raise InvalidInput("homography", f"makes the DLO {length:.4g} m long{else_where}: {hint}", "invalid_homography")
+    raise InvalidInput(
+        "homography", f"makes the DLO {length:.4g} m long{else_where}: {hint}", "invalid_homography"
+    )

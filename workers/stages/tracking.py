@@ -1,4 +1,5 @@
-"""Tracks between contracts and arrays, and the frame of an ``instances`` request that continues one."""
+"""Tracks between contracts and arrays, and the frame of an ``instances`` request that continues
+one."""
 
 from __future__ import annotations
 
@@ -43,12 +44,19 @@ def track_frame(
     Raises InvalidInput naming ``time_s`` or ``previous``.
     """
     if time_s is not None and previous.time_s is not None and time_s < previous.time_s:
-        raise InvalidInput("time_s", f"is before that of the last frame, {previous.time_s:g} s", "invalid_request")
+        raise InvalidInput(
+            "time_s", f"is before that of the last frame, {previous.time_s:g} s", "invalid_request"
+        )
     _check_ids(previous)
     source = seen.source
     mask = seen.foreground.cable
     track = follow(
-        decode(previous), seen.scene, source.image, mask, TrackParams(most_cables=MOST_CABLES), time_s=time_s
+        decode(previous),
+        seen.scene,
+        source.image,
+        mask,
+        TrackParams(most_cables=MOST_CABLES),
+        time_s=time_s,
     )
     crossings = [_crossing(order) for order in track.crossings]
     return Tracked([_cable(cable, depth) for cable in track.cables], crossings, encode(track))
@@ -76,7 +84,9 @@ def encode(track: state.Track) -> TrackState:
         covered=track.cover.covered,
         cables=[_nodes_out(cable) for cable in track.cables],
         crossings=[
-            TrackOrder(**order._asdict() | {"xy": as_point(order.xy), "evidence": round(order.evidence, 3)})
+            TrackOrder(
+                **order._asdict() | {"xy": as_point(order.xy), "evidence": round(order.evidence, 3)}
+            )
             for order in track.crossings
         ],
     )
@@ -87,7 +97,9 @@ def _check_ids(previous: TrackState) -> None:
     if len(set(ids)) < len(ids):
         raise InvalidInput("previous.cables", "two cables have the same id", "invalid_request")
     if max(ids, default=0) >= previous.next_id:
-        raise InvalidInput("previous.next_id", "is the id of a cable that is there", "invalid_request")
+        raise InvalidInput(
+            "previous.next_id", "is the id of a cable that is there", "invalid_request"
+        )
 
 
 def _nodes_in(cable: TrackNodes) -> state.TrackedCable:
@@ -151,7 +163,11 @@ def as_color(lab: np.ndarray) -> tuple[float, float, float]:
 
 
 def _cable(cable: state.TrackedCable, depth: SeenDepth | None) -> TrackedCable:
-    metric = {} if cable.state == "lost" else curve_fields(depth, cable.xy, cable.width_px, cable.covered, state.NODES)
+    metric = (
+        {}
+        if cable.state == "lost"
+        else curve_fields(depth, cable.xy, cable.width_px, cable.covered, state.NODES)
+    )
     ends = [] if cable.closed else [(cable.xy[0], cable.ends[0]), (cable.xy[-1], cable.ends[1])]
     return TrackedCable(
         id=cable.id,
@@ -163,7 +179,9 @@ def _cable(cable: state.TrackedCable, depth: SeenDepth | None) -> TrackedCable:
         width_px=round(cable.width_px, 2),
         start_px=round(cable.start_px, 2),
         covered=[(round(u0, 4), round(u1, 4)) for u0, u1 in cable.covered],
-        endpoints=[Endpoint(xy=as_point(np.clip(xy, -_MOST_PX, _MOST_PX)), kind=kind) for xy, kind in ends],
+        endpoints=[
+            Endpoint(xy=as_point(np.clip(xy, -_MOST_PX, _MOST_PX)), kind=kind) for xy, kind in ends
+        ],
         score=round(cable.score, 4),
         **metric,
     )

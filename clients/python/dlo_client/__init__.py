@@ -6,8 +6,8 @@
         result = client.result(job)
 
 ``Client`` and ``AsyncClient`` have the same methods; a request's class names what it takes:
-``help(InstancesRequest)``. Errors are below ``DLOError``: ``help(dlo_client.errors)`` draws the tree.
-``state(result)`` gives arrays of a fixed shape.
+``help(InstancesRequest)``. Errors are below ``DLOError``: ``help(dlo_client.errors)`` draws the
+tree. ``state(result)`` gives arrays of a fixed shape.
 
 Public is what this file lists. The clients load on first use:
 the service and its workers import ``dlo_client.contracts`` and do without an HTTP client.

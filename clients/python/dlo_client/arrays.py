@@ -1,7 +1,7 @@
 """Arrays as pictures, and masks as arrays. NumPy is imported only when one of them is used.
 
-An array is sent as a PNG of 8 or 16 bits without loss. The writer is here because the SDK without extras has no
-library that encodes pictures, and none of the usual ones writes color of 16 bits.
+An array is sent as a PNG of 8 or 16 bits without loss. The writer is here because the SDK without
+extras has no library that encodes pictures, and none of the usual ones writes color of 16 bits.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ _FORMS = "a picture is (H, W), (H, W, 1), (H, W, 3) in RGB order, or (H, W, 4)"
 def png_of_array(array: Any, argument: str) -> bytes:
     """PNG of an (H, W) or (H, W, C) array, C 1, 3 (RGB) or 4.
 
-    bool becomes 0 and 255; integers stay what they are, in 8 bits if they fit and else in 16; floats of 0 to 1
-    become 0 to 255. Raises InvalidArgument naming ``argument`` for everything else.
+    bool becomes 0 and 255; integers stay what they are, in 8 bits if they fit and else in 16;
+    floats of 0 to 1 become 0 to 255. Raises InvalidArgument naming ``argument`` for everything
+    else.
     """
     pixels = _pixels(_with_channels(_as_array(array, argument), argument), argument)
     height, width, channels = pixels.shape
@@ -43,8 +44,8 @@ def png_of_array(array: Any, argument: str) -> bytes:
 
 
 def bytes_of_array(array: Any, argument: str) -> bytes:
-    """An (H, W, 3) array of floats that is a ``depth`` is a point cloud and becomes a file of NumPy; every other one a
-    PNG. Raises InvalidArgument naming ``argument``."""
+    """An (H, W, 3) array of floats that is a ``depth`` is a point cloud and becomes a file of
+    NumPy; every other one a PNG. Raises InvalidArgument naming ``argument``."""
     values = _as_array(array, argument)
     if argument != _DEPTH or values.ndim != 3 or values.shape[2] != 3 or values.dtype.kind != "f":
         return png_of_array(values, argument)
@@ -56,7 +57,8 @@ def bytes_of_array(array: Any, argument: str) -> bytes:
 
 
 def mask_array(counts: str, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """(H, W) mask of a COCO run-length string. Raises ValueError if the runs do not fill ``size``."""
+    """(H, W) mask of a COCO run-length string. Raises ValueError if the runs do not fill
+    ``size``."""
     import numpy as np
 
     runs = run_lengths(counts)
@@ -70,9 +72,9 @@ def mask_array(counts: str, size: tuple[int, int]) -> NDArray[np.bool_]:
 def run_lengths(counts: str) -> list[int]:
     """Lengths of the runs, down the columns, background first.
 
-    A number is 5-bit groups, lowest first, in two's complement; bit 6 says that more follow, and 48 makes it
-    printable. From the fourth run on, the difference to the run two places before is stored.
-    Raises ValueError for a string that is none.
+    A number is 5-bit groups, lowest first, in two's complement; bit 6 says that more follow, and 48
+    makes it printable. From the fourth run on, the difference to the run two places before is
+    stored. Raises ValueError for a string that is none.
     """
     runs: list[int] = []
     value = shift = 0
@@ -101,7 +103,9 @@ def _as_array(array: Any, argument: str) -> NDArray[Any]:
     try:
         return np.asarray(array)
     except Exception as error:  # whatever a foreign array type raises, as a tensor on a GPU does
-        raise InvalidArgument(argument, f"{type(array).__name__} cannot be read as an array: {error}") from error
+        raise InvalidArgument(
+            argument, f"{type(array).__name__} cannot be read as an array: {error}"
+        ) from error
 
 
 def _with_channels(array: NDArray[Any], argument: str) -> NDArray[Any]:
@@ -128,7 +132,9 @@ def _pixels(array: NDArray[Any], argument: str) -> NDArray[Any]:
         case "u" | "i":
             low, high = int(array.min()), int(array.max())
             if low < 0 or high > _LARGEST_16:
-                raise InvalidArgument(argument, f"integers of a picture are 0 to {_LARGEST_16}, not {low} to {high}")
+                raise InvalidArgument(
+                    argument, f"integers of a picture are 0 to {_LARGEST_16}, not {low} to {high}"
+                )
             sixteen = array.dtype.kind == "u" and array.dtype.itemsize == 2  # in either byte order
             if sixteen or high > _LARGEST_8:
                 return array.astype(np.uint16)
@@ -136,19 +142,28 @@ def _pixels(array: NDArray[Any], argument: str) -> NDArray[Any]:
         case "f":
             if not (np.isfinite(array).all() and array.min() >= 0 and array.max() <= 1):
                 span = f"{float(array.min()):g} to {float(array.max()):g}"
-                raise InvalidArgument(argument, f"floats of a picture are 0 to 1, not {span}; for 0 to 255 give uint8")
+                raise InvalidArgument(
+                    argument, f"floats of a picture are 0 to 1, not {span}; for 0 to 255 give uint8"
+                )
             scaled: NDArray[Any] = np.rint(array * _LARGEST_8)
             return scaled.astype(np.uint8)
-    raise InvalidArgument(argument, f"an array of {array.dtype} is no picture: give uint8, uint16, bool or float")
+    raise InvalidArgument(
+        argument, f"an array of {array.dtype} is no picture: give uint8, uint16, bool or float"
+    )
 
 
 def _filtered(pixels: NDArray[Any]) -> bytes:
-    """PNG's rows, each the difference to the pixel on its left: photographs shrink more, and as fast."""
+    """PNG's rows, each the difference to the pixel on its left: photographs shrink more, and as
+    fast."""
     import numpy as np
 
     height, width, channels = pixels.shape
     step = channels * pixels.itemsize
-    raw = np.ascontiguousarray(pixels.astype(pixels.dtype.newbyteorder(">"))).view(np.uint8).reshape(height, -1)
+    raw = (
+        np.ascontiguousarray(pixels.astype(pixels.dtype.newbyteorder(">")))
+        .view(np.uint8)
+        .reshape(height, -1)
+    )
     rows = np.empty((height, 1 + width * step), np.uint8)
     rows[:, 0] = 1
     rows[:, 1 : 1 + step] = raw[:, :step]
@@ -157,4 +172,9 @@ def _filtered(pixels: NDArray[Any]) -> bytes:
 
 
 def _chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    return (
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+    )

@@ -67,13 +67,18 @@ class AsyncClient:
     ) -> None:
         self._timeout_s = timeout_s
         self._retry = retry or RetryPolicy()
-        self._http = httpx.AsyncClient(base_url=base_url(url), headers=base_headers(api_key), transport=transport)
+        self._http = httpx.AsyncClient(
+            base_url=base_url(url), headers=base_headers(api_key), transport=transport
+        )
 
     async def __aenter__(self) -> Self:
         return self
 
     async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         await self.aclose()
 
@@ -85,7 +90,8 @@ class AsyncClient:
         return await self._send(await _made(calls.upload, image))
 
     async def upload_labels(self, archive: bytes) -> UploadRef:
-        """Store labelled pictures for ``adapt`` jobs; ``dlo_client.labelling.adaptation`` makes the archive."""
+        """Store labelled pictures for ``adapt`` jobs; ``dlo_client.labelling.adaptation`` makes the
+        archive."""
         return await self._send(calls.upload_labels(archive))
 
     async def submit(
@@ -98,13 +104,16 @@ class AsyncClient:
         wait: float = 0.0,
         idempotency_key: str | None = None,
     ) -> Job[ResultT]:
-        """Hand in a job and return it at once, queued or running; ``wait``: seconds (at most 60) to hold the reply.
+        """Hand in a job and return it at once, queued or running; ``wait``: seconds (at most 60) to
+        hold the reply.
 
-        ``images``: one picture or several in order; ``mask``: the foreground; ``depth``: a depth map, encoded or as an
-        array of 16 bits in millimeters. ``idempotency_key`` instead of a random one: for a caller that may itself
-        submit the same thing twice.
+        ``images``: one picture or several in order; ``mask``: the foreground; ``depth``: a depth
+        map, encoded or as an array of 16 bits in millimeters. ``idempotency_key`` instead of a
+        random one: for a caller that may itself submit the same thing twice.
         """
-        return await self._send(await _made(calls.submit, request, images, mask, wait, idempotency_key, depth))
+        return await self._send(
+            await _made(calls.submit, request, images, mask, wait, idempotency_key, depth)
+        )
 
     async def run(
         self,
@@ -117,9 +126,12 @@ class AsyncClient:
     ) -> ResultT:
         """The result of a request: submit, wait, insist on success.
 
-        ``timeout``: seconds to wait, by default the request's own limit. Raises JobFailed, JobCancelled, WaitTimeout.
+        ``timeout``: seconds to wait, by default the request's own limit. Raises JobFailed,
+        JobCancelled, WaitTimeout.
         """
-        return result_of(await self.run_job(request, image, mask=mask, depth=depth, timeout=timeout))
+        return result_of(
+            await self.run_job(request, image, mask=mask, depth=depth, timeout=timeout)
+        )
 
     async def run_job(
         self,
@@ -130,11 +142,14 @@ class AsyncClient:
         depth: Picture | None = None,
         timeout: float | None = None,
     ) -> Job[ResultT]:
-        """As :meth:`run`, but the whole job: its files, timings and robot poses beside the result."""
+        """As :meth:`run`, but the whole job: its files, timings and robot poses beside the
+        result."""
         patience_s = calls.patience_s(request, timeout)
         deadline = time.monotonic() + patience_s
         held_s = min(patience_s, LONGEST_WAIT_S)
-        job = await self._send(await _made(calls.submit, request, image, mask, held_s, depth=depth), deadline)
+        job = await self._send(
+            await _made(calls.submit, request, image, mask, held_s, depth=depth), deadline
+        )
         return succeeded(await self._ended(job, deadline, patience_s))
 
     async def result(self, job: Job[ResultT], timeout: float = 60.0) -> ResultT:
@@ -152,7 +167,8 @@ class AsyncClient:
         version: int | None = None,
         timeout: float = 60.0,
     ) -> AnyJob:
-        """The ended job of a stored recipe with these pictures; ``flange``: x, y, z, rotation, one a picture."""
+        """The ended job of a stored recipe with these pictures; ``flange``: x, y, z, rotation, one
+        a picture."""
         deadline = time.monotonic() + calls.seconds(timeout)
         held_s = min(timeout, LONGEST_WAIT_S)
         call = await _made(recipe_calls.run, number, images, mask, flange, version, held_s, depth)
@@ -170,7 +186,9 @@ class AsyncClient:
         wait: float = 0.0,
     ) -> AnyJob:
         """The job of a stored recipe with these pictures, as it is after ``wait`` seconds."""
-        return await self._send(await _made(recipe_calls.run, number, images, mask, flange, version, wait, depth))
+        return await self._send(
+            await _made(recipe_calls.run, number, images, mask, flange, version, wait, depth)
+        )
 
     async def store_recipe(self, number: int, recipe: RecipeBody) -> Recipe:
         """Store a recipe under a number; the next version if there is one."""
@@ -198,7 +216,9 @@ class AsyncClient:
 
     async def wait(self, job: Job[ResultT], timeout: float = 60.0) -> Job[ResultT]:
         """The job once it has ended, whichever way; WaitTimeout after ``timeout`` seconds."""
-        return await self._ended(calls.awaited(job), time.monotonic() + calls.seconds(timeout), timeout)
+        return await self._ended(
+            calls.awaited(job), time.monotonic() + calls.seconds(timeout), timeout
+        )
 
     async def get(self, job: JobOrId) -> AnyJob:
         """The job as it is now."""
@@ -226,7 +246,9 @@ class AsyncClient:
         cursor = EventCursor()
         while not cursor.ended:
             try:
-                async with aclosing(self._stream(calls.events(job, cursor.last_id), cursor)) as events:
+                async with aclosing(
+                    self._stream(calls.events(job, cursor.last_id), cursor)
+                ) as events:
                     async for event in events:
                         yield event
             except httpx.RequestError as error:
@@ -240,7 +262,8 @@ class AsyncClient:
         return await self._send(calls.file(job, file))
 
     async def networks(self) -> list[NetworkInfo]:
-        """The networks of the workers that are alive, and those that were adapted or brought there."""
+        """The networks of the workers that are alive, and those that were adapted or brought
+        there."""
         return await self._send(calls.networks())
 
     async def network(self, name: str) -> NetworkInfo:
@@ -252,7 +275,8 @@ class AsyncClient:
         return await self._send(calls.network_file(name, version))
 
     async def import_network(self, file: Picture, name: str | None = None) -> NetworkInfo:
-        """Take in a network from its file; it becomes the next version of ``name``, or of the name in the file."""
+        """Take in a network from its file; it becomes the next version of ``name``, or of the name
+        in the file."""
         return await self._send(calls.import_network(file, name))
 
     async def choose_version(self, name: str, version: int) -> NetworkInfo:
@@ -264,7 +288,8 @@ class AsyncClient:
         return await self._send(calls.delete_network(name, version))
 
     async def unsure(self) -> list[UnsurePicture]:
-        """The caller's pictures that the service was least sure of, of requests with ``keep_if_unsure``."""
+        """The caller's pictures that the service was least sure of, of requests with
+        ``keep_if_unsure``."""
         return await self._send(calls.unsure())
 
     async def unsure_picture(self, picture: UnsurePicture) -> bytes:
@@ -293,7 +318,8 @@ class AsyncClient:
         return await self._send(call)
 
     async def _ended(self, job: Job[ResultT], deadline: float, patience_s: float) -> Job[ResultT]:
-        """The job once it has ended; at ``deadline`` WaitTimeout, after ``patience_s`` seconds in all."""
+        """The job once it has ended; at ``deadline`` WaitTimeout, after ``patience_s`` seconds in
+        all."""
         while not job.state.final:
             left_s = deadline - time.monotonic()
             if left_s <= 0:
@@ -323,7 +349,9 @@ class AsyncClient:
 
     async def _stream(self, call: Call[None], cursor: EventCursor) -> AsyncGenerator[JobEvent]:
         """The events of one connection; one that ends before the job does counts as broken."""
-        async with aclosing(await self._http.send(call.build(self._http, self._timeout_s), stream=True)) as response:
+        async with aclosing(
+            await self._http.send(call.build(self._http, self._timeout_s), stream=True)
+        ) as response:
             if not response.is_success:
                 await response.aread()
             call.finish(response)

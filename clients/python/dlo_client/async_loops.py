@@ -1,9 +1,9 @@
 """The twins of :class:`Scan` and :class:`ShapeController` for an event loop.
 
-Strategy: there is one algorithm, the blocking one. It runs in a thread; what it asks of the client, and of a robot
-whose methods are coroutines, is done on the caller's loop while the thread waits. A robot with ordinary methods is
-called in that thread, where it holds up nobody. When the caller is cancelled, the next thing that the thread asks for
-ends it.
+Strategy: there is one algorithm, the blocking one. It runs in a thread; what it asks of the client,
+and of a robot whose methods are coroutines, is done on the caller's loop while the thread waits. A
+robot with ordinary methods is called in that thread, where it holds up nobody. When the caller is
+cancelled, the next thing that the thread asks for ends it.
 """
 
 from __future__ import annotations
@@ -105,10 +105,16 @@ class AsyncScan:
 
 
 class AsyncShapeController:
-    """As :class:`ShapeController`, whose options it takes; ``robot`` has its methods, as coroutines or ordinary."""
+    """As :class:`ShapeController`, whose options it takes; ``robot`` has its methods, as coroutines
+    or ordinary."""
 
     def __init__(
-        self, client: AsyncClient, robot: Any, dlo: DloObject, target_m: Points | None, **options: Any
+        self,
+        client: AsyncClient,
+        robot: Any,
+        dlo: DloObject,
+        target_m: Points | None,
+        **options: Any,
     ) -> None:
         _awaiting(client, type(self).__name__)
         self._bridge: _Bridge | None = None

@@ -32,7 +32,14 @@ from dlo_client.contracts import (
 )
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.unsure import UnsurePicture
-from dlo_client.errors import APIError, ConnectionFailed, InvalidArgument, UnexpectedReply, describe_fields, refusal
+from dlo_client.errors import (
+    APIError,
+    ConnectionFailed,
+    InvalidArgument,
+    UnexpectedReply,
+    describe_fields,
+    refusal,
+)
 from dlo_client.pictures import Part, Picture, Pictures, part_of, parts_of
 from dlo_client.retry import Outcome, retry_after_s
 
@@ -49,8 +56,8 @@ GRACE_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[T]):
-    """One HTTP call: ``body`` in httpx's arguments, ``held_s`` how long the service may hold the reply;
-    ``fine``: statuses of refusals that are as good as a success."""
+    """One HTTP call: ``body`` in httpx's arguments, ``held_s`` how long the service may hold the
+    reply; ``fine``: statuses of refusals that are as good as a success."""
 
     method: str
     path: str
@@ -61,7 +68,8 @@ class Call(Generic[T]):
     held_s: float = 0.0
     fine: tuple[int, ...] = ()
     request_id: str = field(default_factory=lambda: uuid4().hex)
-    """The same for every attempt; the logs of the service, and of the worker that does the job, have it."""
+    """The same for every attempt; the logs of the service, and of the worker that does the job,
+    have it."""
 
     def build(self, http: httpx.Client | httpx.AsyncClient, timeout_s: float) -> httpx.Request:
         if http.is_closed:
@@ -97,13 +105,16 @@ def submit(
     idempotency_key: str | None = None,
     depth: Picture | None = None,
 ) -> Call[Job[ResultT]]:
-    """JSON, or multipart when pictures come along. Without a key of the caller's it gets one of its own."""
+    """JSON, or multipart when pictures come along. Without a key of the caller's it gets one of its
+    own."""
     return Call(
         "POST",
         "/v1/jobs",
         cast(Callable[[httpx.Response], Job[ResultT]], reader(AnyJob)),
         params=wait_params(wait),
-        headers={"Idempotency-Key": header_value(idempotency_key or uuid4().hex, "idempotency_key")},
+        headers={
+            "Idempotency-Key": header_value(idempotency_key or uuid4().hex, "idempotency_key")
+        },
         body=_job_body(request, parts_of(images, "image"), mask, depth),
         held_s=wait,
     )
@@ -117,7 +128,9 @@ def cancel(job: JobOrId) -> Call[AnyJob]:
     return Call("DELETE", job_path(job), reader(AnyJob))
 
 
-def jobs(state: JobState | None, kind: JobKind | None, limit: int, cursor: str | None) -> Call[JobPage]:
+def jobs(
+    state: JobState | None, kind: JobKind | None, limit: int, cursor: str | None
+) -> Call[JobPage]:
     params = {"limit": limit, "state": state, "kind": kind, "cursor": cursor}
     given = {name: value for name, value in params.items() if value is not None}
     return Call("GET", "/v1/jobs", reader(JobPage), params=given)
@@ -135,7 +148,9 @@ def file(job: JobOrId, file: FileRef | str) -> Call[bytes]:
     name = file.name if isinstance(file, FileRef) else file
     if not isinstance(name, str) or not name:
         raise InvalidArgument("file", f"{file!r} is neither a file of a job nor the name of one")
-    return Call("GET", f"{job_path(job)}/files/{quote(name, safe='')}", lambda response: response.content)
+    return Call(
+        "GET", f"{job_path(job)}/files/{quote(name, safe='')}", lambda response: response.content
+    )
 
 
 def networks() -> Call[list[NetworkInfo]]:
@@ -151,7 +166,12 @@ def network(name: str) -> Call[NetworkInfo]:
 
 
 def network_file(name: str, version: int | None) -> Call[bytes]:
-    return Call("GET", f"{_network_path(name)}/file", lambda response: response.content, params=_version(version))
+    return Call(
+        "GET",
+        f"{_network_path(name)}/file",
+        lambda response: response.content,
+        params=_version(version),
+    )
 
 
 def import_network(file: Picture, name: str | None) -> Call[NetworkInfo]:
@@ -168,7 +188,9 @@ def import_network(file: Picture, name: str | None) -> Call[NetworkInfo]:
 
 
 def choose_version(name: str, version: int) -> Call[NetworkInfo]:
-    return Call("PUT", _network_path(name), reader(NetworkInfo), body={"json": {"version": version}})
+    return Call(
+        "PUT", _network_path(name), reader(NetworkInfo), body={"json": {"version": version}}
+    )
 
 
 def delete_network(name: str, version: int | None) -> Call[None]:
@@ -197,16 +219,20 @@ def patience_s(request: JobRequest[Any], timeout: float | None) -> float:
 
 
 def seconds(timeout: float) -> float:
-    """``timeout`` itself. Raises InvalidArgument when it is no time to wait: negative, NaN or no number."""
+    """``timeout`` itself. Raises InvalidArgument when it is no time to wait: negative, NaN or no
+    number."""
     if isinstance(timeout, Real) and timeout >= 0:
         return float(timeout)
     raise InvalidArgument("timeout", f"{timeout!r} is no number of seconds from 0 on")
 
 
 def blocking(client: Any, who: str) -> None:
-    """Raises InvalidArgument when ``who`` was given an AsyncClient, whose answers it could not wait for."""
+    """Raises InvalidArgument when ``who`` was given an AsyncClient, whose answers it could not wait
+    for."""
     if inspect.iscoroutinefunction(getattr(client, "run", None)):
-        raise InvalidArgument("client", f"{who} waits for answers: give it a Client, not an AsyncClient")
+        raise InvalidArgument(
+            "client", f"{who} waits for answers: give it a Client, not an AsyncClient"
+        )
 
 
 def awaited(job: Job[ResultT]) -> Job[ResultT]:
@@ -221,7 +247,9 @@ def check(response: httpx.Response) -> None:
     if response.is_success:
         return
     if response.is_redirect:
-        raise UnexpectedReply(f"{response.request.url} answers with a redirect; is the address right?")
+        raise UnexpectedReply(
+            f"{response.request.url} answers with a redirect; is the address right?"
+        )
     raise _refused(response)
 
 
@@ -294,7 +322,9 @@ def _job_body(
     request: JobRequest[Any], images: Sequence[Part], mask: Picture | None, depth: Picture | None
 ) -> dict[str, Any]:
     if not isinstance(request, JobRequest):
-        raise InvalidArgument("request", f"{type(request).__name__} is no request: give an InstancesRequest, …")
+        raise InvalidArgument(
+            "request", f"{type(request).__name__} is no request: give an InstancesRequest, …"
+        )
     parts = [("image", image) for image in images]
     for name, picture in (("mask", mask), ("depth", depth)):
         if picture is not None:

@@ -48,11 +48,12 @@ from dlo_client.track import Track
 class Client:
     """The service, from Python.
 
-    What the methods raise is a :class:`~dlo_client.errors.DLOError`, or an OSError for a picture file that
-    cannot be read.
+    What the methods raise is a :class:`~dlo_client.errors.DLOError`, or an OSError for a picture
+    file that cannot be read.
 
-    ``url`` and ``api_key`` default to ``DLO_URL`` and ``DLO_API_KEY``; ``timeout_s`` bounds the silence on
-    one connection; ``transport`` replaces the network: tests give an ``httpx.MockTransport``.
+    ``url`` and ``api_key`` default to ``DLO_URL`` and ``DLO_API_KEY``; ``timeout_s`` bounds the
+    silence on one connection; ``transport`` replaces the network: tests give an
+    ``httpx.MockTransport``.
     """
 
     def __init__(
@@ -66,13 +67,18 @@ class Client:
     ) -> None:
         self._timeout_s = timeout_s
         self._retry = retry or RetryPolicy()
-        self._http = httpx.Client(base_url=base_url(url), headers=base_headers(api_key), transport=transport)
+        self._http = httpx.Client(
+            base_url=base_url(url), headers=base_headers(api_key), transport=transport
+        )
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -84,7 +90,8 @@ class Client:
         return self._send(calls.upload(image))
 
     def upload_labels(self, archive: bytes) -> UploadRef:
-        """Store labelled pictures for ``adapt`` jobs; ``dlo_client.labelling.adaptation`` makes the archive."""
+        """Store labelled pictures for ``adapt`` jobs; ``dlo_client.labelling.adaptation`` makes the
+        archive."""
         return self._send(calls.upload_labels(archive))
 
     def submit(
@@ -97,11 +104,12 @@ class Client:
         wait: float = 0.0,
         idempotency_key: str | None = None,
     ) -> Job[ResultT]:
-        """Hand in a job and return it at once, queued or running; ``wait``: seconds (at most 60) to hold the reply.
+        """Hand in a job and return it at once, queued or running; ``wait``: seconds (at most 60) to
+        hold the reply.
 
-        ``images``: one picture or several in order; ``mask``: the foreground; ``depth``: a depth map, encoded or as an
-        array of 16 bits in millimeters. ``idempotency_key`` instead of a random one: for a caller that may itself
-        submit the same thing twice.
+        ``images``: one picture or several in order; ``mask``: the foreground; ``depth``: a depth
+        map, encoded or as an array of 16 bits in millimeters. ``idempotency_key`` instead of a
+        random one: for a caller that may itself submit the same thing twice.
         """
         return self._send(calls.submit(request, images, mask, wait, idempotency_key, depth))
 
@@ -116,7 +124,8 @@ class Client:
     ) -> ResultT:
         """The result of a request: submit, wait, insist on success.
 
-        ``timeout``: seconds to wait, by default the request's own limit. Raises JobFailed, JobCancelled, WaitTimeout.
+        ``timeout``: seconds to wait, by default the request's own limit. Raises JobFailed,
+        JobCancelled, WaitTimeout.
         """
         return result_of(self.run_job(request, image, mask=mask, depth=depth, timeout=timeout))
 
@@ -129,7 +138,8 @@ class Client:
         depth: Picture | None = None,
         timeout: float | None = None,
     ) -> Job[ResultT]:
-        """As :meth:`run`, but the whole job: its files, timings and robot poses beside the result."""
+        """As :meth:`run`, but the whole job: its files, timings and robot poses beside the
+        result."""
         patience_s = calls.patience_s(request, timeout)
         deadline = time.monotonic() + patience_s
         held_s = min(patience_s, LONGEST_WAIT_S)
@@ -151,10 +161,13 @@ class Client:
         version: int | None = None,
         timeout: float = 60.0,
     ) -> AnyJob:
-        """The ended job of a stored recipe with these pictures; ``flange``: x, y, z, rotation, one a picture."""
+        """The ended job of a stored recipe with these pictures; ``flange``: x, y, z, rotation, one
+        a picture."""
         deadline = time.monotonic() + calls.seconds(timeout)
         held_s = min(timeout, LONGEST_WAIT_S)
-        call = recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=held_s, depth=depth)
+        call = recipe_calls.run(
+            number, images, mask=mask, flange=flange, version=version, wait=held_s, depth=depth
+        )
         return succeeded(self._ended(self._send(call, deadline), deadline, timeout))
 
     def submit_recipe(
@@ -170,7 +183,9 @@ class Client:
     ) -> AnyJob:
         """The job of a stored recipe with these pictures, as it is after ``wait`` seconds."""
         return self._send(
-            recipe_calls.run(number, images, mask=mask, flange=flange, version=version, wait=wait, depth=depth)
+            recipe_calls.run(
+                number, images, mask=mask, flange=flange, version=version, wait=wait, depth=depth
+            )
         )
 
     def store_recipe(self, number: int, recipe: RecipeBody) -> Recipe:
@@ -238,7 +253,8 @@ class Client:
         return self._send(calls.file(job, file))
 
     def networks(self) -> list[NetworkInfo]:
-        """The networks of the workers that are alive, and those that were adapted or brought there."""
+        """The networks of the workers that are alive, and those that were adapted or brought
+        there."""
         return self._send(calls.networks())
 
     def network(self, name: str) -> NetworkInfo:
@@ -250,7 +266,8 @@ class Client:
         return self._send(calls.network_file(name, version))
 
     def import_network(self, file: Picture, name: str | None = None) -> NetworkInfo:
-        """Take in a network from its file; it becomes the next version of ``name``, or of the name in the file."""
+        """Take in a network from its file; it becomes the next version of ``name``, or of the name
+        in the file."""
         return self._send(calls.import_network(file, name))
 
     def choose_version(self, name: str, version: int) -> NetworkInfo:
@@ -262,7 +279,8 @@ class Client:
         return self._send(calls.delete_network(name, version))
 
     def unsure(self) -> list[UnsurePicture]:
-        """The caller's pictures that the service was least sure of, of requests with ``keep_if_unsure``."""
+        """The caller's pictures that the service was least sure of, of requests with
+        ``keep_if_unsure``."""
         return self._send(calls.unsure())
 
     def unsure_picture(self, picture: UnsurePicture) -> bytes:
@@ -291,7 +309,8 @@ class Client:
         return self._send(call)
 
     def _ended(self, job: Job[ResultT], deadline: float, patience_s: float) -> Job[ResultT]:
-        """The job once it has ended; at ``deadline`` WaitTimeout, after ``patience_s`` seconds in all."""
+        """The job once it has ended; at ``deadline`` WaitTimeout, after ``patience_s`` seconds in
+        all."""
         while not job.state.final:
             left_s = deadline - time.monotonic()
             if left_s <= 0:
@@ -321,7 +340,9 @@ class Client:
 
     def _stream(self, call: Call[None], cursor: EventCursor) -> Iterator[JobEvent]:
         """The events of one connection; one that ends before the job does counts as broken."""
-        with closing(self._http.send(call.build(self._http, self._timeout_s), stream=True)) as response:
+        with closing(
+            self._http.send(call.build(self._http, self._timeout_s), stream=True)
+        ) as response:
             if not response.is_success:
                 response.read()
             call.finish(response)

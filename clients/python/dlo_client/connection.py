@@ -25,7 +25,8 @@ CONNECTION = "dlo_client.connection"
 
 @dataclass(frozen=True)
 class Connection:
-    """How to reach the service, for a command that opens a client of its own. ``transport`` as a client takes it."""
+    """How to reach the service, for a command that opens a client of its own. ``transport`` as a
+    client takes it."""
 
     url: str | None
     key: str | None
@@ -33,7 +34,8 @@ class Connection:
 
 
 def base_url(given: str | None) -> httpx.URL:
-    """``given``, else ``DLO_URL``, else the address ``make serve`` listens on. Raises ConnectionFailed."""
+    """``given``, else ``DLO_URL``, else the address ``make serve`` listens on. Raises
+    ConnectionFailed."""
     text = given or os.environ.get(URL_VARIABLE) or DEFAULT_URL
     try:
         url = httpx.URL(text)
@@ -45,9 +47,12 @@ def base_url(given: str | None) -> httpx.URL:
 
 
 def base_headers(api_key: str | None) -> dict[str, str]:
-    """Who asks; the key is ``api_key``, else ``DLO_API_KEY``, else none is sent. Raises InvalidArgument."""
+    """Who asks; the key is ``api_key``, else ``DLO_API_KEY``, else none is sent. Raises
+    InvalidArgument."""
     agent = {"User-Agent": f"dlo-client/{__version__}"}
-    key = (api_key or os.environ.get(KEY_VARIABLE) or "").strip()  # a key from a file ends in a line break
+    key = (
+        api_key or os.environ.get(KEY_VARIABLE) or ""
+    ).strip()  # a key from a file ends in a line break
     return agent | {"Authorization": f"Bearer {header_value(key, 'api_key')}"} if key else agent
 
 
@@ -67,7 +72,8 @@ class Address(NamedTuple):
 
 
 def stream_address(http: httpx.Client | httpx.AsyncClient, path: str, timeout_s: float) -> Address:
-    """Of the WebSocket at ``path``, with what every request of ``http`` has. Raises ConnectionFailed."""
+    """Of the WebSocket at ``path``, with what every request of ``http`` has. Raises
+    ConnectionFailed."""
     if http.is_closed:
         raise ConnectionFailed("this client has been closed")
     request = http.build_request("GET", path)

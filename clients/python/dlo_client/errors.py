@@ -1,25 +1,22 @@
 """What can go wrong, as one tree::
 
-DLOError
-├── InvalidArgument       what the caller gave cannot be used, and nothing was sent: ``.argument`` says which
-├── ConnectionFailed      nobody answered, or the connection broke, after all attempts
-├── UnexpectedReply       somebody answered, but not with what this version of the API says
-├── APIError              the service refused, and says why in ``.problem``
-│   ├── InvalidRequest    400, 413, 415, 422 and other 4xx: ``.problem.errors`` names the fields
-│   ├── Unauthorized      401, 403: the API key is missing or wrong
-│   ├── NotFound          404
-│   ├── Conflict          409: this idempotency key came before with another request
-│   ├── Gone              410: it has expired
-│   ├── QueueFull         429: try again in ``.retry_after_s``
-│   └── ServiceFault      5xx: not the request's fault; ``.problem.incident`` is in the service's log
-│       ├── Unavailable   503: its queue is away, or it has too much to do; try again in ``.retry_after_s``
-│       └── StorageFull   507: its disk is too full, or this key keeps as many bytes as it may
-├── JobFailed             the job was accepted and ended badly: ``.problem`` says why
-├── JobCancelled          the job was cancelled
-└── WaitTimeout           the job goes on, only the waiting ended: ``.job`` is its last known state
+DLOError ├── InvalidArgument       what the caller gave cannot be used, and nothing was sent:
+``.argument`` says which ├── ConnectionFailed      nobody answered, or the connection broke, after
+all attempts ├── UnexpectedReply       somebody answered, but not with what this version of the API
+says ├── APIError              the service refused, and says why in ``.problem`` │   ├──
+InvalidRequest    400, 413, 415, 422 and other 4xx: ``.problem.errors`` names the fields │   ├──
+Unauthorized      401, 403: the API key is missing or wrong │   ├── NotFound          404 │   ├──
+Conflict          409: this idempotency key came before with another request │   ├── Gone
+410: it has expired │   ├── QueueFull         429: try again in ``.retry_after_s`` │   └──
+ServiceFault      5xx: not the request's fault; ``.problem.incident`` is in the service's log │
+├── Unavailable   503: its queue is away, or it has too much to do; try again in ``.retry_after_s``
+│       └── StorageFull   507: its disk is too full, or this key keeps as many bytes as it may ├──
+JobFailed             the job was accepted and ended badly: ``.problem`` says why ├── JobCancelled
+the job was cancelled └── WaitTimeout           the job goes on, only the waiting ended: ``.job`` is
+its last known state
 
-A request with a wrong field is refused by pydantic when it is made (``pydantic.ValidationError``), and a picture
-file that cannot be read is an ``OSError``.
+A request with a wrong field is refused by pydantic when it is made (``pydantic.ValidationError``),
+and a picture file that cannot be read is an ``OSError``.
 """
 
 from __future__ import annotations
@@ -55,7 +52,9 @@ class UnexpectedReply(DLOError):
 class APIError(DLOError):
     """The service refused the call; its log has it under ``request_id``."""
 
-    def __init__(self, problem: Problem, retry_after_s: float | None = None, request_id: str | None = None) -> None:
+    def __init__(
+        self, problem: Problem, retry_after_s: float | None = None, request_id: str | None = None
+    ) -> None:
         super().__init__(describe(problem))
         self.problem = problem
         self.retry_after_s = retry_after_s
@@ -124,7 +123,8 @@ class WaitTimeout(DLOError):
 
 
 def describe(problem: Problem) -> str:
-    """A problem in one line: title, detail, fields at fault that the detail does not name, incident."""
+    """A problem in one line: title, detail, fields at fault that the detail does not name,
+    incident."""
     text = f"{problem.title}: {problem.detail}" if problem.detail else problem.title
     unnamed = [error for error in problem.errors if error.message not in problem.detail]
     if unnamed:
@@ -137,7 +137,10 @@ def describe(problem: Problem) -> str:
 def describe_fields(error: ValidationError) -> str:
     """What pydantic found wrong, in one line: ``views.0.intrinsics.fx: Field required; …``."""
     found = error.errors(include_url=False, include_input=False)
-    named = [(".".join(map(str, each["loc"])), each["msg"].removeprefix("Value error, ")) for each in found]
+    named = [
+        (".".join(map(str, each["loc"])), each["msg"].removeprefix("Value error, "))
+        for each in found
+    ]
     lines = [f"{field}: {message}" if field else message for field, message in named[:_SHOWN]]
     if len(named) > _SHOWN:
         lines.append(f"and {len(named) - _SHOWN} more")

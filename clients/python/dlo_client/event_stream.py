@@ -12,7 +12,8 @@ from dlo_client.errors import UnexpectedReply
 class EventCursor:
     """Turns lines into events and remembers the last one, for ``Last-Event-ID``.
 
-    ``breaks`` counts the broken streams since the last event: a stream that makes progress may break often.
+    ``breaks`` counts the broken streams since the last event: a stream that makes progress may
+    break often.
     """
 
     def __init__(self) -> None:
@@ -22,7 +23,8 @@ class EventCursor:
         self._data: list[str] = []
 
     def feed(self, line: str) -> JobEvent | None:
-        """The event that ``line`` completes (a blank line ends one), else None. Comments are pings."""
+        """The event that ``line`` completes (a blank line ends one), else None. Comments are
+        pings."""
         if line:
             self._collect(line)
             return None
@@ -30,7 +32,8 @@ class EventCursor:
         return self._advance(data) if data else None
 
     def broken(self) -> int:
-        """The stream ended early: drop the half event. Returns how often this happened without progress."""
+        """The stream ended early: drop the half event. Returns how often this happened without
+        progress."""
         self._data = []
         self.breaks += 1
         return self.breaks
@@ -38,7 +41,9 @@ class EventCursor:
     def check_end(self, response: httpx.Response) -> None:
         """Raise as for a broken connection when ``response`` ended before the job did."""
         if not self.ended:
-            raise httpx.RemoteProtocolError("the stream ended before the job did", request=response.request)
+            raise httpx.RemoteProtocolError(
+                "the stream ended before the job did", request=response.request
+            )
 
     def _collect(self, line: str) -> None:
         name, _, value = line.partition(":")

@@ -23,7 +23,8 @@ def result_of(job: Job[ResultT]) -> ResultT: ...
 @overload
 def result_of(job: ResultT) -> ResultT: ...
 def result_of(job: Any) -> Any:
-    """The result of a finished job, never None; raises JobFailed or JobCancelled. A result is returned as it is."""
+    """The result of a finished job, never None; raises JobFailed or JobCancelled. A result is
+    returned as it is."""
     if not isinstance(job, Job):
         return job
     result = succeeded(job).result

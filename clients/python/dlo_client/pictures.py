@@ -7,12 +7,13 @@
 open binary file, ``BytesIO`` what it holds from its position on
 PIL image                     its pixels as a PNG, as they are in memory: EXIF does not turn them
 NumPy array, tensor, …        its pixels as a PNG, see :func:`dlo_client.arrays.png_of_array`; of OpenCV
-                              ``opencv(array)``: its channels are in the order B, G, R. As ``depth`` also a point
-                              cloud: floats (H, W, 3)
+                              ``opencv(array)``: its channels are in the order B, G, R. As ``depth``
+                              also a point cloud: floats (H, W, 3)
 several of these              a list, a tuple, a generator
 ============================  =====================================================================
 
-Everything else is an InvalidArgument that names the argument; a file that cannot be read is an OSError.
+Everything else is an InvalidArgument that names the argument; a file that cannot be read is an
+OSError.
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ class ArrayLike(Protocol):
     def __array__(self, *args: Any, **more: Any) -> Any: ...
 
 
-Picture = bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryFile | HasPixels | ArrayLike
+Picture = (
+    bytes | bytearray | memoryview | str | os.PathLike[str] | BinaryFile | HasPixels | ArrayLike
+)
 Pictures = Picture | Iterable[Picture]
 
 _ADDRESSES = ("http://", "https://")
@@ -80,7 +83,10 @@ def part_of(picture: Picture, argument: str) -> Part:
     elif hasattr(picture, "read"):
         data = _rest_of(picture, argument)
     else:
-        raise InvalidArgument(argument, f"{type(picture).__name__} is no picture: give bytes, a path, a file or pixels")
+        raise InvalidArgument(
+            argument,
+            f"{type(picture).__name__} is no picture: give bytes, a path, a file or pixels",
+        )
     if not data:
         raise InvalidArgument(argument, "there are no bytes in it")
     return Part(name, data)
@@ -115,7 +121,8 @@ def _is_image(picture: Any) -> TypeGuard[Any]:
 
 
 def opencv(array: Any) -> Any:
-    """A picture as OpenCV holds it, (H, W, 3) B G R or (H, W, 4) B G R A, in the order that is sent: a copy.
+    """A picture as OpenCV holds it, (H, W, 3) B G R or (H, W, 4) B G R A, in the order that is
+    sent: a copy.
 
     Gray pictures are returned as they are.
     """
@@ -130,9 +137,13 @@ def _fetched(address: str, argument: str) -> tuple[str, bytes]:
     try:
         reply = httpx.get(address, timeout=_FETCH_S, follow_redirects=True)
     except (httpx.HTTPError, httpx.InvalidURL) as error:
-        raise InvalidArgument(argument, f"{address} cannot be fetched: {error or type(error).__name__}") from error
+        raise InvalidArgument(
+            argument, f"{address} cannot be fetched: {error or type(error).__name__}"
+        ) from error
     if not reply.is_success:
-        raise InvalidArgument(argument, f"{address} answers {reply.status_code} {reply.reason_phrase}")
+        raise InvalidArgument(
+            argument, f"{address} answers {reply.status_code} {reply.reason_phrase}"
+        )
     return "picture", reply.content
 
 
@@ -160,7 +171,9 @@ def _rest_of(file: Any, argument: str) -> bytes:
     if not isinstance(data, bytes | bytearray | memoryview):
         raise InvalidArgument(argument, f"read() gives {type(data).__name__}, not bytes")
     if not data:
-        raise InvalidArgument(argument, "the file is at its end; seek(0) goes back to its beginning")
+        raise InvalidArgument(
+            argument, "the file is at its end; seek(0) goes back to its beginning"
+        )
     return bytes(data)
 
 

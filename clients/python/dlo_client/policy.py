@@ -30,8 +30,9 @@ _PLACES = ((0, 1, 2), (1, 3, 4), (2, 4, 5))
 class PolicyState:
     """C cables of N nodes in D dimensions: pixels (D = 2) or meters in the world (D = 3).
 
-    ``ids`` (C,) int, 0 where there is no cable; ``points`` (C, N, D), equally far apart; ``covariance`` (C, N, D, D),
-    NaN where the answer states none, as in pixels; ``scores`` (C,); ``there`` (C,) bool.
+    ``ids`` (C,) int, 0 where there is no cable; ``points`` (C, N, D), equally far apart;
+    ``covariance`` (C, N, D, D), NaN where the answer states none, as in pixels; ``scores`` (C,);
+    ``there`` (C,) bool.
     """
 
     ids: NDArray[np.int64]
@@ -45,8 +46,9 @@ class PolicyState:
 
 
 def state(result: Any, nodes: int = 32, cables: int | None = None) -> PolicyState:
-    """The cables of a result, each as ``nodes`` points; ``cables``: so many rows, the best ones first, padded with
-    zeros. Default: as many as there are. Needs NumPy. Raises InvalidArgument for a result without cables."""
+    """The cables of a result, each as ``nodes`` points; ``cables``: so many rows, the best ones
+    first, padded with zeros. Default: as many as there are. Needs NumPy. Raises InvalidArgument for
+    a result without cables."""
     import numpy as np
 
     if nodes < 2 or (cables is not None and cables < 1):
@@ -54,7 +56,13 @@ def state(result: Any, nodes: int = 32, cables: int | None = None) -> PolicyStat
     found = _lines(result)
     found.sort(key=lambda line: -line[1])
     rows = len(found) if cables is None else cables
-    size = len(found[0][2][0]) if found else 2 if isinstance(result, InstancesResult | TopologyResult) else 3
+    size = (
+        len(found[0][2][0])
+        if found
+        else 2
+        if isinstance(result, InstancesResult | TopologyResult)
+        else 3
+    )
     ids, scores = np.zeros(rows, np.int64), np.zeros(rows)
     points, covariance = np.zeros((rows, nodes, size)), np.full((rows, nodes, size, size), np.nan)
     for row, (number, score, line, spread) in enumerate(found[:rows]):

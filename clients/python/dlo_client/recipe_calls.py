@@ -50,7 +50,9 @@ def run(
     params: dict[str, Any] = {**wait_params(wait), **({"version": version} if version else {})}
     headers = {"Idempotency-Key": uuid4().hex}
     path = f"{_path(number)}/run"
-    return Call("POST", path, reader(AnyJob), params=params, headers=headers, body=body, held_s=wait)
+    return Call(
+        "POST", path, reader(AnyJob), params=params, headers=headers, body=body, held_s=wait
+    )
 
 
 def dry_run(number: int) -> Call[list[AnyJob]]:

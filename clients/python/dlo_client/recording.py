@@ -1,7 +1,9 @@
-"""Requests of a cell in a folder, with their pictures, answers and what became of them: to be replayed elsewhere.
+"""Requests of a cell in a folder, with their pictures, answers and what became of them: to be
+replayed elsewhere.
 
-A recording is ``record.jsonl``, a line a request, and the pictures under ``pictures/`` by the SHA-256 of their bytes.
-What became of an answer is known later: it is a line of its own. A line that was cut off does not count.
+A recording is ``record.jsonl``, a line a request, and the pictures under ``pictures/`` by the
+SHA-256 of their bytes. What became of an answer is known later: it is a line of its own. A line
+that was cut off does not count.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ class RecordingError(Exception):
 
 @dataclass(frozen=True)
 class Entry:
-    """One request. ``images`` and ``mask``: SHA-256 of the pictures that went along; ``result`` or ``problem`` of the
-    answer; ``outcome``: whether the cell could use it, once that is known, and a ``note`` on it."""
+    """One request. ``images`` and ``mask``: SHA-256 of the pictures that went along; ``result`` or
+    ``problem`` of the answer; ``outcome``: whether the cell could use it, once that is known, and a
+    ``note`` on it."""
 
     id: str
     request: dict[str, Any]
@@ -55,25 +58,34 @@ class Entry:
     def asked(self, **changes: Any) -> JobRequest[Any]:
         """The request again, with some fields changed. Raises RecordingError."""
         fields = type(_validated(self.request)).model_fields
-        given = {name: value for name, value in changes.items() if value is not None and name in fields}
+        given = {
+            name: value for name, value in changes.items() if value is not None and name in fields
+        }
         return _validated(self.request | given)
 
 
 class Recorder:
-    """Runs requests as ``client`` does and keeps everything in ``folder``; a recording that is there goes on."""
+    """Runs requests as ``client`` does and keeps everything in ``folder``; a recording that is
+    there goes on."""
 
     def __init__(self, client: Client, folder: Path) -> None:
         self._client, self._folder = client, folder
         (folder / PICTURES).mkdir(parents=True, exist_ok=True)
 
     def run(
-        self, request: JobRequest[ResultT], image: Pictures | None = None, *, mask: Picture | None = None
+        self,
+        request: JobRequest[ResultT],
+        image: Pictures | None = None,
+        *,
+        mask: Picture | None = None,
     ) -> tuple[str, Job[ResultT]]:
-        """The id under which it is recorded, and the job. Raises what ``Client.run`` does; a job that failed is
-        recorded too. Raises RecordingError for a request that names a picture by its id: only what goes along with it
-        is kept."""
+        """The id under which it is recorded, and the job. Raises what ``Client.run`` does; a job
+        that failed is recorded too. Raises RecordingError for a request that names a picture by its
+        id: only what goes along with it is kept."""
         if pictures_by_id(request.model_dump(mode="json", exclude_none=True)):
-            raise RecordingError("the request names an uploaded picture by its id; let it go along as a part instead")
+            raise RecordingError(
+                "the request names an uploaded picture by its id; let it go along as a part instead"
+            )
         images = tuple(self._kept(part.data) for part in parts_of(image, "image"))
         entry = Entry(
             uuid4().hex,
@@ -86,11 +98,15 @@ class Recorder:
         try:
             job = self._client.run_job(request, sent or None, mask=over)
         except JobFailed as failed:
-            _append(self._folder, asdict(replace(entry, problem=failed.problem.model_dump(mode="json"))))
+            _append(
+                self._folder, asdict(replace(entry, problem=failed.problem.model_dump(mode="json")))
+            )
             raise
         assert job.result is not None
         result = job.result.model_dump(mode="json")
-        _append(self._folder, asdict(replace(entry, result=result, timings_ms=dict(job.timings_ms))))
+        _append(
+            self._folder, asdict(replace(entry, result=result, timings_ms=dict(job.timings_ms)))
+        )
         return entry.id, job
 
     def outcome(self, entry_id: str, outcome: Outcome, note: str | None = None) -> None:
@@ -126,7 +142,8 @@ def pictures_by_id(request: Any) -> bool:
 
 
 def read_recording(folder: Path) -> list[Entry]:
-    """In the order of the requests, each with the last word on its outcome. Raises RecordingError."""
+    """In the order of the requests, each with the last word on its outcome. Raises
+    RecordingError."""
     file = folder / RECORD
     try:
         lines = list(_lines(file.read_text(encoding="utf-8")))
@@ -137,14 +154,18 @@ def read_recording(folder: Path) -> list[Entry]:
         if "request" in line:
             entries[line["id"]] = Entry(**line | {"images": tuple(line["images"])})
         elif line["id"] in entries:
-            entries[line["id"]] = replace(entries[line["id"]], outcome=line["outcome"], note=line.get("note"))
+            entries[line["id"]] = replace(
+                entries[line["id"]], outcome=line["outcome"], note=line.get("note")
+            )
     return list(entries.values())
 
 
 def pictures_of(folder: Path, entry: Entry) -> tuple[Sequence[Path], Path | None]:
     """The files that went along with a request, and its mask."""
     place = folder / PICTURES
-    return [place / name for name in entry.images], None if entry.mask is None else place / entry.mask
+    return [
+        place / name for name in entry.images
+    ], None if entry.mask is None else place / entry.mask
 
 
 def _lines(text: str) -> Iterator[dict[str, Any]]:
@@ -163,4 +184,6 @@ def _validated(request: dict[str, Any]) -> JobRequest[Any]:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"][1:]))
-        raise RecordingError(f"a request of it is none for this version: {place}: {first['msg']}") from error
+        raise RecordingError(
+            f"a request of it is none for this version: {place}: {first['msg']}"
+        ) from error

@@ -1,8 +1,8 @@
 """When a call is sent again.
 
-Every call of the API may be repeated without harm: reads and cancel by nature, an upload because the same
-bytes give the same id, a submission because it carries an ``Idempotency-Key``. What is repeated is what may
-pass: a broken connection, and a 429 or 503 that says when to come back.
+Every call of the API may be repeated without harm: reads and cancel by nature, an upload because
+the same bytes give the same id, a submission because it carries an ``Idempotency-Key``. What is
+repeated is what may pass: a broken connection, and a 429 or 503 that says when to come back.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ _COME_BACK = (HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE)
 class RetryPolicy:
     """``attempts`` in all; the pause after a broken connection doubles, from ``first_pause_s`` on.
 
-    A ``Retry-After`` longer than ``longest_pause_s`` is not waited for: the caller gets the refusal.
+    A ``Retry-After`` longer than ``longest_pause_s`` is not waited for: the caller gets the
+    refusal.
     """
 
     attempts: int = 4
@@ -30,7 +31,8 @@ class RetryPolicy:
     longest_pause_s: float = 20.0
 
     def pause_s(self, attempt: int, outcome: Outcome) -> float | None:
-        """Seconds until the next attempt after the ``attempt``-th (from 1), None when there is none."""
+        """Seconds until the next attempt after the ``attempt``-th (from 1), None when there is
+        none."""
         if attempt >= self.attempts:
             return None
         if isinstance(outcome, httpx.Response):
@@ -47,6 +49,7 @@ class RetryPolicy:
 
 
 def retry_after_s(response: httpx.Response) -> float | None:
-    """``Retry-After`` in seconds; None when missing or given as a date, which this service never does."""
+    """``Retry-After`` in seconds; None when missing or given as a date, which this service never
+    does."""
     value = response.headers.get("Retry-After", "")
     return float(value) if value.isdecimal() else None

@@ -1,8 +1,9 @@
 """Along a long cable with a camera on a robot arm (thesis sections 4.5.4 and 4.5.5).
 
-Strategy: a few pictures around where the camera stands give a first section. From it the service says where to take
-the next pictures, first of the same section from a better baseline and distance, then ahead of its end, with some
-overlap, until the cable does not go on; then from the first section the other way. Last, the sections are merged.
+Strategy: a few pictures around where the camera stands give a first section. From it the service
+says where to take the next pictures, first of the same section from a better baseline and distance,
+then ahead of its end, with some overlap, until the cable does not go on; then from the first
+section the other way. Last, the sections are merged.
 """
 
 from __future__ import annotations
@@ -41,8 +42,9 @@ _LEAST_VIEWS, _MOST_VIEWS = 2, 16
 
 
 class CameraOnArm(Protocol):
-    """What a scan needs of a robot. Poses are ``T_world_camera``, 4 × 4, meters; the pose that is reported after a
-    move is the one that counts, so an arm that stops a little beside its goal does no harm."""
+    """What a scan needs of a robot. Poses are ``T_world_camera``, 4 × 4, meters; the pose that is
+    reported after a move is the one that counts, so an arm that stops a little beside its goal does
+    no harm."""
 
     @property
     def intrinsics(self) -> Mapping[str, Any]:
@@ -70,11 +72,12 @@ class Reconstructor(Protocol):
 
 @dataclass(frozen=True)
 class ScanOptions:
-    """``views`` pictures a section; ``baseline_m`` of the first ones, and of all where it is not optimised.
+    """``views`` pictures a section; ``baseline_m`` of the first ones, and of all where it is not
+    optimised.
 
-    ``optimise``: which of baseline and distance the service may choose. ``nearest_m``: the camera comes no nearer.
-    ``overlap``: share of the picture that shows the section before. ``at_most`` sections in each direction;
-    ``least_gain_m``: a section that adds less is the last.
+    ``optimise``: which of baseline and distance the service may choose. ``nearest_m``: the camera
+    comes no nearer. ``overlap``: share of the picture that shows the section before. ``at_most``
+    sections in each direction; ``least_gain_m``: a section that adds less is the last.
     """
 
     views: int = 3
@@ -91,7 +94,9 @@ class ScanOptions:
 
     def __post_init__(self) -> None:
         if not _LEAST_VIEWS <= self.views <= _MOST_VIEWS:
-            raise InvalidArgument("views", f"{_LEAST_VIEWS} to {_MOST_VIEWS} pictures a section, not {self.views}")
+            raise InvalidArgument(
+                "views", f"{_LEAST_VIEWS} to {_MOST_VIEWS} pictures a section, not {self.views}"
+            )
 
 
 @dataclass(frozen=True)
@@ -105,7 +110,8 @@ class Section:
 
 @dataclass(frozen=True)
 class ScanResult:
-    """``sections`` in order along the cable; ``merged``: all of them as one curve; ``ended``: why, ahead and behind."""
+    """``sections`` in order along the cable; ``merged``: all of them as one curve; ``ended``: why,
+    ahead and behind."""
 
     merged: MergeCurvesResult
     sections: list[Section]
@@ -117,7 +123,8 @@ class ScanResult:
 
 
 class Scan:
-    """A scan of the cable nearest to ``target`` (x, y) of the first picture, by default to its center.
+    """A scan of the cable nearest to ``target`` (x, y) of the first picture, by default to its
+    center.
 
     Raises what the client raises, and what the arm raises.
     """
@@ -151,7 +158,9 @@ class Scan:
         """Sections ahead of the end of ``section``, until the cable does not go on."""
         for _ in range(self._options.at_most):
             try:
-                following = self._take(self._planned(section, advance=True), previous=section.result.curve)
+                following = self._take(
+                    self._planned(section, advance=True), previous=section.result.curve
+                )
             except JobFailed as error:
                 self._ended.append(error.problem.detail)
                 return
@@ -166,7 +175,8 @@ class Scan:
         self._ended.append(f"after {self._options.at_most} sections")
 
     def _first(self) -> Section:
-        """Around where the camera stands; then once more from better poses, unless these are fixed."""
+        """Around where the camera stands; then once more from better poses, unless these are
+        fixed."""
         start = _POSE.validate_python(self._arm.pose())
         options = self._options
         slide = [options.baseline_m * (k / (options.views - 1) - 0.5) for k in range(options.views)]
@@ -179,7 +189,10 @@ class Scan:
         options = self._options
         request = NextViewRequest(
             curve=section.result.curve,
-            cameras=[CameraPose(intrinsics=self._intrinsics, T_world_camera=pose) for pose in section.poses],
+            cameras=[
+                CameraPose(intrinsics=self._intrinsics, T_world_camera=pose)
+                for pose in section.poses
+            ],
             pictures=options.views,
             optimise=options.optimise,
             baseline_m=options.baseline_m,
@@ -205,7 +218,9 @@ class Scan:
             center = ((width - 1) / 2, (height - 1) / 2)
             target = Target(view=middle, xy=self._target_xy or center)
         request = ReconstructRequest(
-            views=[CameraView(intrinsics=self._intrinsics, T_world_camera=pose) for pose in reached],
+            views=[
+                CameraView(intrinsics=self._intrinsics, T_world_camera=pose) for pose in reached
+            ],
             target=target,
             previous=previous,
             **self._options.reconstruct,
@@ -225,7 +240,9 @@ def reversed_curve(curve: Curve3D) -> Curve3D:
 
 
 def _with_curve(section: Section, curve: Curve3D) -> Section:
-    return Section(section.result.model_copy(update={"curve": curve}), section.poses, section.pictures)
+    return Section(
+        section.result.model_copy(update={"curve": curve}), section.poses, section.pictures
+    )
 
 
 def _slid(pose: Pose, along_x: float) -> Pose:

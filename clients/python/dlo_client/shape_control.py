@@ -1,4 +1,5 @@
-"""Bring a DLO into a shape with a robot: thesis Algorithm 5 around anything that can look and pick and place.
+"""Bring a DLO into a shape with a robot: thesis Algorithm 5 around anything that can look and pick
+and place.
 
     controller = ShapeController(client, robot, DloObject(mass_kg=0.05), target_m)
     outcome = controller.run()
@@ -32,8 +33,8 @@ Points = Sequence[tuple[float, float]]
 
 
 class Robot(Protocol):
-    """A cell with a camera and a gripper. Points are meters on the table, from one end of the DLO to the other; the
-    same end comes first every time."""
+    """A cell with a camera and a gripper. Points are meters on the table, from one end of the DLO
+    to the other; the same end comes first every time."""
 
     def observe(self) -> Points:
         """The DLO as it lies now."""
@@ -44,7 +45,8 @@ class Robot(Protocol):
 
 @dataclass(frozen=True)
 class Step:
-    """One turn of the loop: what was seen, planned and reached; errors are mean distances in meters."""
+    """One turn of the loop: what was seen, planned and reached; errors are mean distances in
+    meters."""
 
     before: Points
     plan: PlanShapeResult
@@ -55,7 +57,8 @@ class Step:
 
 @dataclass(frozen=True)
 class ShapeOutcome:
-    """``reached`` within the threshold; ``reason`` of the last plan; errors before the first action and after each."""
+    """``reached`` within the threshold; ``reason`` of the last plan; errors before the first action
+    and after each."""
 
     reached: bool
     reason: str
@@ -66,7 +69,8 @@ class ShapeOutcome:
 
 @dataclass
 class ShapeController:
-    """``threshold_m`` is the thesis's epsilon; ``remembered`` actions at most are told to the service."""
+    """``threshold_m`` is the thesis's epsilon; ``remembered`` actions at most are told to the
+    service."""
 
     client: Client
     robot: Robot
@@ -134,7 +138,9 @@ class ShapeController:
         return _points(self.robot.observe(), "robot.observe()")
 
     def _remember(self, before: Points, action: PlannedAction, after: Points) -> None:
-        done = MoveAction(edge=action.edge, dx_m=action.dx_m, dy_m=action.dy_m, dtheta_rad=action.dtheta_rad)
+        done = MoveAction(
+            edge=action.edge, dx_m=action.dx_m, dy_m=action.dy_m, dtheta_rad=action.dtheta_rad
+        )
         self.history.append(Experience(before=list(before), action=done, after=list(after)))
         self._tried += 1
 

@@ -1,4 +1,5 @@
-"""A sequence of pictures in which cables keep their ids: :class:`Track`, and its twin for an event loop.
+"""A sequence of pictures in which cables keep their ids: :class:`Track`, and its twin for an event
+loop.
 
 ::
 
@@ -41,7 +42,10 @@ class Track:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.end()
 
@@ -53,9 +57,12 @@ class Track:
         depth: Picture | None = None,
         time_s: float | None = None,
     ) -> FrameResult:
-        """What the next picture shows: the picture, its foreground ``mask``, its ``depth``, or several of these.
-        ``time_s`` is when it was taken; without it, pictures are equally far apart."""
-        return self._client.send(frame(self.id, {"image": image, "mask": mask, "depth": depth}, time_s))
+        """What the next picture shows: the picture, its foreground ``mask``, its ``depth``, or
+        several of these. ``time_s`` is when it was taken; without it, pictures are equally far
+        apart."""
+        return self._client.send(
+            frame(self.id, {"image": image, "mask": mask, "depth": depth}, time_s)
+        )
 
     def stream(self) -> TrackStream:
         """Pictures of a fast camera over one connection: see :mod:`dlo_client.track_stream`."""
@@ -87,7 +94,10 @@ class AsyncTrack:
         return self
 
     async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         await self.end()
 
@@ -99,9 +109,12 @@ class AsyncTrack:
         depth: Picture | None = None,
         time_s: float | None = None,
     ) -> FrameResult:
-        """What the next picture shows: the picture, its foreground ``mask``, its ``depth``, or several of these.
-        ``time_s`` is when it was taken; without it, pictures are equally far apart."""
-        return await self._client.send(frame(self.id, {"image": image, "mask": mask, "depth": depth}, time_s))
+        """What the next picture shows: the picture, its foreground ``mask``, its ``depth``, or
+        several of these. ``time_s`` is when it was taken; without it, pictures are equally far
+        apart."""
+        return await self._client.send(
+            frame(self.id, {"image": image, "mask": mask, "depth": depth}, time_s)
+        )
 
     async def stream(self) -> AsyncTrackStream:
         """Pictures of a fast camera over one connection: see :mod:`dlo_client.track_stream`."""
@@ -137,14 +150,25 @@ def end(track_id: str) -> Call[None]:
     return Call("DELETE", _path(track_id), nothing, fine=(404,))
 
 
-def frame(track_id: str, given: Mapping[str, Picture | None], time_s: float | None) -> Call[FrameResult]:
+def frame(
+    track_id: str, given: Mapping[str, Picture | None], time_s: float | None
+) -> Call[FrameResult]:
     if not any(picture is not None for picture in given.values()):
         raise InvalidArgument("image", "give a picture, its mask, or its depth")
     time_s = time_of(time_s)
     parts = {name: part_of(picture, name) for name, picture in given.items() if picture is not None}
-    body: dict[str, Any] = {"files": {name: (part.name, part.data, _BINARY) for name, part in parts.items()}}
+    body: dict[str, Any] = {
+        "files": {name: (part.name, part.data, _BINARY) for name, part in parts.items()}
+    }
     params: dict[str, float] = {} if time_s is None else {"time_s": time_s}
-    return Call("POST", f"{_path(track_id)}/frames", reader(FrameResult), params=params, body=body, held_s=_LONGEST_S)
+    return Call(
+        "POST",
+        f"{_path(track_id)}/frames",
+        reader(FrameResult),
+        params=params,
+        body=body,
+        held_s=_LONGEST_S,
+    )
 
 
 @contextmanager

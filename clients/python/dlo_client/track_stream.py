@@ -1,4 +1,5 @@
-"""A track over one connection, for a camera that is faster than the service: old pictures are dropped.
+"""A track over one connection, for a camera that is faster than the service: old pictures are
+dropped.
 
 ::
 
@@ -8,9 +9,9 @@
             while (frame := stream.answer(timeout_s=0)) is not None:
                 print(frame.number, frame.cables)
 
-At most two pictures are on their way; a third one waits here, and a newer one takes its place. So an answer is never
-older than the two pictures before it take. One thread may show pictures while another one takes the answers.
-Needs the extra: ``pip install "dlo-client[stream]"``.
+At most two pictures are on their way; a third one waits here, and a newer one takes its place. So
+an answer is never older than the two pictures before it take. One thread may show pictures while
+another one takes the answers. Needs the extra: ``pip install "dlo-client[stream]"``.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ _BROKEN = "the stream broke: {}"
 
 
 class TrackStream:
-    """Pictures in, frame results out; closed at the end of a ``with``. Its methods raise a DLOError: that of a picture
-    which cannot be used leaves the stream open."""
+    """Pictures in, frame results out; closed at the end of a ``with``. Its methods raise a
+    DLOError: that of a picture which cannot be used leaves the stream open."""
 
     def __init__(self, connection: ClientConnection, opened: ExitStack) -> None:
         self._connection, self._opened = connection, opened
@@ -55,7 +56,10 @@ class TrackStream:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -73,7 +77,8 @@ class TrackStream:
         return number
 
     def answer(self, timeout_s: float | None = None) -> StreamedFrame | None:
-        """The next answer; None if there is none within ``timeout_s`` (0: none yet). Without it this waits."""
+        """The next answer; None if there is none within ``timeout_s`` (0: none yet). Without it
+        this waits."""
         try:
             text = self._connection.recv(timeout=timeout_s)
         except TimeoutError:
@@ -113,7 +118,10 @@ class AsyncTrackStream:
         return self
 
     async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         await self.close()
 
@@ -131,7 +139,8 @@ class AsyncTrackStream:
         return number
 
     async def answer(self, timeout_s: float | None = None) -> StreamedFrame | None:
-        """The next answer; None if there is none within ``timeout_s`` (0: none yet). Without it this waits."""
+        """The next answer; None if there is none within ``timeout_s`` (0: none yet). Without it
+        this waits."""
         try:
             # A turn of the loop at least: what has come by then is there.
             async with asyncio.timeout(None if timeout_s is None else max(timeout_s, _TURN_S)):
@@ -174,7 +183,9 @@ async def opened_on_loop(address: Address) -> AsyncTrackStream:
     """Raises ConnectionFailed, also where the service refuses the stream."""
     stack = AsyncExitStack()
     try:
-        connection = await stack.enter_async_context(connect_on_loop(address.url, **_options(address)))
+        connection = await stack.enter_async_context(
+            connect_on_loop(address.url, **_options(address))
+        )
     except (OSError, InvalidHandshake, TimeoutError) as error:
         raise ConnectionFailed(f"the stream was not opened: {error}") from error
     return AsyncTrackStream(connection, stack)
@@ -232,7 +243,10 @@ class _Pictures:
             return []
         self._out[waiting.number], self._waiting, self._dropped = self._dropped, None, 0
         about = {"number": waiting.number, "time_s": waiting.time_s}
-        return [json.dumps({name: value for name, value in about.items() if value is not None}), waiting.data]
+        return [
+            json.dumps({name: value for name, value in about.items() if value is not None}),
+            waiting.data,
+        ]
 
     def answered(self, text: str | bytes) -> _Reply:
         """What an answer tells; the pictures up to its own are no longer out."""

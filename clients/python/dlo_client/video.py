@@ -1,4 +1,5 @@
-"""Pictures of a video or a folder in, a film with the tracked cables out. Needs OpenCV: ``dlo-client[label]``."""
+"""Pictures of a video or a folder in, a film with the tracked cables out. Needs OpenCV:
+``dlo-client[label]``."""
 
 from __future__ import annotations
 
@@ -15,7 +16,15 @@ from dlo_client.contracts import FrameResult, TrackedCable
 from dlo_client.errors import InvalidArgument
 from dlo_client.labelling.sources import SourceError, find_pictures
 
-_COLORS = ((230, 60, 60), (60, 180, 75), (70, 110, 240), (240, 190, 20), (200, 70, 220), (40, 200, 210), (245, 130, 40))
+_COLORS = (
+    (230, 60, 60),
+    (60, 180, 75),
+    (70, 110, 240),
+    (240, 190, 20),
+    (200, 70, 220),
+    (40, 200, 210),
+    (245, 130, 40),
+)
 """RGB, by the id."""
 _FOURCC = "mp4v"
 _FPS = 25.0
@@ -23,7 +32,8 @@ _OUTLINE = (0, 0, 0)
 
 
 class Shot(NamedTuple):
-    """One picture: its bytes as they travel, its pixels (H, W, 3) BGR, its name and, in a video, its time."""
+    """One picture: its bytes as they travel, its pixels (H, W, 3) BGR, its name and, in a video,
+    its time."""
 
     data: bytes
     pixels: NDArray[np.uint8]
@@ -32,8 +42,8 @@ class Shot(NamedTuple):
 
 
 def shots(source: str | Path, every: int = 1) -> tuple[Iterator[Shot], float]:
-    """Every ``every``-th picture of a video file, or of a folder (or a pattern) in the order of names, and how many of
-    them there are a second.
+    """Every ``every``-th picture of a video file, or of a folder (or a pattern) in the order of
+    names, and how many of them there are a second.
 
     Raises InvalidArgument for what is neither, OSError for a picture that cannot be read.
     """
@@ -59,7 +69,9 @@ def _of_video(video: cv2.VideoCapture, every: int) -> Iterator[Shot]:
             return
         if number % every == 0:
             _, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-            yield Shot(data.tobytes(), np.asarray(pixels, np.uint8), f"frame_{number:06d}", number / rate)
+            yield Shot(
+                data.tobytes(), np.asarray(pixels, np.uint8), f"frame_{number:06d}", number / rate
+            )
         number += 1
 
 
@@ -82,7 +94,10 @@ class Film:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self._writer is not None:
             self._writer.release()
@@ -102,7 +117,8 @@ class Film:
 
 
 def drawn(pixels: NDArray[np.uint8], frame: FrameResult) -> NDArray[np.uint8]:
-    """A copy of ``pixels`` (H, W, 3) BGR with every cable that is in view, its covered parts dotted, and its id."""
+    """A copy of ``pixels`` (H, W, 3) BGR with every cable that is in view, its covered parts
+    dotted, and its id."""
     picture = pixels.copy()
     for cable in frame.cables:
         if cable.state != "lost":
@@ -124,4 +140,13 @@ def _draw(picture: NDArray[np.uint8], cable: TrackedCable) -> None:
         cv2.circle(picture, point.tolist(), 1, color, -1)
     at = points[~hidden][(~hidden).sum() // 3] if not hidden.all() else points[0]
     for thickness, paint in ((3, _OUTLINE), (1, color)):
-        cv2.putText(picture, str(cable.id), at.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.6, paint, thickness, cv2.LINE_AA)
+        cv2.putText(
+            picture,
+            str(cable.id),
+            at.tolist(),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.6,
+            paint,
+            thickness,
+            cv2.LINE_AA,
+        )

@@ -19,13 +19,16 @@ _HEADERS = ("webhook-id", "webhook-timestamp", "webhook-signature")
 _SECRET_PREFIX = "whsec_"
 
 
-def read_webhook(body: bytes, headers: Mapping[str, str], secret: str, *, tolerance_s: float = 300.0) -> AnyJob:
-    """The ended job of a webhook call, from its ``body`` and its ``headers`` (of Standard Webhooks).
+def read_webhook(
+    body: bytes, headers: Mapping[str, str], secret: str, *, tolerance_s: float = 300.0
+) -> AnyJob:
+    """The ended job of a webhook call, from its ``body`` and its ``headers`` (of Standard
+    Webhooks).
 
     Delivery is at least once: remember ``job.id``, which also is ``webhook-id``, to tell repeats.
 
-    Raises:
-        UnexpectedReply: the signature is not of this secret and body, is older than ``tolerance_s``, or the
+    Raises: UnexpectedReply: the signature is not of this secret and body, is older than
+        ``tolerance_s``, or the
             body is no job.
     """
     given = {name.lower(): value for name, value in headers.items()}
@@ -34,7 +37,9 @@ def read_webhook(body: bytes, headers: Mapping[str, str], secret: str, *, tolera
     message_id, timestamp, signatures = (given[name] for name in _HEADERS)
     if not re.fullmatch(r"\d{1,12}", timestamp, re.ASCII):
         raise UnexpectedReply("the webhook's timestamp is none")
-    digest = hmac.new(_key(secret), f"{message_id}.{timestamp}.".encode() + body, hashlib.sha256).digest()
+    digest = hmac.new(
+        _key(secret), f"{message_id}.{timestamp}.".encode() + body, hashlib.sha256
+    ).digest()
     expected = f"v1,{base64.b64encode(digest).decode()}".encode()
     # Several may be given while a secret is exchanged.
     if not any(hmac.compare_digest(expected, one.encode()) for one in signatures.split()):
@@ -48,7 +53,8 @@ def read_webhook(body: bytes, headers: Mapping[str, str], secret: str, *, tolera
 
 
 def _key(secret: str) -> bytes:
-    """A secret as the standard writes it is base64 after a prefix; any other is taken as it stands."""
+    """A secret as the standard writes it is base64 after a prefix; any other is taken as it
+    stands."""
     if secret.startswith(_SECRET_PREFIX):
         return base64.b64decode(secret.removeprefix(_SECRET_PREFIX))
     return secret.encode()

@@ -1,1 +1,2 @@
-"""The published instance methods, each with one signature and one row of ``models.instances.methods``."""
+"""The published instance methods, each with one signature and one row of
+``models.instances.methods``."""

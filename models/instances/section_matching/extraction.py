@@ -24,8 +24,8 @@ _BORDER_STOP = -2.0
 """Log odds against a DLO that ends at the border: it leaves the picture."""
 
 _AT_KINK, _KINK_RADII = 4.0, 12.0
-"""So many times more it costs to stop where nothing but the two sides of a kink meets, so many radii from the border:
-DLOs that leave the picture side by side meet, too."""
+"""So many times more it costs to stop where nothing but the two sides of a kink meets, so many
+radii from the border: DLOs that leave the picture side by side meet, too."""
 _WHOLE_RADII = 12.0
 """A section of so many radii from a crossing to a free end is no stub."""
 _TIP_WIDTHS = 1.5
@@ -34,8 +34,8 @@ _TIP_WIDTHS = 1.5
 
 @dataclass(frozen=True)
 class SectionMatchingParams:
-    """``hole_widths``: holes up to this squared, in typical widths, are filled; ``gap_widths``: longest gap to
-    bridge; ``stop_cost``: log odds against a DLO that ends at a crossing."""
+    """``hole_widths``: holes up to this squared, in typical widths, are filled; ``gap_widths``:
+    longest gap to bridge; ``stop_cost``: log odds against a DLO that ends at a crossing."""
 
     hole_widths: float = 0.7
     gap_widths: float = 20.0
@@ -67,16 +67,25 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
         sections = sections_of(graph, distances, image)
         links = candidate_links(sections, foreground.mask, image, params.gap_widths)
         costs = costs_of(links)
-        partner = match(len(sections.node), links.pairs, costs, _stops(sections, params.stop_cost), links.via)
+        partner = match(
+            len(sections.node), links.pairs, costs, _stops(sections, params.stop_cost), links.via
+        )
         chains = strands_of(sections, partner, _joints(links, costs, partner))
     return assemble(
-        chains, foreground.mask, distances, image, watch, method="section_matching", follow_edges=True,
+        chains,
+        foreground.mask,
+        distances,
+        image,
+        watch,
+        method="section_matching",
+        follow_edges=True,
         tip_widths=_TIP_WIDTHS,
-    )  # fmt: skip
+    )
 
 
 def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[int, int], Joint]:
-    """The links taken: the section along which two ends go on together with another DLO, and the doubt."""
+    """The links taken: the section along which two ends go on together with another DLO, and the
+    doubt."""
     taken = np.flatnonzero(partner[links.pairs[:, 0]] == links.pairs[:, 1])
     doubts = np.logaddexp(0.0, costs[taken])
     shared = np.where(links.kind[taken] >= SHARED, links.via[taken], -1)
@@ -85,14 +94,19 @@ def _joints(links: Links, costs: FloatArray, partner: IntArray) -> dict[tuple[in
 
 
 def _stops(sections: Sections, at_crossing: float) -> FloatArray:
-    """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the border; at a crossing
-    the less the shorter a section is that ends freely on its other side: most such stubs are no DLO's. Where only two
-    ends meet, a DLO has a kink: both stop only if all speaks against it."""
+    """``(E,)`` what it costs an end to stop: nothing where it is free, less than nothing at the
+    border; at a crossing the less the shorter a section is that ends freely on its other side: most
+    such stubs are no DLO's. Where only two ends meet, a DLO has a kink: both stop only if all
+    speaks against it."""
     other = np.arange(len(sections.node)) ^ 1
     stub = (sections.node[other] == FREE) & ~sections.at_border[other]
     size = np.repeat(sections.length / (_WHOLE_RADII * sections.radius), 2)
     far = sections.to_edge > _KINK_RADII * sections.end_radius
     meeting = np.bincount(sections.node[sections.node >= 0], minlength=1)[sections.node]
-    crossing = at_crossing * np.where((meeting == 2) & far, _AT_KINK, np.where(stub, np.minimum(size, 1.0), 1.0))
-    out: FloatArray = np.where(sections.node >= 0, crossing, np.where(sections.at_border, _BORDER_STOP, 0.0))
+    crossing = at_crossing * np.where(
+        (meeting == 2) & far, _AT_KINK, np.where(stub, np.minimum(size, 1.0), 1.0)
+    )
+    out: FloatArray = np.where(
+        sections.node >= 0, crossing, np.where(sections.at_border, _BORDER_STOP, 0.0)
+    )
     return out

@@ -1,7 +1,8 @@
 """Which section ends may belong to one DLO, and how likely that is.
 
-Symbols: E ends, m candidate links. A link's cost is minus the logarithm of its odds, from a logistic model of a
-few measurements whose weights are fitted on scenes that the repository draws (``train_links.py``).
+Symbols: E ends, m candidate links. A link's cost is minus the logarithm of its odds, from a
+logistic model of a few measurements whose weights are fitted on scenes that the repository draws
+(``train_links.py``).
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ from models.strands.sections import Sections, pairs_at_junctions
 
 KINDS = ("junction", "gap", "shared", "absorbed")
 JUNCTION, GAP, SHARED, ABSORBED = range(4)
-"""Kinds of link: two ends at one crossing; over a gap; along a section that two DLOs share; that section's own
-two ends: it is shared and no strand of its own."""
+"""Kinds of link: two ends at one crossing; over a gap; along a section that two DLOs share; that
+section's own two ends: it is shared and no strand of its own."""
 FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
-"""``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where it does."""
+"""``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where
+it does."""
 _NOISE_LEVELS = 8.0
 _BOWS_RADII = (-3.0, -1.5, 0.0, 1.5, 3.0)
-"""Gray levels that a color varies by along one DLO; ways to bow in a gap that are looked at, in radii."""
+"""Gray levels that a color varies by along one DLO; ways to bow in a gap that are looked at, in
+radii."""
 
 WEIGHTS_FILE = Path(__file__).with_name("link_weights.toml")
 
@@ -42,8 +45,8 @@ _NEAREST = 24
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """``pairs``: ``(m, 2)`` ends; ``kind``: ``(m,)``; ``features``: ``(m, 9)``; ``via``: ``(m,)`` the shared section
-    or -1."""
+    """``pairs``: ``(m, 2)`` ends; ``kind``: ``(m,)``; ``features``: ``(m, 9)``; ``via``: ``(m,)``
+    the shared section or -1."""
 
     pairs: IntArray
     kind: IntArray
@@ -51,12 +54,16 @@ class Links:
     via: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
-def candidate_links(sections: Sections, mask: BoolArray, image: ByteArray | None, gap_widths: float) -> Links:
+def candidate_links(
+    sections: Sections, mask: BoolArray, image: ByteArray | None, gap_widths: float
+) -> Links:
     """All links worth weighing."""
     crossing, gap = pairs_at_junctions(sections), _over_gaps(sections, gap_widths)
     shared, via = _along_shared(sections)
     absorbed = np.unique(via)
-    pairs = np.concatenate((crossing, gap, shared, np.stack((2 * absorbed, 2 * absorbed + 1), axis=1)))
+    pairs = np.concatenate(
+        (crossing, gap, shared, np.stack((2 * absorbed, 2 * absorbed + 1), axis=1))
+    )
     sizes = [len(crossing), len(gap), len(shared), len(absorbed)]
     kind = np.repeat([JUNCTION, GAP, SHARED, ABSORBED], sizes)
     through = np.concatenate((np.full(sizes[0] + sizes[1], -1), via, absorbed)).astype(np.int64)
@@ -87,7 +94,9 @@ def _over_gaps(sections: Sections, gap_widths: float) -> IntArray:
         return np.zeros((0, 2), np.int64)
     reach = 2 * gap_widths * float(np.median(sections.radius))
     k = min(_NEAREST, len(every))
-    near = np.asarray(cKDTree(sections.tip[every]).query(sections.tip[free], k, distance_upper_bound=reach)[1])
+    near = np.asarray(
+        cKDTree(sections.tip[every]).query(sections.tip[free], k, distance_upper_bound=reach)[1]
+    )
     a, b = np.repeat(free, k), np.append(every, -1)[near.reshape(-1)]
     proper = (b >= 0) & (a != b)
     keys = np.unique(np.minimum(a, b)[proper] * len(sections.node) + np.maximum(a, b)[proper])
@@ -121,9 +130,15 @@ def _along_shared(sections: Sections) -> tuple[IntArray, IntArray]:
 
 
 def _measure(
-    sections: Sections, pairs: IntArray, kind: IntArray, via: IntArray, mask: BoolArray, image: ByteArray | None
+    sections: Sections,
+    pairs: IntArray,
+    kind: IntArray,
+    via: IntArray,
+    mask: BoolArray,
+    image: ByteArray | None,
 ) -> FloatArray:
-    """``(m, 9)`` the measurements of :data:`FEATURES`; lengths in radii, angles in radians, colors in 100 levels."""
+    """``(m, 9)`` the measurements of :data:`FEATURES`; lengths in radii, angles in radians, colors
+    in 100 levels."""
     if not len(pairs):
         return np.zeros((0, len(FEATURES)))
     a, b = pairs.T
@@ -145,10 +160,16 @@ def _measure(
     gap = np.where(shared, 0.0, np.minimum(length * off.mean(axis=1) / radius, 40.0) / 4)
     seen = _likeness(sections, a, b, points, off, image)
     columns = (
-        np.ones(len(pairs)), np.minimum(turn**2, 4.0), known * np.minimum(leaving**2 + arriving**2, 6.0),
-        np.minimum(width**2, 2.0), np.minimum(chroma / 100, 1.0), np.minimum(abs(brightness) / 100, 1.0),
-        gap * (1 - seen), np.minimum(length / radius, 40.0) / 8, gap * seen,
-    )  # fmt: skip
+        np.ones(len(pairs)),
+        np.minimum(turn**2, 4.0),
+        known * np.minimum(leaving**2 + arriving**2, 6.0),
+        np.minimum(width**2, 2.0),
+        np.minimum(chroma / 100, 1.0),
+        np.minimum(abs(brightness) / 100, 1.0),
+        gap * (1 - seen),
+        np.minimum(length / radius, 40.0) / 8,
+        gap * seen,
+    )
     features = np.stack(columns, axis=1)
     own = kind == ABSORBED
     features[own] = 0.0
@@ -159,10 +180,16 @@ def _measure(
 
 
 def _through(
-    sections: Sections, pairs: IntArray, kind: IntArray, via: IntArray,
-    toward: FloatArray, onward: FloatArray, length: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """Directions into and out of the way between the ends, and its length; along a shared section its own."""
+    sections: Sections,
+    pairs: IntArray,
+    kind: IntArray,
+    via: IntArray,
+    toward: FloatArray,
+    onward: FloatArray,
+    length: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Directions into and out of the way between the ends, and its length; along a shared section
+    its own."""
     shared = np.flatnonzero(kind == SHARED)
     section = via[shared]
     starts_here = sections.node[2 * section] == sections.node[pairs[shared, 0]]
@@ -174,21 +201,34 @@ def _through(
     return toward, onward, length
 
 
-def _between(sections: Sections, a: IntArray, b: IntArray, mask: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """``(m, 16, 2)`` points from tip to tip, leaving both ends in their directions, and ``(m, 16)`` which of them are
-    off the foreground."""
+def _between(
+    sections: Sections, a: IntArray, b: IntArray, mask: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """``(m, 16, 2)`` points from tip to tip, leaving both ends in their directions, and ``(m, 16)``
+    which of them are off the foreground."""
     points = bridge(
-        sections.tip[a], sections.tip[b], sections.outward[a], -sections.outward[b], np.linspace(0, 1, _SAMPLES)
+        sections.tip[a],
+        sections.tip[b],
+        sections.outward[a],
+        -sections.outward[b],
+        np.linspace(0, 1, _SAMPLES),
     )
     return points, read_nearest(mask, points) == 0
 
 
 def _likeness(
-    sections: Sections, a: IntArray, b: IntArray, points: FloatArray, off: BoolArray, image: ByteArray | None
+    sections: Sections,
+    a: IntArray,
+    b: IntArray,
+    points: FloatArray,
+    off: BoolArray,
+    image: ByteArray | None,
 ) -> FloatArray:
-    """``(m,)`` 0 to 1: how far the picture in the gap looks like the ends rather than like what lies beside them.
+    """``(m,)`` 0 to 1: how far the picture in the gap looks like the ends rather than like what
+    lies beside them.
 
-    A half where there is no gap or no picture. A DLO may bend in a gap: of several ways to bow, the likest counts.
+    A half where there is no gap or no picture. A DLO may bend in a gap: of several ways to bow, the
+    likest counts.
     """
     out = np.full(len(a), 0.5)
     rows = np.flatnonzero(off.any(axis=1))
@@ -223,6 +263,8 @@ def _thickening(sections: Sections, shared: IntArray) -> FloatArray:
     nodes = sections.node[2 * shared]
     out = np.zeros(len(shared))
     for k, (section, node) in enumerate(zip(shared.tolist(), nodes.tolist(), strict=True)):
-        around = np.flatnonzero((sections.node == node) & (np.arange(len(sections.node)) >> 1 != section))
+        around = np.flatnonzero(
+            (sections.node == node) & (np.arange(len(sections.node)) >> 1 != section)
+        )
         out[k] = np.log(sections.radius[section] / np.median(sections.end_radius[around]))
     return np.clip(out, -1.0, 1.0)

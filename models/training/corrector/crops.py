@@ -1,9 +1,11 @@
-"""Crops with a known offset, cut from rendered scenes: what the corrector learns from and is tested on.
+"""Crops with a known offset, cut from rendered scenes: what the corrector learns from and is tested
+on.
 
     python -m models.training.corrector.crops build/crops --textures TEXTURES.npz
 
-Every crop is taken at a point of a DLO that is seen there, moved across it by a fictitious error of the hand and
-of the calibration. Scene k is always the same picture (seed, k); writing goes on where it was cut off.
+Every crop is taken at a point of a DLO that is seen there, moved across it by a fictitious error of
+the hand and of the calibration. Scene k is always the same picture (seed, k); writing goes on where
+it was cut off.
 """
 
 from __future__ import annotations
@@ -27,9 +29,9 @@ from models.tracked_labels.crops import MIDDLE, SIZE, in_crop, pixels_per_crop_p
 
 @dataclass(frozen=True)
 class CropParams:
-    """``thinnest_px`` to ``thickest_px`` the DLOs' widths, ``clutter`` how often other things lie about; ``error_px``
-    the largest offset and ``tilt_rad`` the spread of the direction's error; ``per_scene`` crops of one scene,
-    ``clear_px`` how far from the picture's border they stay."""
+    """``thinnest_px`` to ``thickest_px`` the DLOs' widths, ``clutter`` how often other things lie
+    about; ``error_px`` the largest offset and ``tilt_rad`` the spread of the direction's error;
+    ``per_scene`` crops of one scene, ``clear_px`` how far from the picture's border they stay."""
 
     seed: int = 1
     scenes: int = 2000
@@ -45,14 +47,17 @@ class CropParams:
 
     def scene(self) -> SceneParams:
         bounds = (self.thinnest_px / self.width, self.thickest_px / self.width)
-        return SceneParams((self.height, self.width), width_share=bounds, empty_share=0.0, clutter=self.clutter)
+        return SceneParams(
+            (self.height, self.width), width_share=bounds, empty_share=0.0, clutter=self.clutter
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Crops:
-    """(n, SIZE, SIZE, 3) crops; (n,) column of the centerline on the middle row; (n,) width in pixels of the crop;
-    (n,) by how much, in pixels of the crop, the DLO that is meant is nearer to the crop's middle than any other, or
-    than itself where it comes back: below 0 nothing in the crop shows which one is meant."""
+    """(n, SIZE, SIZE, 3) crops; (n,) column of the centerline on the middle row; (n,) width in
+    pixels of the crop; (n,) by how much, in pixels of the crop, the DLO that is meant is nearer to
+    the crop's middle than any other, or than itself where it comes back: below 0 nothing in the
+    crop shows which one is meant."""
 
     images: ByteArray
     columns: Float32Array
@@ -129,17 +134,26 @@ def _disturbed(
     believed = width * np.exp(rng.normal(0, 0.15))
     scale = float(pixels_per_crop_pixel(np.array([believed]))[0])
     tangent = line[min(sample + 4, len(line) - 1)] - line[max(sample - 4, 0)]
-    angle = np.arctan2(tangent[1], tangent[0]) + rng.normal(0, params.tilt_rad) + rng.integers(2) * np.pi
+    angle = (
+        np.arctan2(tangent[1], tangent[0])
+        + rng.normal(0, params.tilt_rad)
+        + rng.integers(2) * np.pi
+    )
     tangent = np.array([np.cos(angle), np.sin(angle)])
     normal = np.array([-tangent[1], tangent[0]])
     return line[sample] + normal * rng.uniform(-1, 1) * params.error_px * scale, tangent, scale
 
 
 def _column(
-    ids: NDArray[np.int16], lines: list[FloatArray], pick: Pick, at: FloatArray, tangent: FloatArray, scale: float
+    ids: NDArray[np.int16],
+    lines: list[FloatArray],
+    pick: Pick,
+    at: FloatArray,
+    tangent: FloatArray,
+    scale: float,
 ) -> float | None:
-    """Where the centerline, followed from the sample both ways, first crosses the crop's middle row; None where it is
-    covered there."""
+    """Where the centerline, followed from the sample both ways, first crosses the crop's middle
+    row; None where it is covered there."""
     line = lines[pick.cable]
     local = in_crop(line, at, tangent, scale)
     below = local[:, 1] - MIDDLE
@@ -155,26 +169,39 @@ def _column(
 
 
 def _margin(lines: list[FloatArray], pick: Pick, at: FloatArray) -> float:
-    """By how much, px, the DLO near the sample is nearer to ``at`` than all others and its own farther parts."""
+    """By how much, px, the DLO near the sample is nearer to ``at`` than all others and its own
+    farther parts."""
     own = lines[pick.cable]
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(own, axis=0).T))))
     here = np.abs(along - along[pick.sample]) <= SIZE / 2
     away = np.hypot(*(own - at).T)
-    others = [float(np.hypot(*(line - at).T).min()) for k, line in enumerate(lines) if k != pick.cable]
+    others = [
+        float(np.hypot(*(line - at).T).min()) for k, line in enumerate(lines) if k != pick.cable
+    ]
     return min([*others, *away[~here].tolist()], default=1e3) - float(away[here].min())
 
 
 def contrast(crops: Crops) -> FloatArray:
-    """(n,) by how much the DLO stands out where it is marked: the mean difference, 0 to 255, of its color to that of
-    the ground beside it on the side where it differs more."""
+    """(n,) by how much the DLO stands out where it is marked: the mean difference, 0 to 255, of its
+    color to that of the ground beside it on the side where it differs more."""
     out = np.zeros(len(crops.images))
-    for k, (image, column, width) in enumerate(zip(crops.images, crops.columns, crops.widths, strict=True)):
+    for k, (image, column, width) in enumerate(
+        zip(crops.images, crops.columns, crops.widths, strict=True)
+    ):
         band = image[SIZE // 2 - 3 : SIZE // 2 + 3].mean(0)
         half = float(width) / 2
         own = band[_columns(column - 0.6 * half, column + 0.6 * half)].mean(0)
-        sides = [_columns(column - half - 6, column - half - 1), _columns(column + half + 1, column + half + 6)]
+        sides = [
+            _columns(column - half - 6, column - half - 1),
+            _columns(column + half + 1, column + half + 6),
+        ]
         out[k] = max(
-            (float(np.abs(band[side].mean(0) - own).mean()) for side in sides if side.stop > side.start), default=0
+            (
+                float(np.abs(band[side].mean(0) - own).mean())
+                for side in sides
+                if side.stop > side.start
+            ),
+            default=0,
         )
     return out
 
@@ -184,7 +211,8 @@ def _columns(first: float, last: float) -> slice:
 
 
 def write(folder: Path, params: CropParams, pool: TexturePool) -> None:
-    """One file of crops for every 50 scenes, whole or not at all; those that are there are left alone."""
+    """One file of crops for every 50 scenes, whole or not at all; those that are there are left
+    alone."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "params.json").write_text(json.dumps(asdict(params)))
     for first in range(0, params.scenes, 50):

@@ -2,11 +2,12 @@
 
     python -m models.training topology_moves
 
-Strategy: a harness with one to four crossings is on a table; what a camera sees of it is a topology, from which turns
-are found. Some are done on the harness as it really is, each anew, by arms that err; one that works leads on to the
-next state. A turn works if the piece could be taken, as many crossings are gone as were foreseen, and the place is as
-easy to read as before: nothing newly touches, crosses right beside a branch-point, or crosses out of sight. About 30
-minutes on one core.
+Strategy: a harness with one to four crossings is on a table; what a camera sees of it is a
+topology, from which turns are found. Some are done on the harness as it really is, each anew, by
+arms that err; one that works leads on to the next state. A turn works if the piece could be taken,
+as many crossings are gone as were foreseen, and the place is as easy to read as before: nothing
+newly touches, crosses right beside a branch-point, or crosses out of sight. About 30 minutes on one
+core.
 """
 
 from __future__ import annotations
@@ -27,7 +28,14 @@ from models.topology.classifiers import Classifiers
 from models.topology.evidence import classifiers_of
 from models.topology.extraction import TopologyNetwork, extract
 from models.topology.scene import Topology
-from models.training.disentangling.table_world import SEEN, execute, one_crossing, seen_points, truth, unclear
+from models.training.disentangling.table_world import (
+    SEEN,
+    execute,
+    one_crossing,
+    seen_points,
+    truth,
+    unclear,
+)
 from models.training.fit import Source
 from models.training.state import kept
 from models.training.topology.classifiers import ClassifierConfig, classifier
@@ -53,8 +61,11 @@ class MovesConfig(ClassifierConfig):
     hidden: int = 48
 
 
-def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, classifiers: Classifiers) -> Table:
-    """Evidence of turns, and whether they worked, in scenes ``first`` to ``first + count`` of a seed."""
+def moves_table(
+    seed: int, first: int, count: int, network: TopologyNetwork, classifiers: Classifiers
+) -> Table:
+    """Evidence of turns, and whether they worked, in scenes ``first`` to ``first + count`` of a
+    seed."""
     rows: list[FloatArray] = []
     worked: list[bool] = []
     for k in range(first, first + count):
@@ -76,11 +87,18 @@ def moves_table(seed: int, first: int, count: int, network: TopologyNetwork, cla
     return Table(np.array(rows, np.float32), np.array(worked, np.int64))
 
 
-def _seen(harness: Harness, rng: np.random.Generator, network: TopologyNetwork, classifiers: Classifiers) -> Topology:
+def _seen(
+    harness: Harness, rng: np.random.Generator, network: TopologyNetwork, classifiers: Classifiers
+) -> Topology:
     if rng.random() < _AS_IT_IS:
         return truth(harness)
     mask = draw_mask(harness, rng, SEEN)
-    return extract(mask, network, classifiers, surfaces=[] if rng.random() < _NO_DEPTH else [seen_points(harness)])
+    return extract(
+        mask,
+        network,
+        classifiers,
+        surfaces=[] if rng.random() < _NO_DEPTH else [seen_points(harness)],
+    )
 
 
 def _tried(topology: Topology, hand_px: float, rng: np.random.Generator) -> list[Turn]:
@@ -95,9 +113,13 @@ def _tried(topology: Topology, hand_px: float, rng: np.random.Generator) -> list
     return [turns[k] for k in np.argsort(-keys)[:_MOST_TRIED]]
 
 
-def _done(harness: Harness, topology: Topology, turn: Turn, hand_px: float, rng: np.random.Generator) -> Harness | None:
+def _done(
+    harness: Harness, topology: Topology, turn: Turn, hand_px: float, rng: np.random.Generator
+) -> Harness | None:
     """The harness after the turn; None if it did not work."""
-    outcome = execute(harness, action_of(in_hands(topology, hand_px), turn, 1.0).scaled(hand_px), rng)
+    outcome = execute(
+        harness, action_of(in_hands(topology, hand_px), turn, 1.0).scaled(hand_px), rng
+    )
     gone = len(harness.crossings) - len(outcome.harness.crossings)
     enough = outcome.moved and gone >= len(topology.crossings) - turn.after
     return outcome.harness if enough and unclear(outcome.harness) <= unclear(harness) else None

@@ -1,7 +1,9 @@
-"""A table with a harness on it: what a camera sees of it, and what an action does to it: to learn from and to measure.
+"""A table with a harness on it: what a camera sees of it, and what an action does to it: to learn
+from and to measure.
 
-Sections are rigid pieces that turn about the place that is held, as the thesis assumes (6.7), but the arms hold and
-turn with errors. A piece that lies under another one cannot be taken away: the move fails.
+Sections are rigid pieces that turn about the place that is held, as the thesis assumes (6.7), but
+the arms hold and turn with errors. A piece that lies under another one cannot be taken away: the
+move fails.
 """
 
 from __future__ import annotations
@@ -41,15 +43,22 @@ class Outcome:
 def one_crossing(rng: np.random.Generator, crossings: int) -> Harness:
     """A harness of one to four branch-points in which so many crossings lie."""
     params = HarnessParams(
-        branch_points=(1, 4), harnesses=(1, 1), cables=(0, 0), cycle_share=0.0, crossings=(crossings, crossings),
+        branch_points=(1, 4),
+        harnesses=(1, 1),
+        cables=(0, 0),
+        cycle_share=0.0,
+        crossings=(crossings, crossings),
         width_share=(0.012, 0.035),
-    )  # fmt: skip
+    )
     harness = make_harness(rng, params)
-    return replace(harness, a_over=tuple(bool(v) for v in rng.integers(0, 2, len(harness.crossings))))
+    return replace(
+        harness, a_over=tuple(bool(v) for v in rng.integers(0, 2, len(harness.crossings)))
+    )
 
 
 def seen_points(harness: Harness) -> order.Surface:
-    """Points in space along the sections: the upper one of a crossing is nearer, the lower one is hidden there."""
+    """Points in space along the sections: the upper one of a crossing is nearer, the lower one is
+    hidden there."""
     xy, depth = [], []
     for k, section in enumerate(harness.sections):
         at = STEP_PX * np.arange(len(section.xy))
@@ -77,24 +86,43 @@ def truth(harness: Harness) -> Topology:
         return "branch" if branch != FREE else "free" if inside else "border"
 
     sections = tuple(
-        Section(s.xy, s.width, float(arc_lengths(s.xy)[-1]), (kind(s.xy[0], s.ends[0]), kind(s.xy[-1], s.ends[1])),
-                s.ends)
+        Section(
+            s.xy,
+            s.width,
+            float(arc_lengths(s.xy)[-1]),
+            (kind(s.xy[0], s.ends[0]), kind(s.xy[-1], s.ends[1])),
+            s.ends,
+        )
         for s in harness.sections
-    )  # fmt: skip
+    )
     branches = tuple(
         BranchPoint(
-            (float(x), float(y)), tuple(i for i, s in enumerate(harness.sections) for e in s.ends if e == b), 1.0
+            (float(x), float(y)),
+            tuple(i for i, s in enumerate(harness.sections) for e in s.ends if e == b),
+            1.0,
         )
         for b, (x, y) in enumerate(harness.branch_xy)
     )
     crossings = []
     for m, a_over in zip(harness.crossings, harness.a_over, strict=True):
-        one, other = (Place(w, min(1.0, at / sections[w].length)) for w, at in ((m.a, m.at_a), (m.b, m.at_b)))
+        one, other = (
+            Place(w, min(1.0, at / sections[w].length)) for w, at in ((m.a, m.at_a), (m.b, m.at_b))
+        )
         over, under = (one, other) if a_over else (other, one)
         crossings.append(Crossing((float(m.xy[0]), float(m.xy[1])), over, under, 1.0, 1.0))
     none = np.zeros(0)
-    return Topology(harness.size, "branched", sections, branches, tuple(crossings), np.zeros((0, 2)), none,
-                    np.zeros((0, 2)), np.zeros((0, 2), np.int64), none)  # fmt: skip
+    return Topology(
+        harness.size,
+        "branched",
+        sections,
+        branches,
+        tuple(crossings),
+        np.zeros((0, 2)),
+        none,
+        np.zeros((0, 2)),
+        np.zeros((0, 2), np.int64),
+        none,
+    )
 
 
 def execute(harness: Harness, action: Action, rng: np.random.Generator) -> Outcome:
@@ -108,11 +136,14 @@ def execute(harness: Harness, action: Action, rng: np.random.Generator) -> Outco
     if pivot is None or body is None or _is_under(harness, topology, pivot):
         return Outcome(harness, False)
     turn = action.turn + np.deg2rad(rng.normal(0, TURN_ERROR_DEG))
-    return Outcome(_turned(harness, pivot, [k for k, _ in body.moving[1:]], body.center, turn), True)
+    return Outcome(
+        _turned(harness, pivot, [k for k, _ in body.moving[1:]], body.center, turn), True
+    )
 
 
 def _held(topology: Topology, hold: np.ndarray, pick: np.ndarray, picked: int) -> Pivot | None:
-    """What the holding arm holds: the branch-point there, or a place along the section; what is picked moves."""
+    """What the holding arm holds: the branch-point there, or a place along the section; what is
+    picked moves."""
     away = [np.hypot(*(s.xy - hold).T).min() for s in topology.sections]
     section = int(np.argmin(away))
     line = topology.sections[section]
@@ -156,7 +187,9 @@ def _is_under(harness: Harness, topology: Topology, pivot: Pivot) -> bool:
     return False
 
 
-def _turned(harness: Harness, pivot: Pivot, downstream: list[int], center: np.ndarray, turn: float) -> Harness:
+def _turned(
+    harness: Harness, pivot: Pivot, downstream: list[int], center: np.ndarray, turn: float
+) -> Harness:
     sections = list(harness.sections)
     branches = harness.branch_xy.copy()
     moved_branches = {b for k in downstream for b in sections[k].ends if b != FREE}
@@ -165,25 +198,34 @@ def _turned(harness: Harness, pivot: Pivot, downstream: list[int], center: np.nd
     own = sections[pivot.section]
     lengths = arc_lengths(own.xy)
     moves = (lengths - pivot.at) * pivot.side > 0
-    sections[pivot.section] = replace(own, xy=np.where(moves[:, None], turned(own.xy, center, turn), own.xy))
+    sections[pivot.section] = replace(
+        own, xy=np.where(moves[:, None], turned(own.xy, center, turn), own.xy)
+    )
     far = own.ends[1 if pivot.side > 0 else 0]
     moved_branches |= {far} - {FREE}
     moved_branches -= {pivot.branch}
     for b in moved_branches:
         branches[b] = turned(branches[b], center, turn)
-    return recounted(harness, tuple(sections), branches, lambda who, at: _moving(pivot, who, at, set(downstream)))
+    return recounted(
+        harness, tuple(sections), branches, lambda who, at: _moving(pivot, who, at, set(downstream))
+    )
 
 
 def recounted(
-    before: Harness, sections: tuple[TrueSection, ...], branches: np.ndarray, moved: Callable[[int, float], bool]
+    before: Harness,
+    sections: tuple[TrueSection, ...],
+    branches: np.ndarray,
+    moved: Callable[[int, float], bool],
 ) -> Harness:
-    """The harness with its crossings found anew; those that were there keep their order, new ones have the moved
-    piece on top. ``moved``: whether a section moved at an arc length."""
+    """The harness with its crossings found anew; those that were there keep their order, new ones
+    have the moved piece on top. ``moved``: whether a section moved at an arc length."""
     known = [(m, o) for m, o in zip(before.crossings, before.a_over, strict=True)]
     found: list[Meeting] = []
     over = []
     for m in meetings([s.xy for s in sections]):
-        shared = (set(sections[m.a].ends) & set(sections[m.b].ends)) - {FREE} if m.a != m.b else set()
+        shared = (
+            (set(sections[m.a].ends) & set(sections[m.b].ends)) - {FREE} if m.a != m.b else set()
+        )
         if any(np.hypot(*(m.xy - branches[e])) < 1.5 * sections[m.b].width + 6 for e in shared):
             continue
         if m.a == m.b and abs(m.at_a - m.at_b) < 3 * sections[m.a].width:
@@ -195,8 +237,9 @@ def recounted(
 
 
 def unclear(harness: Harness) -> int:
-    """How many places nobody could read from a mask: sections that touch without crossing there, and crossings that
-    lie out of the picture, at its border, or right beside a branch-point or another crossing."""
+    """How many places nobody could read from a mask: sections that touch without crossing there,
+    and crossings that lie out of the picture, at its border, or right beside a branch-point or
+    another crossing."""
     height, across = harness.size
     count = 0
     for k, m in enumerate(harness.crossings):
@@ -211,8 +254,8 @@ def unclear(harness: Harness) -> int:
 
 
 def _touch(harness: Harness, a: int, b: int) -> bool:
-    """Whether two sections (or one, itself) are nearer than a camera tells apart, away from where they cross and from
-    a branch-point of both."""
+    """Whether two sections (or one, itself) are nearer than a camera tells apart, away from where
+    they cross and from a branch-point of both."""
     one, other = harness.sections[a], harness.sections[b]
     width = (one.width + other.width) / 2
     if np.any(one.xy.min(axis=0) - width > other.xy.max(axis=0)) or np.any(
@@ -230,7 +273,9 @@ def _touch(harness: Harness, a: int, b: int) -> bool:
         for j, f in enumerate(other.ends):
             if a != b and e == f != FREE:
                 spots = [end * STEP_PX * (len(s.xy) - 1) for s, end in ((one, i), (other, j))]
-                known |= (np.abs(at_a - spots[0]) < 5 * width + 4) & (np.abs(at_b - spots[1]) < 5 * width + 4)
+                known |= (np.abs(at_a - spots[0]) < 5 * width + 4) & (
+                    np.abs(at_b - spots[1]) < 5 * width + 4
+                )
     return not bool(known.all())
 
 

@@ -1,10 +1,12 @@
-"""Dynamics networks compared as in thesis 5.7.3: ``python -m models.training.dynamics.compare --varied F --fixed F``.
+"""Dynamics networks compared as in thesis 5.7.3: ``python -m models.training.dynamics.compare
+--varied F --fixed F``.
 
-Every network is trained for the same processor time in three ways: conditioned on the rope's parameters, without
-them on the same samples, and without them on samples of one fixed rope. Then ropes that none has seen are moved in
-four groups of actions (the thesis's four shapes): k_b and k_d are fitted on one group and the error is measured on
-the same group (*) and on the other three (**). Also Fig. 5.10: fitting all weights instead of the two parameters,
-and the time of a pass. Finished trainings and networks are kept, so the command goes on where it was. Writes JSON.
+Every network is trained for the same processor time in three ways: conditioned on the rope's
+parameters, without them on the same samples, and without them on samples of one fixed rope. Then
+ropes that none has seen are moved in four groups of actions (the thesis's four shapes): k_b and k_d
+are fitted on one group and the error is measured on the same group (*) and on the other three (**).
+Also Fig. 5.10: fitting all weights instead of the two parameters, and the time of a pass. Finished
+trainings and networks are kept, so the command goes on where it was. Writes JSON.
 """
 
 from __future__ import annotations
@@ -37,7 +39,9 @@ def trained(name: str, mode: str, data: Samples, minutes: float, folder: Path) -
     """The network, from its state when it was trained to the end before."""
     config = DynamicsConfig(network=name, conditioned=mode == "conditioned", minutes=minutes)
     samples, _ = columns(data, name)
-    return fit(FAMILY, config, samples, folder / f"{name}_{mode}.pt", Log(folder / f"{name}_{mode}.jsonl"))
+    return fit(
+        FAMILY, config, samples, folder / f"{name}_{mode}.pt", Log(folder / f"{name}_{mode}.jsonl")
+    )
 
 
 def groups_of(name: str, ropes: int, seed: int) -> list[list[Columns]]:
@@ -74,7 +78,8 @@ def fit_parameters(network: nn.Module, columns: Columns, steps: int = 120) -> Te
 
 
 def fit_weights(network: nn.Module, columns: Columns, steps: int = 60) -> nn.Module:
-    """All weights adapted to one group, parameters at mid-range (as the RBF approach does online)."""
+    """All weights adapted to one group, parameters at mid-range (as the RBF approach does
+    online)."""
     adapted = copy.deepcopy(network).requires_grad_(True)
     state, edge, move, rope, true = columns
     rope = _with(rope, torch.tensor(_MID_RANGE))
@@ -129,10 +134,14 @@ def pass_times_ms(network: nn.Module, name: str, repeats: int = 50) -> dict[str,
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.dynamics.compare", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.dynamics.compare", description=__doc__
+    )
     parser.add_argument("--varied", type=Path, required=True, help="samples of random ropes")
     parser.add_argument("--fixed", type=Path, required=True, help="samples of mid-range ropes")
-    parser.add_argument("--minutes", type=float, default=2.0, help="processor time of each training")
+    parser.add_argument(
+        "--minutes", type=float, default=2.0, help="processor time of each training"
+    )
     parser.add_argument("--ropes", type=int, default=12)
     parser.add_argument("--folder", type=Path, default=Path("checkpoints/compare"))
     parser.add_argument("--out", type=Path, default=Path("build/bench/dynamics_networks.json"))
@@ -145,12 +154,22 @@ def main() -> None:
         report = kept if (kept["minutes"], kept["ropes"]) == (args.minutes, args.ropes) else report
     for name in (n for n in NETWORKS if n not in report["networks"]):
         networks = {
-            mode: trained(name, mode, data["fixed" if mode.endswith("fixed") else "varied"], args.minutes, args.folder)
+            mode: trained(
+                name,
+                mode,
+                data["fixed" if mode.endswith("fixed") else "varied"],
+                args.minutes,
+                args.folder,
+            )
             for mode in MODES
         }
         size = sum(p.numel() for p in networks["conditioned"].parameters())
         scores = measure(name, networks, args.ropes, seed=909)
-        report["networks"][name] = {"weights": size, **scores, "ms": pass_times_ms(networks["conditioned"], name)}
+        report["networks"][name] = {
+            "weights": size,
+            **scores,
+            "ms": pass_times_ms(networks["conditioned"], name),
+        }
         print(name, json.dumps(report["networks"][name]), flush=True)
         args.out.parent.mkdir(parents=True, exist_ok=True)
         args.out.write_text(json.dumps(report, indent=1))

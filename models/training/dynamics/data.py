@@ -1,6 +1,7 @@
 """Samples of the simulator for training: ``python -m models.training.dynamics.data FILE``.
 
-As thesis 5.4.1: a nearly straight DLO of random parameters, then actions one after another, a sample each.
+As thesis 5.4.1: a nearly straight DLO of random parameters, then actions one after another, a
+sample each.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ MID_RANGE = {"mass": 0.02, "bending": 0.5, "damping": 14.0}
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """N samples, float32: ``before`` and ``after`` (N, n, 2) m, ``edge`` (N,), ``move`` (N, 3) dx, dy m and dtheta
-    rad, ``rope`` (N, 4) mass, k_b, k_d, length."""
+    """N samples, float32: ``before`` and ``after`` (N, n, 2) m, ``edge`` (N,), ``move`` (N, 3) dx,
+    dy m and dtheta rad, ``rope`` (N, 4) mass, k_b, k_d, length."""
 
     before: NDArray[np.float32]
     after: NDArray[np.float32]
@@ -50,7 +51,8 @@ class Samples:
 
 
 def nearly_straight(rng: np.random.Generator, length: FloatArray, nodes: int = NODES) -> FloatArray:
-    """(B, n, 2) of random place and heading, with a slight bow: headings that drift by up to some 15 degrees."""
+    """(B, n, 2) of random place and heading, with a slight bow: headings that drift by up to some
+    15 degrees."""
     batch = len(length)
     bow = rng.normal(0, 0.15, (batch, 3))
     t = np.linspace(0, 1, nodes - 1)
@@ -62,7 +64,11 @@ def nearly_straight(rng: np.random.Generator, length: FloatArray, nodes: int = N
 
 
 def generate(
-    rng: np.random.Generator, sequences: int, actions: int, ropes: Ropes, params: SimulationParams | None = None
+    rng: np.random.Generator,
+    sequences: int,
+    actions: int,
+    ropes: Ropes,
+    params: SimulationParams | None = None,
 ) -> Samples:
     """``sequences`` x ``actions`` samples; ``ropes`` one a sequence."""
     state = nearly_straight(rng, ropes.length)
@@ -74,7 +80,9 @@ def generate(
         move = np.column_stack([act.shift, act.turn])
         parts.append((state, after, act.edge, move, rope))
         state = after
-    before, after, edge, move, rope = (np.concatenate(column) for column in zip(*parts, strict=True))
+    before, after, edge, move, rope = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
     single = [column.astype(np.float32) for column in (before, after, move, rope)]
     return Samples(single[0], single[1], edge, single[2], single[3])
 
@@ -85,16 +93,27 @@ def mid_range(rng: np.random.Generator, count: int) -> Ropes:
 
 
 def joined(parts: list[Samples]) -> Samples:
-    return Samples(*(np.concatenate([getattr(p, name) for p in parts]) for name in Samples.__dataclass_fields__))
+    return Samples(
+        *(
+            np.concatenate([getattr(p, name) for p in parts])
+            for name in Samples.__dataclass_fields__
+        )
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.dynamics.data", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.dynamics.data", description=__doc__
+    )
     parser.add_argument("file", type=Path, help="to write (.npz)")
     parser.add_argument("--samples", type=int, default=275_000)
-    parser.add_argument("--actions", type=int, default=5, help="k, in sequence from a nearly straight DLO")
+    parser.add_argument(
+        "--actions", type=int, default=5, help="k, in sequence from a nearly straight DLO"
+    )
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--mid-range", action="store_true", help="the fixed parameters of thesis 5.7.3")
+    parser.add_argument(
+        "--mid-range", action="store_true", help="the fixed parameters of thesis 5.7.3"
+    )
     args = parser.parse_args()
     chunk, started, parts = 500, time.process_time(), []
     for k in range(-(-args.samples // (chunk * args.actions))):

@@ -1,7 +1,8 @@
 """The shipped dynamics network: a residual perceptron in the frame of the gripped edge.
 
-Past thesis 5.4.3 in three ways: the frame (see ``frames``), the two gripped nodes are placed exactly, and the
-parameters enter together with the ratio k_b / k_d, which is what a slow motion depends on.
+Past thesis 5.4.3 in three ways: the frame (see ``frames``), the two gripped nodes are placed
+exactly, and the parameters enter together with the ratio k_b / k_d, which is what a slow motion
+depends on.
 """
 
 from __future__ import annotations
@@ -24,9 +25,12 @@ class Block(nn.Module):
 
 
 class DynamicsNetwork(nn.Module):
-    """``nodes`` n of a state; ``conditioned`` False leaves the rope's parameters out (thesis 5.7.3)."""
+    """``nodes`` n of a state; ``conditioned`` False leaves the rope's parameters out (thesis
+    5.7.3)."""
 
-    def __init__(self, nodes: int = 16, width: int = 320, blocks: int = 3, conditioned: bool = True) -> None:
+    def __init__(
+        self, nodes: int = 16, width: int = 320, blocks: int = 3, conditioned: bool = True
+    ) -> None:
         super().__init__()
         self.nodes, self.conditioned = nodes, conditioned
         inputs = 2 * nodes + (nodes - 1) + 4 + (4 if conditioned else 0)
@@ -37,8 +41,9 @@ class DynamicsNetwork(nn.Module):
         self.leave = nn.Sequential(nn.LayerNorm(width), last)
 
     def forward(self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor) -> Tensor:
-        """``state`` (B, n, 2) m in the edge frame, ``edge`` (B, n - 1) one-hot, ``move`` (B, 3) scaled to -1 … 1,
-        ``rope`` (B, 3) mass, k_b, k_d scaled to 0 … 1; the next state (B, n, 2) m in the same frame."""
+        """``state`` (B, n, 2) m in the edge frame, ``edge`` (B, n - 1) one-hot, ``move`` (B, 3)
+        scaled to -1 … 1, ``rope`` (B, 3) mass, k_b, k_d scaled to 0 … 1; the next state (B, n, 2) m
+        in the same frame."""
         angle = move[:, 2:] * (torch.pi / 4)
         cos, sin = torch.cos(angle), torch.sin(angle)
         parts = [state.flatten(1) / SCALE_M, edge, move[:, :2], sin, cos - 1]
@@ -49,5 +54,8 @@ class DynamicsNetwork(nn.Module):
         free = state + SCALE_M * self.leave(features).reshape(state.shape)
         near, far = nn.functional.pad(edge, (0, 1)), nn.functional.pad(edge, (1, 0))
         held = (near + far)[:, :, None]
-        turned = torch.stack([cos * state[..., 0] - sin * state[..., 1], sin * state[..., 0] + cos * state[..., 1]], -1)
+        turned = torch.stack(
+            [cos * state[..., 0] - sin * state[..., 1], sin * state[..., 0] + cos * state[..., 1]],
+            -1,
+        )
         return torch.where(held > 0.5, turned + 0.1 * move[:, None, :2], free)

@@ -1,7 +1,8 @@
-"""The architectures that the thesis compares with (5.7.3), written anew at about equal size, as nodes with features.
+"""The architectures that the thesis compares with (5.7.3), written anew at about equal size, as
+nodes with features.
 
-Every node sees its place, how the gripper moves it (zero unless it is held), how far along the DLO the gripped edge
-lies, and, when conditioned, the rope's parameters.
+Every node sees its place, how the gripper moves it (zero unless it is held), how far along the DLO
+the gripped edge lies, and, when conditioned, the rope's parameters.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ class BiLSTM(nn.Module):
     def __init__(self, nodes: int = 16, width: int = 144, conditioned: bool = True) -> None:
         super().__init__()
         self.conditioned = conditioned
-        self.lstm = nn.LSTM(10 if conditioned else 7, width, 2, batch_first=True, bidirectional=True)
+        self.lstm = nn.LSTM(
+            10 if conditioned else 7, width, 2, batch_first=True, bidirectional=True
+        )
         self.leave = nn.Linear(2 * width, 2)
 
     def forward(self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor) -> Tensor:
@@ -41,13 +44,20 @@ class InteractionLayer(nn.Module):
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.relation = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, width))
+        self.relation = nn.Sequential(
+            nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, width)
+        )
         self.update = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, width))
 
     def forward(self, x: Tensor) -> Tensor:
         left, right = x[:, :-1], x[:, 1:]
-        to_right, to_left = self.relation(torch.cat([left, right], -1)), self.relation(torch.cat([right, left], -1))
-        received = nn.functional.pad(to_right, (0, 0, 1, 0)) + nn.functional.pad(to_left, (0, 0, 0, 1))
+        to_right, to_left = (
+            self.relation(torch.cat([left, right], -1)),
+            self.relation(torch.cat([right, left], -1)),
+        )
+        received = nn.functional.pad(to_right, (0, 0, 1, 0)) + nn.functional.pad(
+            to_left, (0, 0, 0, 1)
+        )
         return x + self.update(torch.cat([x, received], -1))
 
 
@@ -69,9 +79,12 @@ class INBiLSTM(nn.Module):
 
 
 class GNN(nn.Module):
-    """Several interaction layers along the chain: the gripper's motion has to travel node by node."""
+    """Several interaction layers along the chain: the gripper's motion has to travel node by
+    node."""
 
-    def __init__(self, nodes: int = 16, width: int = 96, layers: int = 8, conditioned: bool = True) -> None:
+    def __init__(
+        self, nodes: int = 16, width: int = 96, layers: int = 8, conditioned: bool = True
+    ) -> None:
         super().__init__()
         self.conditioned = conditioned
         self.enter = nn.Linear(10 if conditioned else 7, width)
@@ -98,8 +111,15 @@ class RBF(nn.Module):
     def forward(self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor) -> Tensor:
         """As DynamicsNetwork, in the principal frame."""
         index = edge @ torch.linspace(-1, 1, edge.shape[1], device=edge.device)
-        parts = [4 * state.flatten(1), index[:, None], move, *([2 * rope - 1] if self.conditioned else [])]
+        parts = [
+            4 * state.flatten(1),
+            index[:, None],
+            move,
+            *([2 * rope - 1] if self.conditioned else []),
+        ]
         x = torch.cat(parts, 1)
-        squared = x.square().sum(1, keepdim=True) - 2 * x @ self.centers.T + self.centers.square().sum(1)
+        squared = (
+            x.square().sum(1, keepdim=True) - 2 * x @ self.centers.T + self.centers.square().sum(1)
+        )
         basis = torch.exp(-squared / (2 * torch.exp(2 * self.log_width)))
         return state + self.leave(basis).reshape(state.shape)

@@ -1,8 +1,9 @@
-"""The dynamics network together with its derivatives, as one graph that exports: the service needs no torch.
+"""The dynamics network together with its derivatives, as one graph that exports: the service needs
+no torch.
 
-Strategy: forward mode by hand. K tangents travel through the layers beside the value, (B, K, width) next to
-(B, width): two or three inputs and 2n outputs, so this is cheaper than 2n backward passes. (``torch.func.jvp`` does
-the same but cannot be traced to a graph with a free batch size.)
+Strategy: forward mode by hand. K tangents travel through the layers beside the value, (B, K, width)
+next to (B, width): two or three inputs and 2n outputs, so this is cheaper than 2n backward passes.
+(``torch.func.jvp`` does the same but cannot be traced to a graph with a free batch size.)
 """
 
 from __future__ import annotations
@@ -37,13 +38,16 @@ def _norm(layer: nn.LayerNorm, x: Tensor, dx: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class DynamicsTangents(nn.Module):
-    """Derivatives with respect to the scaled ``move`` (K = 3), or to the scaled k_b and k_d of ``rope`` (K = 2)."""
+    """Derivatives with respect to the scaled ``move`` (K = 3), or to the scaled k_b and k_d of
+    ``rope`` (K = 2)."""
 
     def __init__(self, network: DynamicsNetwork, variables: Variables) -> None:
         super().__init__()
         self.network, self.variables = network, variables
 
-    def forward(self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """As DynamicsNetwork, and the derivatives of the next state (B, n, 2, K)."""
         features, tangents = self._features(state, edge, move, rope)
         x, dx = _linear(self.network.enter, features, tangents)
@@ -60,7 +64,9 @@ class DynamicsTangents(nn.Module):
         d_free = SCALE_M * dy.reshape(state.shape[0], dy.shape[1], state.shape[1], 2)
         return self._held(state, edge, move, free, d_free)
 
-    def _features(self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor) -> tuple[Tensor, Tensor]:
+    def _features(
+        self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor
+    ) -> tuple[Tensor, Tensor]:
         quarter = torch.pi / 4
         cos, sin = torch.cos(quarter * move[:, 2:]), torch.sin(quarter * move[:, 2:])
         bending, damping = 0.05 + 0.95 * rope[:, 1:2], 3.0 + 27.0 * rope[:, 2:3]
@@ -81,19 +87,26 @@ class DynamicsTangents(nn.Module):
             ]
         return features, torch.stack([torch.cat([nothing, *row], 1) for row in rows], 1)
 
-    def _held(self, state: Tensor, edge: Tensor, move: Tensor, free: Tensor, d_free: Tensor) -> tuple[Tensor, Tensor]:
+    def _held(
+        self, state: Tensor, edge: Tensor, move: Tensor, free: Tensor, d_free: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """The two gripped nodes go where the gripper takes them."""
         quarter = torch.pi / 4
         cos, sin = torch.cos(quarter * move[:, 2:]), torch.sin(quarter * move[:, 2:])
         x, y = state[..., 0], state[..., 1]
         turned = torch.stack([cos * x - sin * y, sin * x + cos * y], -1)
-        held = ((nn.functional.pad(edge, (0, 1)) + nn.functional.pad(edge, (1, 0))) > 0.5)[:, :, None]
+        held = ((nn.functional.pad(edge, (0, 1)) + nn.functional.pad(edge, (1, 0))) > 0.5)[
+            :, :, None
+        ]
         value = torch.where(held, turned + 0.1 * move[:, None, :2], free)
         if self.variables == "rope":
             d_held = torch.zeros_like(d_free)
         else:
             sideways = quarter * torch.stack([-sin * x - cos * y, cos * x - sin * y], -1)
             shift = torch.zeros_like(state)
-            right, down = shift + 0.1 * shift.new_tensor([1.0, 0.0]), shift + 0.1 * shift.new_tensor([0.0, 1.0])
+            right, down = (
+                shift + 0.1 * shift.new_tensor([1.0, 0.0]),
+                shift + 0.1 * shift.new_tensor([0.0, 1.0]),
+            )
             d_held = torch.stack([right, down, sideways], 1)
         return value, torch.where(held[:, None], d_held, d_free).permute(0, 2, 3, 1)

@@ -1,5 +1,5 @@
-"""The dynamics network of the thesis (5.4.3, Fig. 5.4): blocks of linear layers and ReLU for state, action and
-parameters; the last two weigh the state's features element by element."""
+"""The dynamics network of the thesis (5.4.3, Fig. 5.4): blocks of linear layers and ReLU for state,
+action and parameters; the last two weigh the state's features element by element."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from torch import Tensor, nn
 
 
 def _layers(*sizes: int) -> nn.Sequential:
-    return nn.Sequential(*(layer for a, b in pairwise(sizes) for layer in (nn.Linear(a, b), nn.ReLU())))
+    return nn.Sequential(
+        *(layer for a, b in pairwise(sizes) for layer in (nn.Linear(a, b), nn.ReLU()))
+    )
 
 
 class ThesisNetwork(nn.Module):
@@ -20,7 +22,9 @@ class ThesisNetwork(nn.Module):
         self.action = _layers(4, width, width)
         self.parameters_block = _layers(3, width, width) if conditioned else None
         self.dlo = _layers(2 * nodes, width, width)
-        self.prediction = nn.Sequential(_layers(width, width, width, width), nn.Linear(width, 2 * nodes))
+        self.prediction = nn.Sequential(
+            _layers(width, width, width, width), nn.Linear(width, 2 * nodes)
+        )
 
     def forward(self, state: Tensor, edge: Tensor, move: Tensor, rope: Tensor) -> Tensor:
         """As DynamicsNetwork, in the principal frame."""

@@ -45,7 +45,10 @@ def tensors(samples: Samples, kind: FrameKind) -> tuple[Tensor, ...]:
     move = samples.move.astype(np.float64)
     move = np.column_stack([placed.vectors_to_frame(move[:, :2]), move[:, 2]])
     columns = (
-        placed.to_frame(before), edge, scale_move(move), scale_rope(samples.rope[:, :3].astype(np.float64)),
+        placed.to_frame(before),
+        edge,
+        scale_move(move),
+        scale_rope(samples.rope[:, :3].astype(np.float64)),
         placed.to_frame(samples.after.astype(np.float64)),
-    )  # fmt: skip
+    )
     return tuple(torch.from_numpy(c.astype(np.float32)) for c in columns)

@@ -3,8 +3,8 @@
     python -m models.training.dynamics.data build/varied.npz --samples 300000 --actions 6 --seed 1
     python -m models.training dynamics --data build/varied.npz --minutes 17
 
-Three files of the same weights are exported: the next state alone, with its derivatives by the action, and with those
-by the rope's parameters.
+Three files of the same weights are exported: the next state alone, with its derivatives by the
+action, and with those by the rope's parameters.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ _HELD_OUT = 0.1
 
 @dataclass(frozen=True)
 class DynamicsConfig(Config):
-    """``network`` by its name; ``conditioned`` on the rope's parameters. Thesis 5.7.1: 100 epochs at batch 128."""
+    """``network`` by its name; ``conditioned`` on the rope's parameters. Thesis 5.7.1: 100 epochs
+    at batch 128."""
 
     minutes: float = 30.0
     batch: int = 512
@@ -73,14 +74,15 @@ def node_error(predicted: Tensor, true: Tensor) -> Tensor:
 
 
 def centimeters(predicted: Tensor, true: Tensor) -> Tensor:
-    """Mean squared error (5.4.3) in units of a centimeter, its square root taken a sample at a time: large motions
-    do not outweigh small ones."""
+    """Mean squared error (5.4.3) in units of a centimeter, its square root taken a sample at a
+    time: large motions do not outweigh small ones."""
     squared = (1e4 * (predicted - true).square()).sum(-1).mean(1)
     return (squared + 1e-4).sqrt().mean()
 
 
 def split(samples: Samples) -> tuple[Samples, Samples]:
-    """Training and validation. Sequences are apart by whole chunks, so the last tenth shares none with the rest."""
+    """Training and validation. Sequences are apart by whole chunks, so the last tenth shares none
+    with the rest."""
     kept = round((1 - _HELD_OUT) * len(samples))
     return samples.taken(slice(0, kept)), samples.taken(slice(kept, None))
 
@@ -97,7 +99,11 @@ def samples(config: DynamicsConfig, source: Source) -> tuple[Columns, Columns]:
 
 
 def loss_of(
-    network: nn.Module, data: Columns, rows: IntArray, rng: np.random.Generator, config: DynamicsConfig
+    network: nn.Module,
+    data: Columns,
+    rows: IntArray,
+    rng: np.random.Generator,
+    config: DynamicsConfig,
 ) -> Tensor:
     *inputs, true = data.taken(rows)
     return centimeters(network(*inputs), true)
@@ -122,9 +128,12 @@ def measure(network: nn.Module, data: Columns, config: DynamicsConfig) -> dict[s
 
 
 def without(data: Columns, config: DynamicsConfig) -> dict[str, Any]:
-    error = torch.cat([
-        node_error(data.parts[0][rows], data.parts[-1][rows]) for rows in torch.arange(len(data)).split(4096)
-    ])  # fmt: skip
+    error = torch.cat(
+        [
+            node_error(data.parts[0][rows], data.parts[-1][rows])
+            for rows in torch.arange(len(data)).split(4096)
+        ]
+    )
     return {
         "rule": "no motion",
         "error_mm": round(1e3 * float(error.mean()), 4),
@@ -136,15 +145,20 @@ def without(data: Columns, config: DynamicsConfig) -> dict[str, Any]:
 def example(batch: int, seed: int = 0) -> tuple[Tensor, ...]:
     """Inputs of a network: state in its frame, one-hot edge, scaled move and rope."""
     rng = torch.Generator().manual_seed(seed)
-    edge = nn.functional.one_hot(torch.randint(0, NODES - 1, (batch,), generator=rng), NODES - 1).float()
+    edge = nn.functional.one_hot(
+        torch.randint(0, NODES - 1, (batch,), generator=rng), NODES - 1
+    ).float()
     return (
-        0.1 * torch.randn(batch, NODES, 2, generator=rng), edge,
-        2 * torch.rand(batch, 3, generator=rng) - 1, torch.rand(batch, 3, generator=rng),
-    )  # fmt: skip
+        0.1 * torch.randn(batch, NODES, 2, generator=rng),
+        edge,
+        2 * torch.rand(batch, 3, generator=rng) - 1,
+        torch.rand(batch, 3, generator=rng),
+    )
 
 
 def exports(network: nn.Module, data: Columns, config: DynamicsConfig) -> list[Exported]:
-    """Raises ValueError for one of the rivals: they were built to be compared, their derivatives are not written."""
+    """Raises ValueError for one of the rivals: they were built to be compared, their derivatives
+    are not written."""
     if not isinstance(network, DynamicsNetwork) or not config.conditioned:
         raise ValueError("only the conditioned network 'dynamics' can be exported")
     network.eval().requires_grad_(False)
@@ -156,19 +170,29 @@ def exports(network: nn.Module, data: Columns, config: DynamicsConfig) -> list[E
     dim = torch.export.Dim("batch", min=1, max=4096)
     return [
         Exported(
-            name, module, name,
+            name,
+            module,
+            name,
             "state (B, 16, 2) m in the edge's frame, edge (B, 15) one-hot, move (B, 3) and rope (B, 3) scaled",
             "trained from scratch by this repository on its own simulations (models/manipulation/simulator.py)",
             {
-                "nodes": NODES, "move_scale": MOVE_SCALE.tolist(), "mass_kg": list(MASS_KG),
-                "bending": list(BENDING), "damping": list(DAMPING), "length_m": list(LENGTH_M),
+                "nodes": NODES,
+                "move_scale": MOVE_SCALE.tolist(),
+                "mass_kg": list(MASS_KG),
+                "bending": list(BENDING),
+                "damping": list(DAMPING),
+                "length_m": list(LENGTH_M),
                 "duration_s": SimulationParams().duration_s,
             },
-            [example(7), example(1), example(15, 1), example(120, 2)], [{0: dim}] * len(INPUTS), 1e-4, INPUTS, outputs,
+            [example(7), example(1), example(15, 1), example(120, 2)],
+            [{0: dim}] * len(INPUTS),
+            1e-4,
+            INPUTS,
+            outputs,
             version="1",
         )
         for name, (module, outputs) in parts.items()
-    ]  # fmt: skip
+    ]
 
 
 FAMILY = Family(

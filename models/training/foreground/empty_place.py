@@ -1,6 +1,8 @@
-"""The weights of ``models.segmentation.empty_place``, fitted on rendered cells: ``python -m`` this module prints them.
+"""The weights of ``models.segmentation.empty_place``, fitted on rendered cells: ``python -m`` this
+module prints them.
 
-Logistic regression of cable or not, the network's log odds given: what the pictures of the empty place add to them.
+Logistic regression of cable or not, the network's log odds given: what the pictures of the empty
+place add to them.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ _SMALL = 1e-4
 """Weight of the sum of squares, against weights that grow without need."""
 
 
-def rows(count: int, seed: int, textures: Path) -> Iterator[tuple[Float32Array, Float32Array, np.ndarray]]:
+def rows(
+    count: int, seed: int, textures: Path
+) -> Iterator[tuple[Float32Array, Float32Array, np.ndarray]]:
     """Per cell: evidence (n, 5), the network's log odds (n,), and whether it is cable (n,)."""
     network, pool = load(default_name("foreground"), Runtime(threads=1)), load_pool(textures)
     settings = ForegroundInput.from_manifest(network.spec.preprocess)
@@ -44,7 +48,11 @@ def rows(count: int, seed: int, textures: Path) -> Iterator[tuple[Float32Array, 
             continue
         changed = change(cell.picture, over.place, over.valid, free)
         some = rng.choice(np.flatnonzero(over.valid.ravel()), _PIXELS)
-        yield evidence(changed.ravel()[some], odds.ravel()[some]), odds.ravel()[some], cell.mask.ravel()[some]
+        yield (
+            evidence(changed.ravel()[some], odds.ravel()[some]),
+            odds.ravel()[some],
+            cell.mask.ravel()[some],
+        )
 
 
 def fit(evidences: FloatArray, odds: FloatArray, cable: np.ndarray) -> Weights:
@@ -61,12 +69,19 @@ def fit(evidences: FloatArray, odds: FloatArray, cable: np.ndarray) -> Weights:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.empty_place", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.foreground.empty_place", description=__doc__
+    )
     parser.add_argument("--cells", type=int, default=60)
     parser.add_argument("--seed", type=int, default=41)
-    parser.add_argument("--textures", type=Path, default=GROUNDS, help="pack or folder of backgrounds")
+    parser.add_argument(
+        "--textures", type=Path, default=GROUNDS, help="pack or folder of backgrounds"
+    )
     args = parser.parse_args(arguments)
-    parts = [np.concatenate(part) for part in zip(*rows(args.cells, args.seed, args.textures), strict=True)]
+    parts = [
+        np.concatenate(part)
+        for part in zip(*rows(args.cells, args.seed, args.textures), strict=True)
+    ]
     print(fit(parts[0].astype(float), parts[1].astype(float), parts[2].astype(float)))
 
 

@@ -1,7 +1,9 @@
-"""A student's encoder is shown what its teacher's sees (hints, Romero et al. 2015), beside what is answered in the end.
+"""A student's encoder is shown what its teacher's sees (hints, Romero et al. 2015), beside what is
+answered in the end.
 
-An encoder that begins from random weights learns its first layers only slowly through all the others. A teacher of
-another architecture has useful features at the same strides: from the student's a 1 × 1 convolution is to tell them.
+An encoder that begins from random weights learns its first layers only slowly through all the
+others. A teacher of another architecture has useful features at the same strides: from the
+student's a 1 × 1 convolution is to tell them.
 """
 
 from __future__ import annotations
@@ -18,11 +20,13 @@ from models.training.foreground.network_deeplab import DeepLab
 from models.weights.inference import WEIGHTS, spec_of
 
 _LOW, _HIGH = 0, {16: 2, 32: 3}
-"""Places among what the compact encoder sees: at stride 4, and by the stride of the student's high-level features."""
+"""Places among what the compact encoder sees: at stride 4, and by the stride of the student's
+high-level features."""
 
 
 class Shown(NamedTuple):
-    """What a teacher answers, (B, H, W) probability, and what its encoder sees: (B, C, H/4, W/4), (B, C, h, w)."""
+    """What a teacher answers, (B, H, W) probability, and what its encoder sees: (B, C, H/4, W/4),
+    (B, C, h, w)."""
 
     probability: Tensor
     low: Tensor
@@ -30,12 +34,12 @@ class Shown(NamedTuple):
 
 
 class Hints(nn.Module):
-    """A compact network of the manifest as the teacher of a DeepLabV3+; trained with the student, of use to nobody
-    afterwards."""
+    """A compact network of the manifest as the teacher of a DeepLabV3+; trained with the student,
+    of use to nobody afterwards."""
 
     def __init__(self, teacher: str, student: DeepLab) -> None:
-        """Raises ValueError for a teacher that is not in the manifest or no compact network, and for a student that is
-        no DeepLabV3+."""
+        """Raises ValueError for a teacher that is not in the manifest or no compact network, and
+        for a student that is no DeepLabV3+."""
         super().__init__()
         if not isinstance(student, DeepLab):
             raise ValueError("hints are for the deeplab networks")
@@ -59,9 +63,11 @@ class Hints(nn.Module):
         return Shown(probability, taps[_LOW], taps[self._place])
 
     def forward(self, shown: Shown, low: Tensor, high: Tensor) -> Tensor:
-        """How badly the student's ``low`` and ``high`` features tell the teacher's: the mean squared error over the
-        variance of each channel, so that 1 is to know nothing."""
-        return (_unexplained(self.low(low), shown.low) + _unexplained(self.high(high), shown.high)) / 2
+        """How badly the student's ``low`` and ``high`` features tell the teacher's: the mean
+        squared error over the variance of each channel, so that 1 is to know nothing."""
+        return (
+            _unexplained(self.low(low), shown.low) + _unexplained(self.high(high), shown.high)
+        ) / 2
 
 
 def _unexplained(told: Tensor, true: Tensor) -> Tensor:

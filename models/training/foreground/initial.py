@@ -1,4 +1,5 @@
-"""A shipped network back to one that can be trained further, when its checkpoint is gone, and into its file again."""
+"""A shipped network back to one that can be trained further, when its checkpoint is gone, and into
+its file again."""
 
 from __future__ import annotations
 
@@ -13,19 +14,23 @@ from torch import Tensor, nn
 
 
 def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor] | None = None) -> int:
-    """Give ``network`` the weights of its own exported ``file``; returns how many convolutions were taken.
+    """Give ``network`` the weights of its own exported ``file``; returns how many convolutions were
+    taken.
 
-    The exporter folds batch normalizations into the convolutions before them. Here the folded weights go back into the
-    convolution, and the normalization gets the statistics that ``pictures`` (normalized, (B, 3, H, W)) produce and the
-    scale and shift that undo them: the same function, in training mode too. Without ``pictures`` the statistics are 0
-    and 1: the same function in evaluation mode alone.
+    The exporter folds batch normalizations into the convolutions before them. Here the folded
+    weights go back into the convolution, and the normalization gets the statistics that
+    ``pictures`` (normalized, (B, 3, H, W)) produce and the scale and shift that undo them: the same
+    function, in training mode too. Without ``pictures`` the statistics are 0 and 1: the same
+    function in evaluation mode alone.
 
-    Raises ValueError when the file is of another network, or of a Swin, whose tables of relative positions the exporter
-    turns into what they stand for.
+    Raises ValueError when the file is of another network, or of a Swin, whose tables of relative
+    positions the exporter turns into what they stand for.
     """
     graph = onnx.load(file).graph
     stored, biases = _stored(graph), _biases(graph)
-    folded = {name: norm for name, norm in _normalized(network).items() if f"{name}.weight" in biases}
+    folded = {
+        name: norm for name, norm in _normalized(network).items() if f"{name}.weight" in biases
+    }
     passed = set(folded.values())
     for prefix, module in network.named_modules():
         if module not in passed:
@@ -38,10 +43,12 @@ def unfold(file: Path, network: nn.Module, pictures: Iterable[Tensor] | None = N
 
 
 def _stored(graph: onnx.GraphProto) -> dict[str, Tensor]:
-    """The file's numbers by name. The weights of a linear layer are kept turned and without their name: it follows from
-    the bias that is added next."""
+    """The file's numbers by name. The weights of a linear layer are kept turned and without their
+    name: it follows from the bias that is added next."""
     values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
-    added = {name: node.input for node in graph.node if node.op_type == "Add" for name in node.input}
+    added = {
+        name: node.input for node in graph.node if node.op_type == "Add" for name in node.input
+    }
     for node in graph.node:
         if node.op_type == "MatMul" and node.input[1] in values:
             bias = next((n for n in added.get(node.output[0], ()) if n in values), "")
@@ -51,7 +58,11 @@ def _stored(graph: onnx.GraphProto) -> dict[str, Tensor]:
 
 def _biases(graph: onnx.GraphProto) -> dict[str, str]:
     """Names of the biases of convolutions, by those of their weights."""
-    return {node.input[1]: node.input[2] for node in graph.node if node.op_type == "Conv" and len(node.input) > 2}
+    return {
+        node.input[1]: node.input[2]
+        for node in graph.node
+        if node.op_type == "Conv" and len(node.input) > 2
+    }
 
 
 @torch.no_grad()
@@ -68,8 +79,8 @@ def _take(module: nn.Module, prefix: str, stored: dict[str, Tensor]) -> None:
 
 
 def refold(file: Path, network: nn.Module, share: float = 1.0) -> bytes:
-    """The exported ``file`` of the same network with the weights of ``network``, each normalization folded into the
-    convolution before it; ``share`` of them, the rest stays as it is in the file.
+    """The exported ``file`` of the same network with the weights of ``network``, each normalization
+    folded into the convolution before it; ``share`` of them, the rest stays as it is in the file.
 
     Raises ValueError when the file is of another network.
     """
@@ -82,10 +93,14 @@ def refold(file: Path, network: nn.Module, share: float = 1.0) -> bytes:
         name = node.input[1].removesuffix(".weight")
         if name not in convolutions:
             raise ValueError(f"the network has no {name}")
-        for place, new in zip(node.input[1:], _folded(convolutions[name], pairs.get(name)), strict=False):
+        for place, new in zip(
+            node.input[1:], _folded(convolutions[name], pairs.get(name)), strict=False
+        ):
             old = numpy_helper.to_array(places[place])
             if old.shape != tuple(new.shape):
-                raise ValueError(f"{name} is {tuple(new.shape)} in the network, {old.shape} in the file")
+                raise ValueError(
+                    f"{name} is {tuple(new.shape)} in the network, {old.shape} in the file"
+                )
             mixed = old + share * (new.detach().numpy() - old)
             places[place].CopyFrom(numpy_helper.from_array(mixed.astype(old.dtype), place))
     written: bytes = model.SerializeToString()
@@ -108,8 +123,8 @@ def _convolutions(network: nn.Module) -> dict[str, nn.Conv2d]:
 
 
 def _normalized(network: nn.Module) -> dict[str, nn.BatchNorm2d]:
-    """The normalization that follows each convolution, in its sequence or as ``bn1`` follows ``conv1``, by the
-    convolution's name."""
+    """The normalization that follows each convolution, in its sequence or as ``bn1`` follows
+    ``conv1``, by the convolution's name."""
     pairs = {}
     for prefix, module in network.named_modules():
         children = dict(module.named_children())
@@ -132,13 +147,17 @@ def _pass_through(norm: nn.BatchNorm2d, bias: Tensor) -> None:
 
 
 @torch.no_grad()
-def _calibrate(network: nn.Module, pairs: dict[str, nn.BatchNorm2d], pictures: Iterable[Tensor]) -> None:
+def _calibrate(
+    network: nn.Module, pairs: dict[str, nn.BatchNorm2d], pictures: Iterable[Tensor]
+) -> None:
     sums: dict[str, list[Tensor]] = {name: [] for name in pairs}
     convolutions = _convolutions(network)
 
     def watch(name: str) -> None:
         convolutions[name].register_forward_hook(
-            lambda _m, _i, out: sums[name].append(torch.stack([out.mean((0, 2, 3)), out.square().mean((0, 2, 3))]))
+            lambda _m, _i, out: sums[name].append(
+                torch.stack([out.mean((0, 2, 3)), out.square().mean((0, 2, 3))])
+            )
         )
 
     for name in pairs:

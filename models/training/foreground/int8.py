@@ -1,10 +1,12 @@
-"""A shipped foreground network to 8 bits: ``python -m models.training.foreground.int8 --textures PACK``.
+"""A shipped foreground network to 8 bits: ``python -m models.training.foreground.int8 --textures
+PACK``.
 
-Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this repository renders,
-and, with ``--labelled``, from as many photographs of the training set, one after the other: photographs have darker
-shadows and sharper edges, and what is beyond a range is cut. The first convolutions, up to a quarter of the picture's
-size, stay in single precision: most of what 8 bits cost on photographs is lost in them. A network that has
-``--learned`` to compute in 8 bits (``rounded.py``) does without.
+Static quantization (activations uint8, weights int8 a channel) with ranges from scenes that this
+repository renders, and, with ``--labelled``, from as many photographs of the training set, one
+after the other: photographs have darker shadows and sharper edges, and what is beyond a range is
+cut. The first convolutions, up to a quarter of the picture's size, stay in single precision: most
+of what 8 bits cost on photographs is lost in them. A network that has ``--learned`` to compute in 8
+bits (``rounded.py``) does without.
 """
 
 from __future__ import annotations
@@ -19,7 +21,13 @@ from pathlib import Path
 import numpy as np
 import onnx
 from numpy.typing import NDArray
-from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
+from onnxruntime.quantization import (
+    CalibrationDataReader,
+    CalibrationMethod,
+    QuantFormat,
+    QuantType,
+    quantize_static,
+)
 
 from models.segmentation.segment import ForegroundInput, segment
 from models.synthesis.scenes import WORKSHOP, SceneParams, render_scene, to_uint8
@@ -29,14 +37,17 @@ from models.training.foreground.real_pictures import load_labelled
 from models.weights.inference import WEIGHTS, Card, Network, load, manifest
 
 SINGLE = 6
-"""Convolutions, from the picture on, that stay in single precision: an eighth more time, .7 Dice on photographs."""
+"""Convolutions, from the picture on, that stay in single precision: an eighth more time, .7 Dice on
+photographs."""
 _CALIBRATION_SEED, _HELD_OUT_SEED = 60_000_011, 70_000_027
 
 
 class Pictures(CalibrationDataReader):  # type: ignore[misc]
     """Feeds pictures (H, W, 3), prepared by the manifest."""
 
-    def __init__(self, input_name: str, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]]) -> None:
+    def __init__(
+        self, input_name: str, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]]
+    ) -> None:
         self._feeds = self._make(input_name, settings, pictures)
 
     @staticmethod
@@ -57,8 +68,11 @@ class Pictures(CalibrationDataReader):  # type: ignore[misc]
         return next(self._feeds, None)
 
 
-def calibrating(pool: TexturePool, count: int, labelled: Path | None) -> Iterator[NDArray[np.uint8]]:
-    """``count`` rendered pictures, each followed by a photograph of ``labelled`` as far as there are some."""
+def calibrating(
+    pool: TexturePool, count: int, labelled: Path | None
+) -> Iterator[NDArray[np.uint8]]:
+    """``count`` rendered pictures, each followed by a photograph of ``labelled`` as far as there
+    are some."""
     taken = [] if labelled is None else [p.rgb for p in load_labelled(labelled).photographs]
     order = np.random.default_rng(_CALIBRATION_SEED).permutation(len(taken))
     rendered = (rgb for rgb, _ in scenes(_CALIBRATION_SEED, pool, count))
@@ -78,10 +92,14 @@ def scenes(
 
 
 def quantize(
-    source: Path, target: Path, settings: ForegroundInput, pictures: Iterable[NDArray[np.uint8]], single: int = SINGLE
+    source: Path,
+    target: Path,
+    settings: ForegroundInput,
+    pictures: Iterable[NDArray[np.uint8]],
+    single: int = SINGLE,
 ) -> None:
-    """Write ``target``, the 8-bit network of ``source`` with ranges from ``pictures`` (H, W, 3); the first ``single``
-    convolutions stay as they are."""
+    """Write ``target``, the 8-bit network of ``source`` with ranges from ``pictures`` (H, W, 3);
+    the first ``single`` convolutions stay as they are."""
     graph = onnx.load(source).graph
     quantize_static(
         source,
@@ -98,12 +116,16 @@ def quantize(
 
 
 def compare(full: Network, small: Network, pool: TexturePool, count: int) -> dict[str, float]:
-    """Mean Dice of both on held-out rendered pictures with cables, and how often their masks differ."""
+    """Mean Dice of both on held-out rendered pictures with cables, and how often their masks
+    differ."""
     settings = ForegroundInput.from_manifest(full.spec.preprocess)
     dice: dict[str, list[float]] = {"full": [], "int8": []}
     differing = []
     for rgb, truth in scenes(_HELD_OUT_SEED, pool, count):
-        masks = {n: segment(rgb, net, settings) >= settings.threshold for n, net in (("full", full), ("int8", small))}
+        masks = {
+            n: segment(rgb, net, settings) >= settings.threshold
+            for n, net in (("full", full), ("int8", small))
+        }
         differing.append(float(np.mean(masks["full"] != masks["int8"])))
         if truth.any():
             for name, mask in masks.items():
@@ -117,12 +139,20 @@ def compare(full: Network, small: Network, pool: TexturePool, count: int) -> dic
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.int8", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.foreground.int8", description=__doc__
+    )
     parser.add_argument("--network", default="foreground_compact")
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
-    parser.add_argument("--calibration", type=int, default=200, help="rendered pictures for the ranges")
-    parser.add_argument("--labelled", type=Path, help="photographs with masks, as many for the ranges")
-    parser.add_argument("--learned", type=Path, help="the network's weights as rounded.py left them")
+    parser.add_argument(
+        "--calibration", type=int, default=200, help="rendered pictures for the ranges"
+    )
+    parser.add_argument(
+        "--labelled", type=Path, help="photographs with masks, as many for the ranges"
+    )
+    parser.add_argument(
+        "--learned", type=Path, help="the network's weights as rounded.py left them"
+    )
     parser.add_argument("--held-out", type=int, default=100, help="rendered pictures to compare on")
     args = parser.parse_args()
     pool, spec = load_pool(args.textures), manifest()[args.network]
@@ -154,7 +184,10 @@ def main() -> None:
     register(name, target, card, spec.parameters)
     manifest.cache_clear()
     metrics = compare(load(args.network), load(name), pool, args.held_out)
-    without = {"rule": f"{args.network}, of which it is made", "rendered_dice": metrics["rendered_dice_fp32"]}
+    without = {
+        "rule": f"{args.network}, of which it is made",
+        "rendered_dice": metrics["rendered_dice_fp32"],
+    }
     register(name, target, replace(card, metrics=metrics, without=without), spec.parameters)
     of_full = {**spec.metrics, "rendered_dice": metrics["rendered_dice_fp32"]}
     register(args.network, WEIGHTS / spec.file, replace(spec, metrics=of_full), spec.parameters)

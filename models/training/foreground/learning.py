@@ -1,4 +1,5 @@
-"""How a foreground network learns from pictures and labels: the loss, a step, and where it begins."""
+"""How a foreground network learns from pictures and labels: the loss, a step, and where it
+begins."""
 
 from __future__ import annotations
 
@@ -31,14 +32,14 @@ def normalize(images: Tensor) -> Tensor:
 def foreground_loss(logits: Tensor, labels: Tensor) -> Tensor:
     """Binary cross entropy and soft Dice per picture, over the pixels where one can tell.
 
-    ``logits`` (B, 1, H, W); ``labels`` (B, H, W) 255 cable, 0 none, 128 cannot tell. A picture without cables has no
-    Dice term: there the cross entropy alone pushes everything down.
+    ``logits`` (B, 1, H, W); ``labels`` (B, H, W) 255 cable, 0 none, 128 cannot tell. A picture
+    without cables has no Dice term: there the cross entropy alone pushes everything down.
     """
     target = (labels == 255).float().unsqueeze(1)
     weight = (labels != UNKNOWN).float().unsqueeze(1)
-    bce = (F.binary_cross_entropy_with_logits(logits, target, reduction="none") * weight).sum() / weight.sum().clamp(
-        min=1
-    )
+    bce = (
+        F.binary_cross_entropy_with_logits(logits, target, reduction="none") * weight
+    ).sum() / weight.sum().clamp(min=1)
     p = torch.sigmoid(logits) * weight
     both, total = (p * target).sum((1, 2, 3)), (p + target).sum((1, 2, 3))
     filled = (target.sum((1, 2, 3)) > 0).float()
@@ -46,9 +47,11 @@ def foreground_loss(logits: Tensor, labels: Tensor) -> Tensor:
     return bce + dice.sum() / filled.sum().clamp(min=1)
 
 
-def hinted_loss(network: DeepLab, images: Tensor, labels: Tensor, hints: Hints, weight: float) -> Tensor:
-    """That of a batch as :func:`loss_of` takes it, taught by what a teacher answers and, with so much ``weight``, by
-    what its encoder sees."""
+def hinted_loss(
+    network: DeepLab, images: Tensor, labels: Tensor, hints: Hints, weight: float
+) -> Tensor:
+    """That of a batch as :func:`loss_of` takes it, taught by what a teacher answers and, with so
+    much ``weight``, by what its encoder sees."""
     x = _input(network, images)
     with torch.autocast(x.device.type, torch.bfloat16):
         shown = hints.shown(x)
@@ -58,9 +61,11 @@ def hinted_loss(network: DeepLab, images: Tensor, labels: Tensor, hints: Hints, 
     return _taught(logits.float(), labels.to(x.device), shown.probability) + weight * unexplained
 
 
-def loss_of(network: nn.Module, images: Tensor, labels: Tensor, teacher: Teacher | None = None) -> Tensor:
-    """That of a batch: (B, 3, H, W) uint8 pictures and (B, H, W) uint8 labels; with a teacher, the mean of its loss
-    and that of the labels."""
+def loss_of(
+    network: nn.Module, images: Tensor, labels: Tensor, teacher: Teacher | None = None
+) -> Tensor:
+    """That of a batch: (B, 3, H, W) uint8 pictures and (B, H, W) uint8 labels; with a teacher, the
+    mean of its loss and that of the labels."""
     x = _input(network, images)
     with torch.autocast(x.device.type, torch.bfloat16):
         logits = network(x)
@@ -84,11 +89,17 @@ class Learning:
     """A foreground network on its course, on the GPU where there is one."""
 
     def __init__(
-        self, network: str, slim: int, config: Config, encoder_rate: float = 1.0, teacher: Teacher | None = None,
+        self,
+        network: str,
+        slim: int,
+        config: Config,
+        encoder_rate: float = 1.0,
+        teacher: Teacher | None = None,
         hints: str = "",
-    ) -> None:  # fmt: skip
-        """``network`` by its name, its channels divided by ``slim``; the encoder learns at ``encoder_rate`` times the
-        rate. ``hints``: a compact network of the manifest as a teacher that shows what its encoder sees, too."""
+    ) -> None:
+        """``network`` by its name, its channels divided by ``slim``; the encoder learns at
+        ``encoder_rate`` times the rate. ``hints``: a compact network of the manifest as a teacher
+        that shows what its encoder sees, too."""
         self.teacher = teacher
         torch.manual_seed(config.seed)
         self.name, self.slim = network, slim
@@ -99,7 +110,9 @@ class Learning:
         decoder = [p for p in built.parameters() if id(p) not in known]
         self.hints = Hints(hints, built).to(self.device) if hints else None
         decoder += self.hints.parameters() if self.hints else []
-        self.course = Course(built, config, [{"params": encoder, "scale": encoder_rate}, {"params": decoder}])
+        self.course = Course(
+            built, config, [{"params": encoder, "scale": encoder_rate}, {"params": decoder}]
+        )
 
     @property
     def network(self) -> ForegroundNetwork:
@@ -118,33 +131,45 @@ class Learning:
         return self.course.step(hinted_loss(self.network, images, labels, self.hints, weight))  # type: ignore[arg-type]
 
     def resume(self, file: Path) -> bool:
-        """Go on from a checkpoint; False where there is none. Raises ValueError when it is of another network or was
-        begun with other settings."""
+        """Go on from a checkpoint; False where there is none. Raises ValueError when it is of
+        another network or was begun with other settings."""
 
         def check(state: Mapping[str, Any]) -> None:
             name, slim = stored(state["params"])
             if (name, slim) != (self.name, self.slim):
-                raise ValueError(f"{file.parent} holds --network {name} --slim {slim}; ask for these or another folder")
+                raise ValueError(
+                    f"{file.parent} holds --network {name} --slim {slim}; ask for these or another folder"
+                )
             if ("hints" in state) != (self.hints is not None):
-                raise ValueError(f"{file.parent} was begun {'with' if 'hints' in state else 'without'} --hints")
+                raise ValueError(
+                    f"{file.parent} was begun {'with' if 'hints' in state else 'without'} --hints"
+                )
 
         state = self.course.restore(file, check)
         if state and self.hints is not None:
             self.hints.load_state_dict(state["hints"])
         return state is not None
 
-    def begin(self, pretrained: Path | None, exported: Path | None, pictures: Iterable[Tensor]) -> None:
-        """From published weights of the encoder, or from an exported network of the same kind, whose normalizations
-        take their statistics from ``pictures``, normalized, or from another checkpoint of it (``.pt``)."""
+    def begin(
+        self, pretrained: Path | None, exported: Path | None, pictures: Iterable[Tensor]
+    ) -> None:
+        """From published weights of the encoder, or from an exported network of the same kind,
+        whose normalizations take their statistics from ``pictures``, normalized, or from another
+        checkpoint of it (``.pt``)."""
         if pretrained is not None:
             self.network.load_encoder(torch.load(pretrained, map_location="cpu", weights_only=True))
         if exported is not None and exported.suffix == ".pt":
-            self.network.load_state_dict(torch.load(exported, map_location="cpu", weights_only=True)["average"])
+            self.network.load_state_dict(
+                torch.load(exported, map_location="cpu", weights_only=True)["average"]
+            )
         elif exported is not None:
             unfold(exported, self.network, pictures)
         self.course.average.load_state_dict(self.network.state_dict())
 
     def save(self, file: Path, params: Mapping[str, Any], **more: Any) -> None:
-        """A checkpoint that can be resumed and exported; ``params``: all settings of the training."""
+        """A checkpoint that can be resumed and exported; ``params``: all settings of the
+        training."""
         hints = {} if self.hints is None else {"hints": self.hints.state_dict()}
-        self.course.save(file, params={**params, "network": self.name, "slim": self.slim}, **hints, **more)
+        self.course.save(
+            file, params={**params, "network": self.name, "slim": self.slim}, **hints, **more
+        )

@@ -1,8 +1,9 @@
 """A small foreground network for processors: MobileNetV2 encoder, feature pyramid, sub-pixel head.
 
 Encoder: Sandler et al. 2018 (inverted residuals), the stages up to stride 32, so that its published
-ImageNet weights fit. Decoder: a 48-channel top-down pyramid to stride 4, then a pixel shuffle to full size. A level at
-stride 2 took two fifths of the time; the same time spent on a picture half as large again finds more.
+ImageNet weights fit. Decoder: a 48-channel top-down pyramid to stride 4, then a pixel shuffle to
+full size. A level at stride 2 took two fifths of the time; the same time spent on a picture half as
+large again finds more.
 """
 
 from __future__ import annotations
@@ -28,15 +29,18 @@ _FINEST = 4  # stride of the first of them
 
 
 class _StridedDepthwise(nn.Conv2d):
-    """A strided depthwise convolution that computes in single precision under autocast: its bfloat16 gradient takes
-    five times as long on processors, a third of a training step of this network."""
+    """A strided depthwise convolution that computes in single precision under autocast: its
+    bfloat16 gradient takes five times as long on processors, a third of a training step of this
+    network."""
 
     def forward(self, x: Tensor) -> Tensor:
         with torch.autocast(x.device.type, enabled=False):
             return super().forward(x.float()).to(x.dtype)
 
 
-def _conv(inputs: int, outputs: int, size: int, stride: int = 1, groups: int = 1, relu: bool = True) -> list[nn.Module]:
+def _conv(
+    inputs: int, outputs: int, size: int, stride: int = 1, groups: int = 1, relu: bool = True
+) -> list[nn.Module]:
     kind = _StridedDepthwise if groups > 1 and stride > 1 else nn.Conv2d
     layers: list[nn.Module] = [
         kind(inputs, outputs, size, stride, size // 2, groups=groups, bias=False),
@@ -75,7 +79,9 @@ class CompactNetwork(nn.Module):
         self.features = nn.ModuleList(blocks)
         self.lateral = nn.ModuleList(nn.Conv2d(c, channels, 1) for c in _TAPS.values())
         self.smooth = nn.ModuleList(
-            nn.Sequential(*_conv(channels, channels, 3, groups=channels), *_conv(channels, channels, 1))
+            nn.Sequential(
+                *_conv(channels, channels, 3, groups=channels), *_conv(channels, channels, 1)
+            )
             for _ in range(len(_TAPS) - 1)
         )
         cells = nn.Conv2d(32, _FINEST**2, 3, padding=1)
@@ -98,14 +104,17 @@ class CompactNetwork(nn.Module):
     def decoded(self, taps: list[Tensor]) -> Tensor:
         """Logits (B, 1, H, W) of what the encoder saw."""
         top = self.lateral[-1](taps[-1])
-        for lateral, smooth, tap in zip(self.lateral[-2::-1], self.smooth, taps[-2::-1], strict=True):
+        for lateral, smooth, tap in zip(
+            self.lateral[-2::-1], self.smooth, taps[-2::-1], strict=True
+        ):
             up = F.interpolate(top, scale_factor=2.0, mode="bilinear", align_corners=False)
             top = smooth(up + lateral(tap))
         logits: Tensor = self.head(top)
         return logits
 
     def load_encoder(self, weights: Mapping[str, Tensor]) -> int:
-        """Take the encoder from published MobileNetV2 weights (keys ``features.N…``); returns tensors taken."""
+        """Take the encoder from published MobileNetV2 weights (keys ``features.N…``); returns
+        tensors taken."""
         own = self.state_dict()
         taken = {k: v for k, v in weights.items() if k in own and own[k].shape == v.shape}
         self.load_state_dict(taken, strict=False)

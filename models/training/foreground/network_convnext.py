@@ -1,4 +1,5 @@
-"""ConvNeXt as an encoder (Liu et al. 2022). Parameter names are those of the published ImageNet weights.
+"""ConvNeXt as an encoder (Liu et al. 2022). Parameter names are those of the published ImageNet
+weights.
 
 Left out: stochastic depth, a regularizer for a fixed data set; ours is rendered without end.
 """
@@ -21,13 +22,17 @@ class ChannelNorm(nn.LayerNorm):
 
 
 class Block(nn.Module):
-    """7 × 7 per channel, then a two-layer perceptron per pixel, scaled by ``gamma``, and a skip (figure 4)."""
+    """7 × 7 per channel, then a two-layer perceptron per pixel, scaled by ``gamma``, and a skip
+    (figure 4)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.dwconv = nn.Conv2d(channels, channels, 7, padding=3, groups=channels)
         self.norm = nn.LayerNorm(channels, eps=_EPS)
-        self.pwconv1, self.pwconv2 = nn.Linear(channels, 4 * channels), nn.Linear(4 * channels, channels)
+        self.pwconv1, self.pwconv2 = (
+            nn.Linear(channels, 4 * channels),
+            nn.Linear(4 * channels, channels),
+        )
         self.gamma = nn.Parameter(torch.full((channels,), 1e-6))
 
     def forward(self, x: Tensor) -> Tensor:
@@ -44,7 +49,8 @@ def _initialize(module: nn.Module) -> None:
 
 
 class ConvNeXt(nn.Module):
-    """``depths`` blocks a stage: (3, 3, 9, 3) is ConvNeXt-T, (3, 3, 27, 3) ConvNeXt-S; ``width`` of the stem."""
+    """``depths`` blocks a stage: (3, 3, 9, 3) is ConvNeXt-T, (3, 3, 27, 3) ConvNeXt-S; ``width`` of
+    the stem."""
 
     stride = 32
 
@@ -58,7 +64,8 @@ class ConvNeXt(nn.Module):
             steps.append(nn.Sequential(ChannelNorm(widths[k], eps=_EPS), reduce))
         self.downsample_layers = nn.ModuleList(steps)
         self.stages = nn.ModuleList(
-            nn.Sequential(*(Block(w) for _ in range(n))) for w, n in zip(widths, depths, strict=True)
+            nn.Sequential(*(Block(w) for _ in range(n)))
+            for w, n in zip(widths, depths, strict=True)
         )
         self.norm = nn.LayerNorm(widths[3], eps=_EPS)
         self.apply(_initialize)

@@ -1,4 +1,5 @@
-"""DeepLabV3+ (Chen et al. 2018; thesis 2.7.1): encoder, context at several rates, decoder with low-level features."""
+"""DeepLabV3+ (Chen et al. 2018; thesis 2.7.1): encoder, context at several rates, decoder with
+low-level features."""
 
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ _RATES_AT_16 = (6, 12, 18)
 _LOW_STRIDE = 4
 
 
-def _conv(inputs: int, outputs: int, size: int = 1, rate: int = 1, groups: int = 1) -> list[nn.Module]:
+def _conv(
+    inputs: int, outputs: int, size: int = 1, rate: int = 1, groups: int = 1
+) -> list[nn.Module]:
     padding = rate * (size // 2)
     return [
         nn.Conv2d(inputs, outputs, size, padding=padding, dilation=rate, groups=groups, bias=False),
@@ -44,21 +47,28 @@ class AtrousPyramid(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         mean = self.picture(x.mean((2, 3), keepdim=True)).expand(-1, -1, *x.shape[2:])
-        return self.project(torch.cat([self.point(x), *(branch(x) for branch in self.atrous), mean], 1))
+        return self.project(
+            torch.cat([self.point(x), *(branch(x) for branch in self.atrous), mean], 1)
+        )
 
 
 class DeepLab(nn.Module):
-    """Foreground logits of a picture. ``features`` is the encoder; ``channels`` of pyramid and decoder,
-    ``low_channels`` of the low-level features beside them."""
+    """Foreground logits of a picture. ``features`` is the encoder; ``channels`` of pyramid and
+    decoder, ``low_channels`` of the low-level features beside them."""
 
     def __init__(self, features: Encoder, channels: int = 256, low_channels: int = 48) -> None:
         super().__init__()
         low, high = features.channels
         self.features = features
-        # The rates are lengths in the picture: half as many cells of a grid that is twice as coarse.
-        self.context = AtrousPyramid(high, channels, tuple(rate * 16 // features.stride for rate in _RATES_AT_16))
+        # The rates are lengths in the picture: half as many cells of a grid that is twice as
+        # coarse.
+        self.context = AtrousPyramid(
+            high, channels, tuple(rate * 16 // features.stride for rate in _RATES_AT_16)
+        )
         self.low = nn.Sequential(*_conv(low, low_channels))
-        self.refine = nn.Sequential(_separable(channels + low_channels, channels), _separable(channels, channels))
+        self.refine = nn.Sequential(
+            _separable(channels + low_channels, channels), _separable(channels, channels)
+        )
         self.head = nn.Conv2d(channels, 1, 1)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -66,7 +76,8 @@ class DeepLab(nn.Module):
         return self.decoded(*self.features(image))
 
     def decoded(self, low: Tensor, high: Tensor) -> Tensor:
-        """Logits (B, 1, H, W) of what the encoder saw: low-level features at stride 4, high-level ones."""
+        """Logits (B, 1, H, W) of what the encoder saw: low-level features at stride 4, high-level
+        ones."""
         up = _enlarge(self.context(high), self.features.stride // _LOW_STRIDE)
         logits = self.head(self.refine(torch.cat([up, self.low(low)], 1)))
         return _enlarge(logits, _LOW_STRIDE)

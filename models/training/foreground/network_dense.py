@@ -1,7 +1,8 @@
-"""The foreground network of ordinary 3 × 3 convolutions (ours): residual encoder, feature pyramid, global context.
+"""The foreground network of ordinary 3 × 3 convolutions (ours): residual encoder, feature pyramid,
+global context.
 
-Dense convolutions fill the matrix units of current processors: at equal time they see three to four times the
-pictures that depthwise ones do in training, and run as fast afterwards.
+Dense convolutions fill the matrix units of current processors: at equal time they see three to four
+times the pictures that depthwise ones do in training, and run as fast afterwards.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from torch import Tensor, nn
 
 
 class Plan(NamedTuple):
-    """``channels`` at 1/2, 1/4, 1/8, 1/16, 1/32 of the picture; ``blocks`` at the last four; of the ``pyramid``."""
+    """``channels`` at 1/2, 1/4, 1/8, 1/16, 1/32 of the picture; ``blocks`` at the last four; of the
+    ``pyramid``."""
 
     channels: tuple[int, int, int, int, int]
     blocks: tuple[int, int, int, int]
@@ -33,7 +35,9 @@ PLANS: Mapping[str, Plan] = {
 """The student, and the teacher that labels what nobody could mark."""
 
 
-def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1, relu: bool = True) -> list[nn.Module]:
+def _conv(
+    inputs: int, outputs: int, kernel: int = 3, stride: int = 1, relu: bool = True
+) -> list[nn.Module]:
     layers: list[nn.Module] = [
         nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
         nn.BatchNorm2d(outputs),
@@ -46,7 +50,9 @@ class Residual(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.conv = nn.Sequential(*_conv(channels, channels), *_conv(channels, channels, relu=False))
+        self.conv = nn.Sequential(
+            *_conv(channels, channels), *_conv(channels, channels, relu=False)
+        )
 
     def forward(self, x: Tensor) -> Tensor:
         return F.relu(x + self.conv(x))
@@ -58,7 +64,9 @@ class DenseNetwork(nn.Module):
     def __init__(self, plan: Plan) -> None:
         super().__init__()
         half, *channels = plan.channels
-        self.features = nn.ModuleList([nn.Sequential(*_conv(3, half, stride=2), *_conv(half, half))])
+        self.features = nn.ModuleList(
+            [nn.Sequential(*_conv(3, half, stride=2), *_conv(half, half))]
+        )
         inputs = half
         for outputs, count in zip(channels, plan.blocks, strict=True):
             blocks = [Residual(outputs) for _ in range(count)]
@@ -80,14 +88,18 @@ class DenseNetwork(nn.Module):
             x = stage(x)
             taps.append(x)
         top = self.lateral[-1](x) + self.context(x)
-        for lateral, smooth, tap in zip(self.lateral[-2::-1], self.smooth, taps[-2:0:-1], strict=True):
+        for lateral, smooth, tap in zip(
+            self.lateral[-2::-1], self.smooth, taps[-2:0:-1], strict=True
+        ):
             top = smooth(_doubled(top) + lateral(tap))
         logits: Tensor = self.head(self.fine(F.relu(_doubled(self.narrow(top)) + taps[0])))
         return logits
 
     def load_encoder(self, weights: Mapping[str, Tensor]) -> int:
         """Nobody publishes weights of this encoder. Raises ValueError."""
-        raise ValueError("the dense networks begin from random weights or from an export, not from published weights")
+        raise ValueError(
+            "the dense networks begin from random weights or from an export, not from published weights"
+        )
 
 
 def _doubled(x: Tensor) -> Tensor:

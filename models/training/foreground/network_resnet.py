@@ -1,4 +1,5 @@
-"""ResNet as an encoder (He et al. 2016) with an output stride of 16 by atrous convolutions (Chen et al. 2018).
+"""ResNet as an encoder (He et al. 2016) with an output stride of 16 by atrous convolutions (Chen et
+al. 2018).
 
 Parameter names are those of the widely published ImageNet weights, so that these fit.
 """
@@ -25,7 +26,7 @@ class Bottleneck(nn.Module):
         if stride != 1 or inputs != outputs:
             self.downsample = nn.Sequential(
                 nn.Conv2d(inputs, outputs, 1, stride, bias=False), nn.BatchNorm2d(outputs)
-            )  # fmt: skip
+            )
 
     def forward(self, x: Tensor) -> Tensor:
         y = self.relu(self.bn1(self.conv1(x)))
@@ -34,14 +35,16 @@ class Bottleneck(nn.Module):
 
 
 def _layer(inputs: int, width: int, blocks: int, stride: int, dilation: int = 1) -> nn.Sequential:
-    """A group of blocks. The first one still sees the finer grid, so that ``dilation`` begins after it."""
+    """A group of blocks. The first one still sees the finer grid, so that ``dilation`` begins after
+    it."""
     outputs = width * _EXPANSION
     rest = [Bottleneck(outputs, width, 1, dilation) for _ in range(blocks - 1)]
     return nn.Sequential(Bottleneck(inputs, width, stride, 1), *rest)
 
 
 class ResNet(nn.Module):
-    """``depths`` blocks a stage: (3, 4, 6, 3) is ResNet-50, (3, 4, 23, 3) ResNet-101; ``width`` of the stem."""
+    """``depths`` blocks a stage: (3, 4, 6, 3) is ResNet-50, (3, 4, 23, 3) ResNet-101; ``width`` of
+    the stem."""
 
     stride = 16
 

@@ -1,7 +1,9 @@
-"""Swin transformer as an encoder (Liu et al. 2021). Parameter names are those of the published ImageNet weights.
+"""Swin transformer as an encoder (Liu et al. 2021). Parameter names are those of the published
+ImageNet weights.
 
-Any size: features are filled up with zeros to whole windows, right and below. Sizes stay symbols from end to
-end (no ``if`` on a size, no list of windows), so that one exported file serves every size.
+Any size: features are filled up with zeros to whole windows, right and below. Sizes stay symbols
+from end to end (no ``if`` on a size, no list of windows), so that one exported file serves every
+size.
 
 Left out: stochastic depth, a regularizer for a fixed data set; ours is rendered without end.
 """
@@ -19,7 +21,8 @@ _HEAD = 32  # channels of a head at full width
 
 
 def relative_index(window: int) -> Tensor:
-    """(N, N) for N = window² tokens: which row of the bias table belongs to a pair of them (section 3.2)."""
+    """(N, N) for N = window² tokens: which row of the bias table belongs to a pair of them (section
+    3.2)."""
     rows, columns = torch.meshgrid(torch.arange(window), torch.arange(window), indexing="ij")
     place = torch.stack([rows.flatten(), columns.flatten()])
     dy, dx = place[:, :, None] - place[:, None, :] + window - 1
@@ -44,7 +47,8 @@ def from_windows(x: Tensor, rows: int, columns: int) -> Tensor:
 def _turned(size: int, device: torch.device) -> tuple[Tensor, Tensor]:
     """Where each place of a cyclic shift comes from, and whether it came around the edge.
 
-    An axis of one window is not shifted (there is no neighbor to look at): its shift is clamped to 0.
+    An axis of one window is not shifted (there is no neighbor to look at): its shift is clamped to
+    0.
     """
     place = torch.arange(size, device=device)
     length = place[-1:] + 1  # ``size`` as a tensor: the exporter has no remainder by a symbol
@@ -65,7 +69,8 @@ class WindowAttention(nn.Module):
         self.register_buffer("index", relative_index(_WINDOW), persistent=False)
 
     def forward(self, x: Tensor, apart: Tensor | None) -> Tensor:
-        """``x`` (B, n, 49, C); ``apart`` (n, 49, 49) true for pairs that must not see one another."""
+        """``x`` (B, n, 49, C); ``apart`` (n, 49, 49) true for pairs that must not see one
+        another."""
         batch, windows, tokens, channels = x.shape
         parts = self.qkv(x).view(batch, windows, tokens, 3, self.heads, channels // self.heads)
         q, k, v = parts.permute(3, 0, 1, 4, 2, 5).unbind(0)
@@ -80,14 +85,19 @@ class WindowAttention(nn.Module):
 class Perceptron(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.fc1, self.act, self.fc2 = nn.Linear(channels, 4 * channels), nn.GELU(), nn.Linear(4 * channels, channels)
+        self.fc1, self.act, self.fc2 = (
+            nn.Linear(channels, 4 * channels),
+            nn.GELU(),
+            nn.Linear(4 * channels, channels),
+        )
 
     def forward(self, x: Tensor) -> Tensor:
         return self.fc2(self.act(self.fc1(x)))
 
 
 class Block(nn.Module):
-    """Attention in windows, plain or ``shifted`` by half a window, then a perceptron; both with a skip."""
+    """Attention in windows, plain or ``shifted`` by half a window, then a perceptron; both with a
+    skip."""
 
     def __init__(self, channels: int, heads: int, shifted: bool) -> None:
         super().__init__()
@@ -111,10 +121,13 @@ class Block(nn.Module):
         return x[:, :height, :width]
 
     def _attend_shifted(self, x: Tensor, rows: int, columns: int) -> Tensor:
-        """What came around an edge shares a window with what did not; the two are kept apart (figure 4)."""
+        """What came around an edge shares a window with what did not; the two are kept apart
+        (figure 4)."""
         down, below = _turned(rows * _WINDOW, x.device)
         right, beside = _turned(columns * _WINDOW, x.device)
-        region = to_windows((2 * below[:, None].int() + beside[None, :].int())[None, :, :, None])[0, :, :, 0]
+        region = to_windows((2 * below[:, None].int() + beside[None, :].int())[None, :, :, None])[
+            0, :, :, 0
+        ]
         apart = region[:, :, None] != region[:, None, :]
         turned = x.index_select(1, down).index_select(2, right)
         y = from_windows(self.attn(to_windows(turned), apart), rows, columns)
@@ -126,7 +139,10 @@ class PatchMerging(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.norm, self.reduction = nn.LayerNorm(4 * channels), nn.Linear(4 * channels, 2 * channels, bias=False)
+        self.norm, self.reduction = (
+            nn.LayerNorm(4 * channels),
+            nn.Linear(4 * channels, 2 * channels, bias=False),
+        )
 
     def forward(self, x: Tensor) -> Tensor:
         parts = [x[:, row::2, column::2] for column in (0, 1) for row in (0, 1)]
@@ -147,7 +163,9 @@ class Stage(nn.Module):
 
     def __init__(self, channels: int, heads: int, depth: int, last: bool) -> None:
         super().__init__()
-        self.blocks = nn.Sequential(*(Block(channels, heads, shifted=k % 2 == 1) for k in range(depth)))
+        self.blocks = nn.Sequential(
+            *(Block(channels, heads, shifted=k % 2 == 1) for k in range(depth))
+        )
         self.downsample = nn.Identity() if last else PatchMerging(channels)
 
 
@@ -159,7 +177,8 @@ def _initialize(module: nn.Module) -> None:
 
 
 class Swin(nn.Module):
-    """``depths`` blocks a stage: (2, 2, 6, 2) is Swin-T, (2, 2, 18, 2) Swin-S; ``width`` of the embedding."""
+    """``depths`` blocks a stage: (2, 2, 6, 2) is Swin-T, (2, 2, 18, 2) Swin-S; ``width`` of the
+    embedding."""
 
     stride = 32
 

@@ -1,4 +1,5 @@
-"""The foreground networks that can be trained, by name (thesis 2.7.1 and our own for processors)."""
+"""The foreground networks that can be trained, by name (thesis 2.7.1 and our own for
+processors)."""
 
 from __future__ import annotations
 
@@ -34,8 +35,9 @@ NETWORKS: Mapping[str, Callable[[int], ForegroundNetwork]] = {
 
 
 def build(name: str, slim: int = 1) -> ForegroundNetwork:
-    """A new network with random weights. ``slim`` divides its channels (1, 2, 4 or 8; of the compact one only
-    those of the pyramid): for training and tests without a GPU. Raises ValueError."""
+    """A new network with random weights. ``slim`` divides its channels (1, 2, 4 or 8; of the
+    compact one only those of the pyramid): for training and tests without a GPU. Raises
+    ValueError."""
     if name not in NETWORKS:
         raise ValueError(f"unknown network {name!r}; there are {', '.join(NETWORKS)}")
     if slim not in (1, 2, 4, 8):
@@ -44,5 +46,6 @@ def build(name: str, slim: int = 1) -> ForegroundNetwork:
 
 
 def stored(params: Mapping[str, Any]) -> tuple[str, int]:
-    """Name and ``slim`` from a checkpoint's ``params``; the first checkpoints, all compact, do not say."""
+    """Name and ``slim`` from a checkpoint's ``params``; the first checkpoints, all compact, do not
+    say."""
     return params.get("network", "compact"), params.get("slim", 1)

@@ -1,9 +1,9 @@
 """Hand-marked photographs and photographs without cables, as a source of training cuts.
 
-A folder of labelled pictures holds ``imgs/ID.jpg`` and ``masks/ID.png`` (255 cable, 0 not, 128 cannot tell); a
-folder of pictures without cables holds the pictures alone. The part of a name before its first ``_`` names the
-place it comes from: places are drawn with equal chance up to a limit, so that a hundred pictures of one table do not
-drown nine of another.
+A folder of labelled pictures holds ``imgs/ID.jpg`` and ``masks/ID.png`` (255 cable, 0 not, 128
+cannot tell); a folder of pictures without cables holds the pictures alone. The part of a name
+before its first ``_`` names the place it comes from: places are drawn with equal chance up to a
+limit, so that a hundred pictures of one table do not drown nine of another.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ _MARKED_POINTS = 400
 
 @dataclass(frozen=True)
 class Photograph:
-    """``rgb`` (h, w, 3), ``labels`` (h, w) 255, 128 or 0; ``marked`` (n, 2) some pixels x, y of cables."""
+    """``rgb`` (h, w, 3), ``labels`` (h, w) 255, 128 or 0; ``marked`` (n, 2) some pixels x, y of
+    cables."""
 
     name: str
     rgb: ByteArray
@@ -35,7 +36,8 @@ class Photograph:
     marked: FloatArray
 
     def sample(self, rng: Rng, cut: Cut) -> tuple[ByteArray, ByteArray]:
-        """A cut (h, w, 3) and its labels (h, w); three times in four it is around a marked pixel, if there is one."""
+        """A cut (h, w, 3) and its labels (h, w); three times in four it is around a marked pixel,
+        if there is one."""
         at = None
         if len(self.marked) and rng.random() < 0.75:
             at = self.marked[rng.integers(len(self.marked))]
@@ -50,7 +52,8 @@ class RealPictures:
     chances: FloatArray
 
     def sample(self, rng: Rng, cut: Cut) -> tuple[ByteArray, ByteArray]:
-        """A cut (h, w, 3) and its labels (h, w); three times in four it is around a marked pixel, if there is one."""
+        """A cut (h, w, 3) and its labels (h, w); three times in four it is around a marked pixel,
+        if there is one."""
         drawn = self.photographs[rng.choice(len(self.photographs), p=self.chances)]
         # Photographs are at most 1280 px long; of smaller ones a smaller part is shrunk away.
         return drawn.sample(rng, cut)
@@ -62,7 +65,8 @@ def kept_aside(name: str) -> bool:
 
 
 def load_labelled(folder: Path, aside: bool = False) -> RealPictures:
-    """The labelled pictures of ``folder`` that train, or those kept aside. Raises ValueError when there is none."""
+    """The labelled pictures of ``folder`` that train, or those kept aside. Raises ValueError when
+    there is none."""
     return _weighted(
         [
             photograph(file, folder / "masks" / f"{file.stem}.png")
@@ -73,12 +77,16 @@ def load_labelled(folder: Path, aside: bool = False) -> RealPictures:
 
 
 def load_empty(folder: Path, aside: bool = False) -> RealPictures:
-    """The pictures without cables of ``folder`` that train, or those kept aside. Raises ValueError when none."""
-    return _weighted([photograph(f, None) for f in sorted(folder.glob("*.jpg")) if kept_aside(f.stem) == aside])
+    """The pictures without cables of ``folder`` that train, or those kept aside. Raises ValueError
+    when none."""
+    return _weighted(
+        [photograph(f, None) for f in sorted(folder.glob("*.jpg")) if kept_aside(f.stem) == aside]
+    )
 
 
 def photograph(file: Path, mask: Path | None) -> Photograph:
-    """A picture with its mask, or without a cable. Raises ValueError when they do not fit or are none."""
+    """A picture with its mask, or without a cable. Raises ValueError when they do not fit or are
+    none."""
     bgr = cv2.imread(str(file), cv2.IMREAD_COLOR)
     if bgr is None:
         raise ValueError(f"{file} is not a picture")
@@ -90,7 +98,10 @@ def photograph(file: Path, mask: Path | None) -> Photograph:
     y, x = np.nonzero(labels == 255)
     some = np.linspace(0, len(x) - 1, min(_MARKED_POINTS, len(x))).astype(int)
     return Photograph(
-        file.stem, np.ascontiguousarray(bgr[:, :, ::-1]), labels, np.column_stack([x, y])[some].astype(float)
+        file.stem,
+        np.ascontiguousarray(bgr[:, :, ::-1]),
+        labels,
+        np.column_stack([x, y])[some].astype(float),
     )
 
 

@@ -1,8 +1,10 @@
-"""Let a shipped foreground network learn to compute in 8 bits: ``python -m models.training.foreground.rounded FOLDER``.
+"""Let a shipped foreground network learn to compute in 8 bits: ``python -m
+models.training.foreground.rounded FOLDER``.
 
-Quantization-aware fine-tuning (Jacob et al. 2018): in every step weights and activations are rounded as the 8-bit
-network will round them, gradients go straight through, and what is learned is to see what the network sees without
-rounding. Writes ``rounded.onnx`` into the folder, which ``python -m models.training.foreground.int8 --learned`` takes.
+Quantization-aware fine-tuning (Jacob et al. 2018): in every step weights and activations are
+rounded as the 8-bit network will round them, gradients go straight through, and what is learned is
+to see what the network sees without rounding. Writes ``rounded.onnx`` into the folder, which
+``python -m models.training.foreground.int8 --learned`` takes.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ class RoundedWeights(nn.Module):
 
 
 class RoundedActivations(nn.Module):
-    """Activations as unsigned 8 bits over the mean range of what came so far; beyond it they are cut."""
+    """Activations as unsigned 8 bits over the mean range of what came so far; beyond it they are
+    cut."""
 
     low: Tensor
     high: Tensor
@@ -62,23 +65,29 @@ class RoundedActivations(nn.Module):
         low, high = x.amin().clamp(max=0.0), x.amax().clamp(min=0.0)
         if torch.isnan(self.low):
             self.low, self.high = low, high
-        self.low, self.high = self.low.lerp(low, 1 - _KEPT_RANGE), self.high.lerp(high, 1 - _KEPT_RANGE)
+        self.low, self.high = (
+            self.low.lerp(low, 1 - _KEPT_RANGE),
+            self.high.lerp(high, 1 - _KEPT_RANGE),
+        )
 
 
 def rounded(network: nn.Module) -> nn.Module:
-    """The network with every convolution's weights, input and output rounded; normalizations stay what they are."""
+    """The network with every convolution's weights, input and output rounded; normalizations stay
+    what they are."""
     for conv in [m for m in network.modules() if isinstance(m, nn.Conv2d)]:
         parametrize.register_parametrization(conv, "weight", RoundedWeights())
         conv.add_module("rounded_input", RoundedActivations())
         conv.register_forward_pre_hook(lambda module, inputs: (module.rounded_input(inputs[0]),))
     for block in [m for m in network.modules() if isinstance(m, InvertedResidual) and m.skip]:
-        block.conv.add_module("rounded_output", RoundedActivations())  # before it is added to what is skipped
+        block.conv.add_module(
+            "rounded_output", RoundedActivations()
+        )  # before it is added to what is skipped
     return network.eval()
 
 
 def loss_of(network: nn.Module, teacher: nn.Module, images: Tensor) -> Tensor:
-    """How far what the rounded network sees in (B, 3, H, W) uint8 pictures is from what its teacher sees: the
-    Kullback-Leibler divergence a pixel."""
+    """How far what the rounded network sees in (B, 3, H, W) uint8 pictures is from what its teacher
+    sees: the Kullback-Leibler divergence a pixel."""
     x = normalize(images).contiguous(memory_format=torch.channels_last)
     with torch.no_grad():
         taught = teacher(x)
@@ -88,7 +97,9 @@ def loss_of(network: nn.Module, teacher: nn.Module, images: Tensor) -> Tensor:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.rounded", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.foreground.rounded", description=__doc__
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--network", default="foreground_compact", help="of the manifest")
     picture_arguments(parser)
@@ -104,9 +115,20 @@ def main() -> None:
     for one in (teacher, network):
         unfold(file, one)
         one.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    course = Course(rounded(network), Config(minutes=args.minutes, rate=args.rate, clip=1.0, keep=0.99, warm_up=0.05,
-                                             weight_decay=0.0))  # fmt: skip
-    params = CampaignParams(minutes=args.minutes, slots=args.slots, reuse=20, plain=0.5, labelled=2.5, empty=1.0)
+    course = Course(
+        rounded(network),
+        Config(
+            minutes=args.minutes,
+            rate=args.rate,
+            clip=1.0,
+            keep=0.99,
+            warm_up=0.05,
+            weight_decay=0.0,
+        ),
+    )
+    params = CampaignParams(
+        minutes=args.minutes, slots=args.slots, reuse=20, plain=0.5, labelled=2.5, empty=1.0
+    )
     losses: list[float] = []
     args.folder.mkdir(parents=True, exist_ok=True)
     with mixed(params, load_pool(args.textures), args.photographs, args.empty_pictures) as mixture:
@@ -116,7 +138,10 @@ def main() -> None:
             now = time.monotonic()
             course.seconds, last = course.seconds + now - last, now
             if now - noted > 300 or course.share() >= 1:
-                noted, line = now, {"step": course.steps, "loss": round(float(np.mean(losses[-50:])), 6)}
+                noted, line = (
+                    now,
+                    {"step": course.steps, "loss": round(float(np.mean(losses[-50:])), 6)},
+                )
                 print(json.dumps(line), flush=True)
                 (args.folder / "rounded.onnx").write_bytes(refold(file, course.result()))
 

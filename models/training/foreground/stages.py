@@ -1,10 +1,12 @@
-"""A Swin learns its stages one by one from a ConvNeXt: ``python -m models.training.foreground.stages``.
+"""A Swin learns its stages one by one from a ConvNeXt: ``python -m
+models.training.foreground.stages``.
 
-Both have the same stem, the same strides and as many channels in every stage (Liu et al. 2022 drew the one after the
-other), so each stage of the student gets what the teacher's had before it and learns to give what the teacher's gave
-(block by block, Li et al. 2020). Every stage has a short way to its own target, where a Swin that begins from random
-weights learns the first one through all the others. Stem, last normalization and decoder are the teacher's. The
-checkpoint is a beginning for ``models.training.foreground.campaign --initial``.
+Both have the same stem, the same strides and as many channels in every stage (Liu et al. 2022 drew
+the one after the other), so each stage of the student gets what the teacher's had before it and
+learns to give what the teacher's gave (block by block, Li et al. 2020). Every stage has a short way
+to its own target, where a Swin that begins from random weights learns the first one through all the
+others. Stem, last normalization and decoder are the teacher's. The checkpoint is a beginning for
+``models.training.foreground.campaign --initial``.
 """
 
 from __future__ import annotations
@@ -22,7 +24,13 @@ import torch
 from torch import Tensor, nn
 
 from models.synthesis.textures import load_pool
-from models.training.foreground.campaign import CALIBRATION_BATCHES, CampaignParams, Mixture, mixed, picture_arguments
+from models.training.foreground.campaign import (
+    CALIBRATION_BATCHES,
+    CampaignParams,
+    Mixture,
+    mixed,
+    picture_arguments,
+)
 from models.training.foreground.initial import unfold
 from models.training.foreground.learning import normalize
 from models.training.foreground.network_convnext import ConvNeXt
@@ -41,9 +49,9 @@ class Pair(NamedTuple):
 
 
 def paired(network: str, slim: int, teacher: str, pictures: Sequence[Tensor]) -> Pair:
-    """A new ``network`` with stem, last normalization and decoder of ``teacher``, a shipped one, whose normalizations
-    take their statistics from ``pictures``, normalized. Raises ValueError where the two are no Swin and no ConvNeXt of
-    the same width."""
+    """A new ``network`` with stem, last normalization and decoder of ``teacher``, a shipped one,
+    whose normalizations take their statistics from ``pictures``, normalized. Raises ValueError
+    where the two are no Swin and no ConvNeXt of the same width."""
     spec = spec_of(teacher)
     student = build(network, slim)
     taken_from = build(str(spec.training["network"]), int(spec.training["slim"]))
@@ -67,9 +75,12 @@ def paired(network: str, slim: int, teacher: str, pictures: Sequence[Tensor]) ->
 
 @torch.no_grad()
 def shown(teacher: ConvNeXt, x: Tensor) -> list[Tensor]:
-    """What the stem and each of the four stages give for (B, 3, H, W) normalized pictures, (B, h, w, C) each."""
+    """What the stem and each of the four stages give for (B, 3, H, W) normalized pictures, (B, h,
+    w, C) each."""
     seen = []
-    for k, (reduce, stage) in enumerate(zip(teacher.downsample_layers, teacher.stages, strict=True)):
+    for k, (reduce, stage) in enumerate(
+        zip(teacher.downsample_layers, teacher.stages, strict=True)
+    ):
         x = reduce(x)
         if k == 0:
             seen.append(x.permute(0, 2, 3, 1))
@@ -79,8 +90,8 @@ def shown(teacher: ConvNeXt, x: Tensor) -> list[Tensor]:
 
 
 def unexplained(student: Swin, seen: Sequence[Tensor]) -> Tensor:
-    """(4,) of each stage, given what the teacher's had before it: the mean squared difference to what the teacher's
-    gave, over the variance of each channel."""
+    """(4,) of each stage, given what the teacher's had before it: the mean squared difference to
+    what the teacher's gave, over the variance of each channel."""
     stages = list(student.layers)
     errors = []
     for k, (stage, before, true) in enumerate(zip(stages, seen, seen[1:], strict=False)):
@@ -116,16 +127,24 @@ def learn(pair: Pair, mixture: Mixture, params: CampaignParams, folder: Path) ->
 
 def _check(course: Course, params: CampaignParams, folder: Path, errors: np.ndarray) -> None:
     course.save(folder / "stages.pt", params=asdict(params))
-    line = {"step": course.steps, "minutes": round(course.seconds / 60, 1), "unexplained": errors.round(3).tolist()}
+    line = {
+        "step": course.steps,
+        "minutes": round(course.seconds / 60, 1),
+        "unexplained": errors.round(3).tolist(),
+    }
     print(json.dumps(line), flush=True)
     with (folder / "stages.jsonl").open("a") as file:
         file.write(json.dumps(line) + "\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.stages", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.foreground.stages", description=__doc__
+    )
     parser.add_argument("folder", type=Path, help="gets stages.pt")
-    parser.add_argument("--teacher", default="foreground_deeplab_convnext_t", help="a shipped network")
+    parser.add_argument(
+        "--teacher", default="foreground_deeplab_convnext_t", help="a shipped network"
+    )
     parser.add_argument("--network", default="deeplab_swin_t")
     parser.add_argument("--slim", type=int, default=4)
     picture_arguments(parser)
@@ -135,12 +154,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     torch.set_num_threads(1)
     params = CampaignParams(
-        network=args.network, slim=args.slim, height=224, width=224, minutes=args.minutes, labelled=2.0, empty=0.8,
-        plain=0.4, rate=args.rate, decay=0.998, seed=args.seed, reuse=14, check_every=4.0,
-    )  # fmt: skip
+        network=args.network,
+        slim=args.slim,
+        height=224,
+        width=224,
+        minutes=args.minutes,
+        labelled=2.0,
+        empty=0.8,
+        plain=0.4,
+        rate=args.rate,
+        decay=0.998,
+        seed=args.seed,
+        reuse=14,
+        check_every=4.0,
+    )
     args.folder.mkdir(parents=True, exist_ok=True)
     try:
-        with mixed(params, load_pool(args.textures), args.photographs, args.empty_pictures) as mixture:
+        with mixed(
+            params, load_pool(args.textures), args.photographs, args.empty_pictures
+        ) as mixture:
             pictures = [normalize(mixture.batch()[0]) for _ in range(CALIBRATION_BATCHES)]
             pair = paired(args.network, args.slim, args.teacher, pictures)
             learn(pair, mixture, params, args.folder)

@@ -1,8 +1,8 @@
 """A ring of rendered scenes that other processes keep renewing while training reads from it.
 
-Rendering and training run at different speeds: the trainer never waits for a scene, it sees some twice; the
-renderers rest when the ring is full of scenes that nobody has drawn yet. Scene k of a run is always the same
-picture (seed, k).
+Rendering and training run at different speeds: the trainer never waits for a scene, it sees some
+twice; the renderers rest when the ring is full of scenes that nobody has drawn yet. Scene k of a
+run is always the same picture (seed, k).
 """
 
 from __future__ import annotations
@@ -23,11 +23,18 @@ _REST_S = 0.05
 
 
 class SceneStream:
-    """``slots`` scenes in shared memory; ``renderers`` processes replace the oldest one after another, one new
-    scene for every ``reuse`` that were drawn."""
+    """``slots`` scenes in shared memory; ``renderers`` processes replace the oldest one after
+    another, one new scene for every ``reuse`` that were drawn."""
 
     def __init__(
-        self, params: SceneParams, pool: TexturePool, *, seed: int, slots: int, renderers: int, reuse: int = 1
+        self,
+        params: SceneParams,
+        pool: TexturePool,
+        *,
+        seed: int,
+        slots: int,
+        renderers: int,
+        reuse: int = 1,
     ) -> None:
         height, width = params.size
         self.images = torch.zeros((slots, 3, height, width), dtype=torch.uint8).share_memory_()
@@ -38,7 +45,16 @@ class SceneStream:
         self._processes = [
             context.Process(
                 target=_render_forever,
-                args=(params, pool, seed, self.images, self.masks, self.rendered, self._drawn, reuse),
+                args=(
+                    params,
+                    pool,
+                    seed,
+                    self.images,
+                    self.masks,
+                    self.rendered,
+                    self._drawn,
+                    reuse,
+                ),
                 daemon=True,
             )
             for _ in range(renderers)
@@ -51,7 +67,8 @@ class SceneStream:
         return min(max(self.rendered.value - len(self._processes), 0), len(self.images))
 
     def batch(self, rng: np.random.Generator, size: int) -> tuple[Tensor, Tensor]:
-        """(size, 3, H, W) uint8 pictures and (size, H, W) uint8 masks, flipped and recolored at random."""
+        """(size, 3, H, W) uint8 pictures and (size, H, W) uint8 masks, flipped and recolored at
+        random."""
         images, masks = self.draw(rng, size)
         for k in range(size):
             axes = [axis for axis in (1, 2) if rng.random() < 0.5]

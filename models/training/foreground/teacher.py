@@ -1,7 +1,8 @@
-"""A network that already knows cables, as a teacher of another one (knowledge distillation, Hinton et al. 2015).
+"""A network that already knows cables, as a teacher of another one (knowledge distillation, Hinton
+et al. 2015).
 
-Where nobody could tell, a teacher that is sure can; everywhere else its probability, softer than a label, stands
-beside it.
+Where nobody could tell, a teacher that is sure can; everywhere else its probability, softer than a
+label, stands beside it.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ Look = Callable[[ByteArray, float], Float32Array]
 
 
 class Teacher:
-    """Looks at each picture once, at one of three scales and mirrored or not, by chance: over many steps a student
-    learns the mean of all six."""
+    """Looks at each picture once, at one of three scales and mirrored or not, by chance: over many
+    steps a student learns the mean of all six."""
 
     def __init__(self, look: Look, rng: Rng) -> None:
         self.look, self.rng = look, rng
@@ -42,7 +43,9 @@ class Teacher:
 
     def __call__(self, images: Tensor) -> Tensor:
         """(B, 3, H, W) uint8 pictures to (B, H, W) probability."""
-        return torch.from_numpy(np.stack([self._seen(image) for image in images.permute(0, 2, 3, 1).numpy()]))
+        return torch.from_numpy(
+            np.stack([self._seen(image) for image in images.permute(0, 2, 3, 1).numpy()])
+        )
 
     def _seen(self, image: ByteArray) -> Float32Array:
         mirrored = self.rng.random() < 0.5
@@ -55,7 +58,8 @@ class Teacher:
 def taught_loss(logits: Tensor, labels: Tensor, seen: Tensor) -> Tensor:
     """Cross entropy to what a teacher sees, where it is sure or somebody could tell.
 
-    ``logits`` (B, 1, H, W), ``labels`` (B, H, W) with 128 where nobody could tell, ``seen`` (B, H, W) probability.
+    ``logits`` (B, 1, H, W), ``labels`` (B, H, W) with 128 where nobody could tell, ``seen`` (B, H,
+    W) probability.
     """
     counts = ((labels != UNKNOWN) | ((seen - 0.5).abs() > _SURE)).float()
     entropy = F.binary_cross_entropy_with_logits(logits.squeeze(1), seen, reduction="none")

@@ -1,6 +1,8 @@
-"""What a foreground network finds in rendered pictures that it never trains on, and what a rule finds there.
+"""What a foreground network finds in rendered pictures that it never trains on, and what a rule
+finds there.
 
-``python -m models.training.foreground.validation NAME --textures PACK`` writes both into the manifest.
+``python -m models.training.foreground.validation NAME --textures PACK`` writes both into the
+manifest.
 """
 
 from __future__ import annotations
@@ -33,8 +35,8 @@ RULE = "Otsu's threshold of the distance from the median color"
 def validate(
     network: ForegroundNetwork, sheet: Path, pool: TexturePool, scenes: SceneParams, count: int = 64
 ) -> dict[str, float]:
-    """Mean ``dice`` at 0.5 over pictures with cables, share of ``false`` pixels on pictures without; the first ones and
-    what was found in them are drawn to ``sheet``."""
+    """Mean ``dice`` at 0.5 over pictures with cables, share of ``false`` pixels on pictures
+    without; the first ones and what was found in them are drawn to ``sheet``."""
     dice, false, shown = [], [], []
     device = next(network.parameters()).device
     for k in range(count):
@@ -65,7 +67,10 @@ def figures(
             dice.append(2 * int(np.count_nonzero(found & true)) / max(total, 1))
         else:
             false.append(found.mean())
-    named = {"rendered_dice": float(np.mean(dice)), "rendered_false": float(np.mean(false)) if false else 0.0}
+    named = {
+        "rendered_dice": float(np.mean(dice)),
+        "rendered_false": float(np.mean(false)) if false else 0.0,
+    }
     return {name: round(value, 4) for name, value in named.items()}
 
 
@@ -84,7 +89,9 @@ def _draw(tiles: list[Tensor], file: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m models.training.foreground.validation", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m models.training.foreground.validation", description=__doc__
+    )
     parser.add_argument("name", help="of a network in the manifest")
     parser.add_argument("--textures", type=Path, help="pack or folder of backgrounds")
     parser.add_argument("--count", type=int, default=64)
@@ -99,7 +106,12 @@ def main() -> None:
 
     metrics = {**spec.metrics, **figures(seen, pool, scenes, args.count)}
     without = {"rule": RULE, **figures(by_color, pool, scenes, args.count)}
-    register(args.name, WEIGHTS / spec.file, replace(spec, metrics=metrics, without=without), spec.parameters)
+    register(
+        args.name,
+        WEIGHTS / spec.file,
+        replace(spec, metrics=metrics, without=without),
+        spec.parameters,
+    )
     print(args.name, metrics, without)
 
 

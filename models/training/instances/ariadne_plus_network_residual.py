@@ -1,7 +1,7 @@
 """The two networks of Ariadne+, both on a ResNet-18 (thesis 3.3.6 and 3.3.8).
 
-The backbone is He et al.'s 18-layer network with a width factor: 0.25 of the channels everywhere, because the
-patches are small and both networks together are to stay under a few megabytes.
+The backbone is He et al.'s 18-layer network with a width factor: 0.25 of the channels everywhere,
+because the patches are small and both networks together are to stay under a few megabytes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ class Block(nn.Module):
         self.second_norm = nn.BatchNorm2d(outputs)
         self.shortcut: nn.Module = nn.Identity()
         if stride != 1 or inputs != outputs:
-            self.shortcut = nn.Sequential(nn.Conv2d(inputs, outputs, 1, stride, bias=False), nn.BatchNorm2d(outputs))
+            self.shortcut = nn.Sequential(
+                nn.Conv2d(inputs, outputs, 1, stride, bias=False), nn.BatchNorm2d(outputs)
+            )
 
     def forward(self, x: Tensor) -> Tensor:
         inner = F.relu(self.first_norm(self.first(x)))
@@ -39,7 +41,8 @@ class ResidualFeatures(nn.Module):
         super().__init__()
         channels = [int(factor * c) for c in (64, 128, 256, 512)]
         self.features = channels[-1]
-        # Patches are 32 to 64 px: the first convolution keeps 3x3 instead of 7x7 and there is one stride less.
+        # Patches are 32 to 64 px: the first convolution keeps 3x3 instead of 7x7 and there is one
+        # stride less.
         self.stem = nn.Sequential(
             nn.Conv2d(3, channels[0], 3, 2, 1, bias=False), nn.BatchNorm2d(channels[0]), nn.ReLU()
         )

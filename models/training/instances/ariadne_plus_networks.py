@@ -1,4 +1,5 @@
-"""Ariadne+'s two networks (thesis 3.3.6, 3.3.8), trained on rendered crossings: 20 minutes on one core each."""
+"""Ariadne+'s two networks (thesis 3.3.6, 3.3.8), trained on rendered crossings: 20 minutes on one
+core each."""
 
 from __future__ import annotations
 
@@ -22,7 +23,12 @@ from models.instances.published.ariadne_plus.patches import (
 from models.synthesis.crossings import RenderedCrossing
 from models.training.export import Exported
 from models.training.fit import Family
-from models.training.instances.ariadne_plus_network_residual import WIDTH_FACTOR, AboveProbability, CrossNet, TripletNet
+from models.training.instances.ariadne_plus_network_residual import (
+    WIDTH_FACTOR,
+    AboveProbability,
+    CrossNet,
+    TripletNet,
+)
 from models.training.instances.crossing_samples import CrossingConfig, Crossings, crossing_samples
 
 TRIPLET, CROSS = "ariadne_plus_triplet", "ariadne_plus_cross"
@@ -39,18 +45,22 @@ class AriadneConfig(CrossingConfig):
 
 
 def node_patches(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Array:
-    """``(2 k, 3, 32, 32)``: patches beside the crossing on the k strands; 2 i and 2 i + 1 are strand i's."""
+    """``(2 k, 3, 32, 32)``: patches beside the crossing on the k strands; 2 i and 2 i + 1 are
+    strand i's."""
     patches = []
     for strand in scene.strands:
         for side in (-1, 1):
-            center = strand.at(side * (strand.width_px * rng.uniform(0.8, 1.6) + rng.uniform(2, 10)))
+            center = strand.at(
+                side * (strand.width_px * rng.uniform(0.8, 1.6) + rng.uniform(2, 10))
+            )
             center = center + rng.normal(0, 0.08 * strand.width_px, 2)
             patches.append(patch(scene.rgb, center, NODE_PIXELS, reduction(strand.width_px)))
     return to_network(patches)
 
 
 def crossing_patches(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Array:
-    """``(k, 3, 64, 64)``: one per strand, the others blackened; the last strand is the upper one."""
+    """``(k, 3, 64, 64)``: one per strand, the others blackened; the last strand is the upper
+    one."""
     middles = np.array([strand.at(0.0) for strand in scene.strands])
     center = middles.mean(axis=0) + rng.normal(0, 2.0, 2)
     step = reduction(float(np.mean([s.width_px for s in scene.strands])))
@@ -63,16 +73,23 @@ def crossing_patches(scene: RenderedCrossing, rng: np.random.Generator) -> Float
 
 
 def triplet_loss(
-    network: nn.Module, scenes: Crossings, rows: IntArray, rng: np.random.Generator, config: AriadneConfig
+    network: nn.Module,
+    scenes: Crossings,
+    rows: IntArray,
+    rng: np.random.Generator,
+    config: AriadneConfig,
 ) -> Tensor:
-    """Triplet loss of 3.3.6 over every side of every strand, with a random other strand as the negative."""
+    """Triplet loss of 3.3.6 over every side of every strand, with a random other strand as the
+    negative."""
     batches = [node_patches(scenes[k], rng) for k in rows]
     embeddings = network(torch.from_numpy(np.concatenate(batches)))
     positive, negative, first = [], [], 0
     for patches in batches:
         for k in range(len(patches)):
             positive.append(first + (k ^ 1))
-            negative.append(first + int(rng.choice([j for j in range(len(patches)) if j // 2 != k // 2])))
+            negative.append(
+                first + int(rng.choice([j for j in range(len(patches)) if j // 2 != k // 2]))
+            )
         first += len(patches)
     near = ((embeddings - embeddings[positive]) ** 2).sum(1)
     far = ((embeddings - embeddings[negative]) ** 2).sum(1)
@@ -80,7 +97,11 @@ def triplet_loss(
 
 
 def cross_loss(
-    network: nn.Module, scenes: Crossings, rows: IntArray, rng: np.random.Generator, config: AriadneConfig
+    network: nn.Module,
+    scenes: Crossings,
+    rows: IntArray,
+    rng: np.random.Generator,
+    config: AriadneConfig,
 ) -> Tensor:
     """Binary cross-entropy of 3.3.8."""
     batches = [crossing_patches(scenes[k], rng) for k in rows]
@@ -105,7 +126,9 @@ def top_right(network: nn.Module, scenes: Crossings, config: AriadneConfig) -> d
     rng, right = np.random.default_rng(0), []
     for scene in scenes:
         with torch.inference_mode():
-            right.append(int(network(torch.from_numpy(crossing_patches(scene, rng))).argmax()) == scene.top)
+            right.append(
+                int(network(torch.from_numpy(crossing_patches(scene, rng))).argmax()) == scene.top
+            )
     return {"top_right": round(float(np.mean(right)), 4)}
 
 
@@ -122,8 +145,8 @@ def nearest_color(scenes: Crossings, config: AriadneConfig) -> dict[str, Any]:
 
 
 def color_at_the_crossing(scenes: Crossings, config: AriadneConfig) -> dict[str, Any]:
-    """What the crossing network replaces: on top is the strand whose color beside the crossing is nearest to the color
-    at it."""
+    """What the crossing network replaces: on top is the strand whose color beside the crossing is
+    nearest to the color at it."""
     rng, right = np.random.default_rng(0), []
     inner = slice(CROSSING_PIXELS // 2 - 2, CROSSING_PIXELS // 2 + 2)
     for scene in scenes:
@@ -139,12 +162,17 @@ def color_at_the_crossing(scenes: Crossings, config: AriadneConfig) -> dict[str,
 def _exported(name: str, module: nn.Module, task: str, pixels: int) -> list[Exported]:
     return [
         Exported(
-            name, module, task, f"(n, 3, {pixels}, {pixels}) float32 RGB, 0 to 1",
+            name,
+            module,
+            task,
+            f"(n, 3, {pixels}, {pixels}) float32 RGB, 0 to 1",
             "trained from scratch on crossings that this repository renders",
             {"pixels": pixels, "width_factor": WIDTH_FACTOR},
-            [(torch.rand(n, 3, pixels, pixels),) for n in (4, 1, 7)], [{0: torch.export.Dim("n")}], 1e-3,
+            [(torch.rand(n, 3, pixels, pixels),) for n in (4, 1, 7)],
+            [{0: torch.export.Dim("n")}],
+            1e-3,
         )
-    ]  # fmt: skip
+    ]
 
 
 TRIPLET_FAMILY = Family(
@@ -166,6 +194,8 @@ CROSS_FAMILY = Family(
     cross_loss,
     top_right,
     color_at_the_crossing,
-    lambda network, scenes, config: _exported(CROSS, AboveProbability(network), "above", CROSSING_PIXELS),
+    lambda network, scenes, config: _exported(
+        CROSS, AboveProbability(network), "above", CROSSING_PIXELS
+    ),
     least={"top_right": 0.6},  # one of two strands is right by chance
 )

@@ -2,8 +2,9 @@
 
     python -m models.training.instances.confidence [--textures PACK] [--scenes 300]
 
-Logistic regressions on the measurements of ``confidence.py``; two thirds of the scenes are fitted, the calibration
-error is stated on the others. A few minutes on one core. Writes ``confidence.toml``.
+Logistic regressions on the measurements of ``confidence.py``; two thirds of the scenes are fitted,
+the calibration error is stated on the others. A few minutes on one core. Writes
+``confidence.toml``.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ _NEAR_PX = 15.0
 def methods() -> dict[str, Extract]:
     """All four, with their networks."""
     runtime = Runtime(threads=1)
-    return {name: method(name, lambda task: load(default_name(task), runtime))[0] for name in METHODS}
+    return {
+        name: method(name, lambda task: load(default_name(task), runtime))[0] for name in METHODS
+    }
 
 
 @dataclass
@@ -75,9 +78,12 @@ def matched(found: Scene, ids: ByteArray) -> BoolArray:
 
 
 def _crossings_right(found: Scene, scene: TrainScene) -> tuple[BoolArray, FloatArray]:
-    """``(K,)`` whether a true crossing is near, and 1, 0 or -1: order right, wrong, or not known from the ids."""
+    """``(K,)`` whether a true crossing is near, and 1, 0 or -1: order right, wrong, or not known
+    from the ids."""
     thin = [c[::4] for c in scene.curves if len(c) > 8]
-    hits = crossing_segments(np.concatenate([c[:-1] for c in thin]), np.concatenate([c[1:] for c in thin])).xy
+    hits = crossing_segments(
+        np.concatenate([c[:-1] for c in thin]), np.concatenate([c[1:] for c in thin])
+    ).xy
     owner = [_owner(scene.ids[found.labels == k + 1]) for k in range(len(found.instances))]
     real, upper = [], []
     for crossing in found.crossings:
@@ -85,7 +91,9 @@ def _crossings_right(found: Scene, scene: TrainScene) -> tuple[BoolArray, FloatA
         real.append(apart <= _NEAR_PX)
         over, under = owner[crossing.over.instance - 1], owner[crossing.under.instance - 1]
         x, y = (round(v) for v in crossing.xy)
-        seen = int(scene.ids[np.clip(y, 0, scene.ids.shape[0] - 1), np.clip(x, 0, scene.ids.shape[1] - 1)])
+        seen = int(
+            scene.ids[np.clip(y, 0, scene.ids.shape[0] - 1), np.clip(x, 0, scene.ids.shape[1] - 1)]
+        )
         known = real[-1] and over != under and seen in (over, under)
         upper.append(float(seen == over) if known else -1.0)
     return np.array(real, dtype=bool), np.array(upper)
@@ -107,7 +115,9 @@ def calibration_error(probability: FloatArray, right: BoolArray, bins: int = 10)
     return float(error)
 
 
-def _calibrated(features: list[FloatArray], right: list[BoolArray], names: Sequence[str]) -> dict[str, float]:
+def _calibrated(
+    features: list[FloatArray], right: list[BoolArray], names: Sequence[str]
+) -> dict[str, float]:
     cut = len(features) * 2 // 3
     rows, truth = np.concatenate(features[:cut]), np.concatenate(right[:cut])
     weights = fit_logistic(rows, truth, np.full(rows.shape[1], _SHRINKAGE))
@@ -122,12 +132,18 @@ def _calibrated(features: list[FloatArray], right: list[BoolArray], names: Seque
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--textures", type=Path, help="a pack of background pictures; without it they are noise")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--textures", type=Path, help="a pack of background pictures; without it they are noise"
+    )
     parser.add_argument("--scenes", type=int, default=300)
     args = parser.parse_args()
     torch.set_num_threads(1)
-    confidence.COEFFICIENTS.write_text("")  # what is measured must not be filtered by an older calibration
+    confidence.COEFFICIENTS.write_text(
+        ""
+    )  # what is measured must not be filtered by an older calibration
     pool = load_pool(args.textures)
     running = methods()
     samples = {name: Samples() for name in running}
@@ -136,12 +152,20 @@ def main() -> None:
         for name, extract in running.items() if scene.curves else ():
             observe(extract(scene.mask, scene.image), scene, samples[name])
     table: dict[str, object] = {
-        "made_by": {"command": "python -m models.training.instances.confidence", "scenes": args.scenes, "seed": _SEED}
+        "made_by": {
+            "command": "python -m models.training.instances.confidence",
+            "scenes": args.scenes,
+            "seed": _SEED,
+        }
     }
     for name, seen in samples.items():
         table[name] = {
-            "instance": _calibrated(seen.instance, seen.instance_right, confidence.INSTANCE_FEATURES),
-            "crossing": _calibrated(seen.crossing, seen.crossing_right, confidence.CROSSING_FEATURES),
+            "instance": _calibrated(
+                seen.instance, seen.instance_right, confidence.INSTANCE_FEATURES
+            ),
+            "crossing": _calibrated(
+                seen.crossing, seen.crossing_right, confidence.CROSSING_FEATURES
+            ),
             "order": _calibrated(seen.order, seen.order_right, confidence.ORDER_FEATURES),
         }
         print(name, table[name], flush=True)

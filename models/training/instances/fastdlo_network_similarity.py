@@ -15,7 +15,11 @@ class SimilarityNetwork(nn.Module):
     def __init__(self, hidden: int = 48) -> None:
         super().__init__()
         self.layers = nn.Sequential(
-            nn.Linear(FEATURES, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), nn.Linear(hidden, EMBEDDING)
+            nn.Linear(FEATURES, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, EMBEDDING),
         )
 
     def forward(self, features: Tensor) -> Tensor:

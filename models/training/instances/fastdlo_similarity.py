@@ -1,4 +1,5 @@
-"""FASTDLO's similarity network, trained with a triplet loss on rendered crossings: two minutes on one core."""
+"""FASTDLO's similarity network, trained with a triplet loss on rendered crossings: two minutes on
+one core."""
 
 from __future__ import annotations
 
@@ -27,8 +28,8 @@ _WIDTH_NOISE, _ANGLE_NOISE = 0.2, np.deg2rad(12.0)
 
 @dataclass(frozen=True)
 class SimilarityConfig(CrossingConfig):
-    """Where on the crossings the endpoints are is drawn anew every epoch; ``batch`` crossings give some 4 triplets
-    each; ``margin`` of the triplet loss."""
+    """Where on the crossings the endpoints are is drawn anew every epoch; ``batch`` crossings give
+    some 4 triplets each; ``margin`` of the triplet loss."""
 
     epochs: int = 25
     batch: int = 128
@@ -36,7 +37,8 @@ class SimilarityConfig(CrossingConfig):
 
 
 def endpoints_of(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Array:
-    """``(2 k, 7)`` features at both sides of the crossing of the k strands; rows 2 i and 2 i + 1 are strand i's.
+    """``(2 k, 7)`` features at both sides of the crossing of the k strands; rows 2 i and 2 i + 1
+    are strand i's.
 
     Endpoints are up to three widths away; width and direction get the errors that a mask leaves.
     """
@@ -48,12 +50,17 @@ def endpoints_of(scene: RenderedCrossing, rng: np.random.Generator) -> Float32Ar
             colors.append(np.median(patch.reshape(-1, 3), axis=0))
             widths.append(strand.width_px * np.exp(rng.normal(0, _WIDTH_NOISE)))
             (x, y), turn = strand.outward(offset), rng.normal(0, _ANGLE_NOISE)
-            outward.append((x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)))
+            outward.append(
+                (x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn))
+            )
     return features(np.array(colors), np.array(widths), np.array(outward))
 
 
-def triplets(scenes: list[RenderedCrossing], rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
-    """``(n, 7)`` anchors, positives (other side of the strand), negatives (other strands of the crossing)."""
+def triplets(
+    scenes: list[RenderedCrossing], rng: np.random.Generator
+) -> tuple[Tensor, Tensor, Tensor]:
+    """``(n, 7)`` anchors, positives (other side of the strand), negatives (other strands of the
+    crossing)."""
     anchors, positives, negatives = [], [], []
     for scene in scenes:
         rows = endpoints_of(scene, rng)
@@ -62,21 +69,30 @@ def triplets(scenes: list[RenderedCrossing], rng: np.random.Generator) -> tuple[
             anchors.append(rows[k])
             positives.append(rows[k ^ 1])
             negatives.append(rows[rng.choice(others)])
-    anchor, positive, negative = (torch.from_numpy(np.stack(part)) for part in (anchors, positives, negatives))
+    anchor, positive, negative = (
+        torch.from_numpy(np.stack(part)) for part in (anchors, positives, negatives)
+    )
     return anchor, positive, negative
 
 
 def loss_of(
-    network: nn.Module, scenes: Crossings, rows: IntArray, rng: np.random.Generator, config: SimilarityConfig
+    network: nn.Module,
+    scenes: Crossings,
+    rows: IntArray,
+    rng: np.random.Generator,
+    config: SimilarityConfig,
 ) -> Tensor:
     """Triplet loss over squared distances of the embeddings."""
-    anchor, positive, negative = (network(part) for part in triplets([scenes[k] for k in rows], rng))
+    anchor, positive, negative = (
+        network(part) for part in triplets([scenes[k] for k in rows], rng)
+    )
     near, far = ((anchor - positive) ** 2).sum(1), ((anchor - negative) ** 2).sum(1)
     return torch.relu(near - far + config.margin).mean()
 
 
 def measure(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> dict[str, float]:
-    """Share of endpoints whose most probable partner is the other side of their strand; mean probabilities."""
+    """Share of endpoints whose most probable partner is the other side of their strand; mean
+    probabilities."""
     rng = np.random.default_rng(0)
     right: list[bool] = []
     alike: list[bool] = []
@@ -93,13 +109,18 @@ def measure(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> 
         alike.extend(np.full(len(rows), _alike(ends)))
         same.extend(table[rows, rows ^ 1])
         other.extend(table[rows, (rows + 2) % len(rows)])
-    named: dict[str, list[Any]] = {"partner_right": right, "same_strand": same, "other_strand": other}
+    named: dict[str, list[Any]] = {
+        "partner_right": right,
+        "same_strand": same,
+        "other_strand": other,
+    }
     figures = {name: round(float(np.mean(values)), 4) for name, values in named.items()}
     return figures | _of_alike(right, alike)
 
 
 def _alike(ends: Float32Array) -> bool:
-    """Whether the strands of an intersection have about one color; ``ends`` (2 k, 7), a strand's two after another."""
+    """Whether the strands of an intersection have about one color; ``ends`` (2 k, 7), a strand's
+    two after another."""
     colors = ends[:, :3].reshape(-1, 2, 3).mean(axis=1)
     return bool(np.linalg.norm(colors[:, None] - colors[None], axis=2).max() < _ALIKE)
 
@@ -128,13 +149,18 @@ def without(scenes: Crossings, config: SimilarityConfig) -> dict[str, Any]:
 def exports(network: nn.Module, scenes: Crossings, config: SimilarityConfig) -> list[Exported]:
     return [
         Exported(
-            NAME, network, "similarity",
+            NAME,
+            network,
+            "similarity",
             f"(n, {FEATURES}) float32: RGB 0 to 1, log relative width, cos and sin of twice the direction, "
             "log spread of the colors",
-            "trained from scratch on crossings that this repository renders", {"embedding": EMBEDDING},
-            [(torch.rand(n, FEATURES),) for n in (4, 0, 1, 7)], [{0: torch.export.Dim("n")}], 1e-4,
+            "trained from scratch on crossings that this repository renders",
+            {"embedding": EMBEDDING},
+            [(torch.rand(n, FEATURES),) for n in (4, 0, 1, 7)],
+            [{0: torch.export.Dim("n")}],
+            1e-4,
         )
-    ]  # fmt: skip
+    ]
 
 
 FAMILY = Family(

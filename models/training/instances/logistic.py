@@ -15,7 +15,8 @@ Bounds = Sequence[tuple[float | None, float | None]]
 def fit_logistic(
     features: FloatArray, right: BoolArray, shrinkage: FloatArray, bounds: Bounds | None = None
 ) -> FloatArray:
-    """``(f,)`` weights of ``(n, f)`` features, so that 1 / (1 + exp(-features @ weights)) is the chance to be right.
+    """``(f,)`` weights of ``(n, f)`` features, so that 1 / (1 + exp(-features @ weights)) is the
+    chance to be right.
 
     ``shrinkage`` ``(f,)``: the price of each weight's square; ``bounds`` of each weight.
     """

@@ -9,7 +9,8 @@ from models.instances.published.rt_dlo.orientation import CLASSES, PATCH_SIZE
 
 
 class OrientationNetwork(nn.Module):
-    """Two convolutions with batch normalization, pooling between them, and one fully connected layer."""
+    """Two convolutions with batch normalization, pooling between them, and one fully connected
+    layer."""
 
     def __init__(self, channels: int = 8) -> None:
         super().__init__()
@@ -27,7 +28,8 @@ class OrientationNetwork(nn.Module):
         self.classes = nn.Linear(channels * side * side, CLASSES)
 
     def forward(self, patches: Tensor) -> Tensor:
-        """``(n, s, s)`` float32 distances in radii to ``(n, 180)`` logits, one per degree in [0, 180)."""
+        """``(n, s, s)`` float32 distances in radii to ``(n, 180)`` logits, one per degree in [0,
+        180)."""
         logits: Tensor = self.classes(self.features(patches.unsqueeze(1)))
         return logits
 

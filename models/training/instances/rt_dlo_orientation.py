@@ -1,4 +1,5 @@
-"""RT-DLO's orientation network, trained on patches that are drawn for it: a few minutes on one core."""
+"""RT-DLO's orientation network, trained on patches that are drawn for it: a few minutes on one
+core."""
 
 from __future__ import annotations
 
@@ -10,10 +11,18 @@ import torch
 from torch import Tensor, nn
 
 from models.geometry.arrays import Float32Array, FloatArray, IntArray
-from models.instances.published.rt_dlo.orientation import CLASSES, PATCH_SIZE, angles_from_scores, principal_angles
+from models.instances.published.rt_dlo.orientation import (
+    CLASSES,
+    PATCH_SIZE,
+    angles_from_scores,
+    principal_angles,
+)
 from models.training.export import Exported
 from models.training.fit import Family, Source
-from models.training.instances.rt_dlo_network_orientation import OrientationNetwork, OrientationProbabilities
+from models.training.instances.rt_dlo_network_orientation import (
+    OrientationNetwork,
+    OrientationProbabilities,
+)
 from models.training.instances.rt_dlo_patches import make_patches
 from models.training.state import Config
 
@@ -35,10 +44,13 @@ class OrientationConfig(Config):
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """``count`` patches: ``(n, s, s)`` ``pixels`` and ``(n,)`` ``angles``, which are drawn when an epoch begins."""
+    """``count`` patches: ``(n, s, s)`` ``pixels`` and ``(n,)`` ``angles``, which are drawn when an
+    epoch begins."""
 
     count: int
-    pixels: Float32Array = field(default_factory=lambda: np.zeros((0, PATCH_SIZE, PATCH_SIZE), np.float32))
+    pixels: Float32Array = field(
+        default_factory=lambda: np.zeros((0, PATCH_SIZE, PATCH_SIZE), np.float32)
+    )
     angles: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
@@ -55,7 +67,8 @@ def samples(config: OrientationConfig, source: Source) -> tuple[Patches, Patches
 
 
 def encode_angles(angles: FloatArray, sigma_deg: float) -> Tensor:
-    """``(n,)`` radians to ``(n, 180)`` targets: a periodic Gaussian of height 1 around the angle."""
+    """``(n,)`` radians to ``(n, 180)`` targets: a periodic Gaussian of height 1 around the
+    angle."""
     away = np.abs(np.arange(CLASSES)[None] - np.rad2deg(angles)[:, None])
     away = np.minimum(away, CLASSES - away)
     return torch.from_numpy(np.exp(-(away**2) / (2 * sigma_deg**2)).astype(np.float32))
@@ -68,10 +81,16 @@ def angular_errors_deg(predicted: FloatArray, true: FloatArray) -> FloatArray:
 
 
 def loss_of(
-    network: nn.Module, patches: Patches, rows: IntArray, rng: np.random.Generator, config: OrientationConfig
+    network: nn.Module,
+    patches: Patches,
+    rows: IntArray,
+    rng: np.random.Generator,
+    config: OrientationConfig,
 ) -> Tensor:
     targets = encode_angles(patches.angles[rows], config.label_sigma_deg)
-    return nn.functional.binary_cross_entropy_with_logits(network(torch.from_numpy(patches.pixels[rows])), targets)
+    return nn.functional.binary_cross_entropy_with_logits(
+        network(torch.from_numpy(patches.pixels[rows])), targets
+    )
 
 
 def measure(network: nn.Module, patches: Patches, config: OrientationConfig) -> dict[str, float]:
@@ -79,7 +98,10 @@ def measure(network: nn.Module, patches: Patches, config: OrientationConfig) -> 
     with torch.inference_mode():
         predicted = angles_from_scores(network(torch.from_numpy(patches.pixels)).numpy())
     figures = _figures(predicted, patches)
-    return {**figures, "gain_deg": round(without(patches, config)["mean_deg"] - figures["mean_deg"], 3)}
+    return {
+        **figures,
+        "gain_deg": round(without(patches, config)["mean_deg"] - figures["mean_deg"], 3),
+    }
 
 
 def without(patches: Patches, config: OrientationConfig) -> dict[str, Any]:
@@ -99,14 +121,17 @@ def exports(network: nn.Module, patches: Patches, config: OrientationConfig) -> 
     rng = torch.Generator().manual_seed(config.seed)
     return [
         Exported(
-            NAME, OrientationProbabilities(network), "orientation",
+            NAME,
+            OrientationProbabilities(network),
+            "orientation",
             f"(n, {PATCH_SIZE}, {PATCH_SIZE}) float32: distance transform around a vertex, in radii",
             "trained from scratch on masks of random strands that training draws itself",
             {"patch_size": PATCH_SIZE, "classes": CLASSES},
             [(torch.rand(n, PATCH_SIZE, PATCH_SIZE, generator=rng),) for n in (2, 0, 1, 7, 300)],
-            [{0: torch.export.Dim("n")}], 1e-4,
+            [{0: torch.export.Dim("n")}],
+            1e-4,
         )
-    ]  # fmt: skip
+    ]
 
 
 FAMILY = Family(

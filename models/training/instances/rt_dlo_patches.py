@@ -1,4 +1,5 @@
-"""Labelled patches for the orientation network: random strands are drawn, their tangents are known."""
+"""Labelled patches for the orientation network: random strands are drawn, their tangents are
+known."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def make_patches(count: int, rng: np.random.Generator) -> tuple[Float32Array, Fl
 
 
 def _scene_patches(rng: np.random.Generator) -> tuple[Float32Array, FloatArray]:
-    """Patches of one scene at the places RT-DLO would look at; the label is the nearest strand's tangent."""
+    """Patches of one scene at the places RT-DLO would look at; the label is the nearest strand's
+    tangent."""
     mask, curves = _scene(rng)
     distances = distance_map(_worn(mask, rng))
     maxima = local_maxima(distances)
@@ -52,7 +54,9 @@ def _scene(rng: np.random.Generator) -> tuple[ByteArray, list[FloatArray]]:
     for _ in range(rng.integers(1, 6)):
         curve = random_curve(rng)
         fixed = np.rint(curve * 16).astype(np.int32)
-        cv2.polylines(mask, [fixed], False, 1, max(2, round(width * rng.uniform(0.7, 1.4))), shift=4)
+        cv2.polylines(
+            mask, [fixed], False, 1, max(2, round(width * rng.uniform(0.7, 1.4))), shift=4
+        )
         curves.append(curve)
     return mask, curves
 
@@ -65,14 +69,18 @@ def random_curve(rng: np.random.Generator) -> FloatArray:
     lengths = rng.uniform(25, 70, steps)
     moves = np.stack((np.cos(headings), np.sin(headings)), axis=1) * lengths[:, None]
     knots = np.concatenate((start[None], start + np.cumsum(moves, axis=0)))
-    curve: FloatArray = make_interp_spline(np.linspace(0, 1, len(knots)), knots, k=3)(np.linspace(0, 1, 300))
+    curve: FloatArray = make_interp_spline(np.linspace(0, 1, len(knots)), knots, k=3)(
+        np.linspace(0, 1, 300)
+    )
     return curve
 
 
 def _worn(mask: ByteArray, rng: np.random.Generator) -> BoolArray:
     """The mask with the uneven outline and the holes that a segmentation network leaves."""
     soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), rng.uniform(0.6, 1.6))
-    noise = cv2.GaussianBlur(rng.normal(size=mask.shape).astype(np.float32), (0, 0), rng.uniform(0.8, 3.0))
+    noise = cv2.GaussianBlur(
+        rng.normal(size=mask.shape).astype(np.float32), (0, 0), rng.uniform(0.8, 3.0)
+    )
     worn: BoolArray = soft + noise * (rng.uniform(0, 0.3) / max(float(noise.std()), 1e-6)) > 0.5
     for x, y in rng.integers(0, _SIDE, (rng.integers(0, 6), 2)):
         worn[y : y + rng.integers(1, 5), x : x + rng.integers(1, 5)] = False

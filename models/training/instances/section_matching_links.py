@@ -2,8 +2,9 @@
 
     python -m models.training.instances.section_matching_links [--textures PACK] [--scenes 500]
 
-One logistic regression per kind of link, its weights bounded so that a worse measurement never makes a link more
-likely. A minute on one core; the same seed gives the same file (``link_weights.toml`` beside this one).
+One logistic regression per kind of link, its weights bounded so that a worse measurement never
+makes a link more likely. A minute on one core; the same seed gives the same file
+(``link_weights.toml`` beside this one).
 """
 
 from __future__ import annotations
@@ -17,7 +18,14 @@ import torch
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.instances.section_matching.extraction import SectionMatchingParams
-from models.instances.section_matching.links import ABSORBED, FEATURES, KINDS, WEIGHTS_FILE, Links, candidate_links
+from models.instances.section_matching.links import (
+    ABSORBED,
+    FEATURES,
+    KINDS,
+    WEIGHTS_FILE,
+    Links,
+    candidate_links,
+)
 from models.strands.cleaning import clean
 from models.strands.pixel_graph import trace
 from models.strands.sections import Sections, sections_of
@@ -28,7 +36,8 @@ from models.training.instances.section_matching_scenes import CurveIndex, TrainS
 _SHRINKAGE = 2e-4
 _SEED = 21
 _CUT_SHARE = 0.15
-"""More than in life: ends that face each other and are not one cable's are seldom met and must be learned."""
+"""More than in life: ends that face each other and are not one cable's are seldom met and must be
+learned."""
 
 
 def measured(scene: TrainScene) -> tuple[Sections, Links]:
@@ -42,7 +51,8 @@ def measured(scene: TrainScene) -> tuple[Sections, Links]:
 def truths(sections: Sections, links: Links, curves: CurveIndex) -> tuple[BoolArray, BoolArray]:
     """``(m,)`` whether each link is right, and whether that is known.
 
-    A link is right if both ends lie on one cable, face each other along it, and are next to each other.
+    A link is right if both ends lie on one cable, face each other along it, and are next to each
+    other.
     """
     at = [
         curves.strand_at(tip, out, 0.8 * r + 2)
@@ -70,8 +80,11 @@ def truths(sections: Sections, links: Links, curves: CurveIndex) -> tuple[BoolAr
 
 
 def fit(features: FloatArray, right: BoolArray) -> FloatArray:
-    """Costs' weights ``(9,)``: minus the logistic regression's, all but the constant and width bounded below by 0."""
-    bounds: list[tuple[float | None, float | None]] = [(None, None)] + [(None, 0.0)] * (features.shape[1] - 1)
+    """Costs' weights ``(9,)``: minus the logistic regression's, all but the constant and width
+    bounded below by 0."""
+    bounds: list[tuple[float | None, float | None]] = [(None, None)] + [(None, 0.0)] * (
+        features.shape[1] - 1
+    )
     if not features[:, 1].any():  # sections' own ends: thickness speaks for sharing
         bounds[3] = (0.0, None)
     shrinkage = np.append(0.0, np.full(features.shape[1] - 1, _SHRINKAGE))
@@ -93,8 +106,12 @@ def collect(count: int, textures: Path | None) -> tuple[FloatArray, IntArray, Bo
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--textures", type=Path, help="a pack of background pictures; without it they are noise")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--textures", type=Path, help="a pack of background pictures; without it they are noise"
+    )
     parser.add_argument("--scenes", type=int, default=300)
     args = parser.parse_args()
     torch.set_num_threads(1)

@@ -3,9 +3,9 @@
     python -m models.training topology_stubs && python -m models.training topology_bridges &&
     python -m models.training topology_junctions
 
-In this order, after ``topology``: what the networks before make of nodes, links, stubs and gaps is part of the
-evidence. The scenes are others than ``topology`` was trained on; they are kept, so the first command takes a quarter
-of an hour on one core and the others minutes.
+In this order, after ``topology``: what the networks before make of nodes, links, stubs and gaps is
+part of the evidence. The scenes are others than ``topology`` was trained on; they are kept, so the
+first command takes a quarter of an hour on one core and the others minutes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,14 @@ from models.topology.sites import Reading
 from models.training.export import Exported
 from models.training.fit import Family, Source
 from models.training.state import Config, kept
-from models.training.topology.evidence import Scene, Table, bridge_table, crossing_table, scenes, stub_table
+from models.training.topology.evidence import (
+    Scene,
+    Table,
+    bridge_table,
+    crossing_table,
+    scenes,
+    stub_table,
+)
 from models.training.topology.network_topology import JunctionNetwork
 from models.weights.inference import Runtime, load
 
@@ -36,7 +43,8 @@ _FIRST, _HELD_OUT = 5 * 10**5, 10**6
 
 @dataclass(frozen=True)
 class ClassifierConfig(Config):
-    """``jitter``: noise on the evidence, in its standard deviations: there are few places to learn from."""
+    """``jitter``: noise on the evidence, in its standard deviations: there are few places to learn
+    from."""
 
     seed: int = 11
     epochs: int = 40
@@ -57,13 +65,18 @@ class Probabilities(nn.Module):
         self.network = network
 
     def forward(self, evidence: Tensor) -> Tensor:
-        """``(n, features)`` evidence to ``(n, readings)`` probabilities; of two readings, ``(n,)`` of the second."""
+        """``(n, features)`` evidence to ``(n, readings)`` probabilities; of two readings, ``(n,)``
+        of the second."""
         found = torch.softmax(self.network(evidence), dim=1)
         return found[:, 1] if found.shape[1] == 2 else found
 
 
 def loss_of(
-    network: nn.Module, table: Table, rows: IntArray, rng: np.random.Generator, config: ClassifierConfig
+    network: nn.Module,
+    table: Table,
+    rows: IntArray,
+    rng: np.random.Generator,
+    config: ClassifierConfig,
 ) -> Tensor:
     assert isinstance(network, JunctionNetwork)
     inputs = torch.from_numpy(table.rows[rows])
@@ -81,8 +94,8 @@ def classifier(
     config: type[ClassifierConfig],
     samples: Callable[[ClassifierConfig, Source], tuple[Table, Table]],
 ) -> Family[ClassifierConfig, Table]:
-    """A row of the table of networks for one kind of evidence: ``what`` its rows are, the ``readings`` that the network
-    tells apart, the names of its ``features``."""
+    """A row of the table of networks for one kind of evidence: ``what`` its rows are, the
+    ``readings`` that the network tells apart, the names of its ``features``."""
 
     def build(config: ClassifierConfig, table: Table) -> nn.Module:
         network = JunctionNetwork(table.rows.shape[1], len(readings), config.hidden)
@@ -91,13 +104,20 @@ def classifier(
         return network
 
     def measure(network: nn.Module, table: Table, config: ClassifierConfig) -> dict[str, float]:
-        """Share of places that are read right, in all and of each reading; ``gain``: by how much more than by always
-        giving the most frequent one."""
+        """Share of places that are read right, in all and of each reading; ``gain``: by how much
+        more than by always giving the most frequent one."""
         with torch.inference_mode():
             right = network(torch.from_numpy(table.rows)).numpy().argmax(axis=1) == table.truths
-        shares = {f"{reading}_right": right[table.truths == k] for k, reading in enumerate(readings)}
-        figures = {k: round(float(v.mean()), 4) for k, v in {"accuracy": right, **shares}.items() if len(v)}
-        return {**figures, "gain": round(figures["accuracy"] - without(table, config)["accuracy"], 4)}
+        shares = {
+            f"{reading}_right": right[table.truths == k] for k, reading in enumerate(readings)
+        }
+        figures = {
+            k: round(float(v.mean()), 4) for k, v in {"accuracy": right, **shares}.items() if len(v)
+        }
+        return {
+            **figures,
+            "gain": round(figures["accuracy"] - without(table, config)["accuracy"], 4),
+        }
 
     def without(table: Table, config: ClassifierConfig) -> dict[str, Any]:
         most = np.bincount(table.truths).max() / len(table)
@@ -109,18 +129,30 @@ def classifier(
         places = np.bincount(table.truths, minlength=len(readings)).tolist()
         return [
             Exported(
-                name, Probabilities(network), task, f"(n, {count}) float32: {what}",
-                "trained from scratch on masks of random harnesses that training draws itself", {},
-                [(torch.rand(n, count, generator=rng),) for n in (2, 0, 1, 40)], [{0: torch.export.Dim("n")}], 1e-4,
-                ("evidence",), ("probability",), features=features,
+                name,
+                Probabilities(network),
+                task,
+                f"(n, {count}) float32: {what}",
+                "trained from scratch on masks of random harnesses that training draws itself",
+                {},
+                [(torch.rand(n, count, generator=rng),) for n in (2, 0, 1, 40)],
+                [{0: torch.export.Dim("n")}],
+                1e-4,
+                ("evidence",),
+                ("probability",),
+                features=features,
                 facts={"places": dict(zip(readings, places, strict=True))},
             )
-        ]  # fmt: skip
+        ]
 
-    return Family(name, config, samples, build, loss_of, measure, without, exports, least={"gain": 0.0})
+    return Family(
+        name, config, samples, build, loss_of, measure, without, exports, least={"gain": 0.0}
+    )
 
 
-def _both(make: Callable[[list[Scene]], Table]) -> Callable[[ClassifierConfig, Source], tuple[Table, Table]]:
+def _both(
+    make: Callable[[list[Scene]], Table],
+) -> Callable[[ClassifierConfig, Source], tuple[Table, Table]]:
     """The tables of training and held-out scenes; the scenes are drawn once and kept."""
 
     def samples(config: ClassifierConfig, source: Source) -> tuple[Table, Table]:
@@ -146,18 +178,34 @@ def _unused(rows: Float32Array) -> Float32Array:
 
 FAMILIES = (
     classifier(
-        STUBS, "stubs", "evidence of short strands", ("stub", "branch"), FEATURES["stubs"], ClassifierConfig,
+        STUBS,
+        "stubs",
+        "evidence of short strands",
+        ("stub", "branch"),
+        FEATURES["stubs"],
+        ClassifierConfig,
         _both(stub_table),
     ),
     classifier(
-        BRIDGES, "bridges", "evidence of places where a strand may go on over a gap", ("end", "gap"),
-        FEATURES["bridges"], ClassifierConfig,
+        BRIDGES,
+        "bridges",
+        "evidence of places where a strand may go on over a gap",
+        ("end", "gap"),
+        FEATURES["bridges"],
+        ClassifierConfig,
         _both(lambda seen: bridge_table(seen, Classifiers(_unused, _unused, _before(STUBS)))),
     ),
     classifier(
-        CROSSINGS, "junctions", "evidence at places where strands meet", tuple(r.name.lower() for r in Reading),
+        CROSSINGS,
+        "junctions",
+        "evidence at places where strands meet",
+        tuple(r.name.lower() for r in Reading),
         FEATURES["junctions"],
         ClassifierConfig,
-        _both(lambda seen: crossing_table(seen, Classifiers(_unused, _before(BRIDGES), _before(STUBS)))),
+        _both(
+            lambda seen: crossing_table(
+                seen, Classifiers(_unused, _before(BRIDGES), _before(STUBS))
+            )
+        ),
     ),
-)  # fmt: skip
+)

@@ -1,4 +1,5 @@
-"""The evidence that the classifiers learn from, and the truth that synthetic scenes know about it."""
+"""The evidence that the classifiers learn from, and the truth that synthetic scenes know about
+it."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ _SAME_WAY = np.cos(np.deg2rad(40))
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Evidence: ``rows`` ``(n, features)`` and ``truths`` ``(n,)``: 0 or 1, or a :class:`sites.Reading`."""
+    """Evidence: ``rows`` ``(n, features)`` and ``truths`` ``(n,)``: 0 or 1, or a
+    :class:`sites.Reading`."""
 
     rows: Float32Array
     truths: IntArray
@@ -41,7 +43,8 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene and what the network gives for it; its distances are kept as a packed mask, to hold thousands."""
+    """A scene and what the network gives for it; its distances are kept as a packed mask, to hold
+    thousands."""
 
     harness: Harness
     predictions: Predictions
@@ -51,7 +54,11 @@ class Scene:
 
     @property
     def graph(self) -> Graph:
-        mask = np.unpackbits(self.packed, count=self.size[0] * self.size[1]).reshape(self.size).astype(bool)
+        mask = (
+            np.unpackbits(self.packed, count=self.size[0] * self.size[1])
+            .reshape(self.size)
+            .astype(bool)
+        )
         return replace(self.bare, distances=distance_map(mask))
 
 
@@ -72,7 +79,9 @@ def stub_table(seen: list[Scene]) -> Table:
     stubs: list[tuple[Sequence[float], bool]] = []
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
-        stubs += [(c.evidence, is_branch(harness, graph, c)) for c in candidates(graph, predictions)]
+        stubs += [
+            (c.evidence, is_branch(harness, graph, c)) for c in candidates(graph, predictions)
+        ]
     return _table(stubs)
 
 
@@ -83,7 +92,9 @@ def bridge_table(seen: list[Scene], classifiers: Classifiers) -> Table:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
         real = pruned(graph, predictions, classifiers)
         ends = {e.knot: e for e in free_ends(real)}
-        bridges += [(b.evidence, goes_on(harness, real, ends, b)) for b in proposals(real, predictions)]
+        bridges += [
+            (b.evidence, goes_on(harness, real, ends, b)) for b in proposals(real, predictions)
+        ]
     return _table(bridges)
 
 
@@ -93,23 +104,35 @@ def crossing_table(seen: list[Scene], classifiers: Classifiers) -> Table:
     for scene in seen:
         harness, graph, predictions = scene.harness, scene.graph, scene.predictions
         web = repaired(graph, predictions, classifiers)
-        sites += [(evidence(s, web, graph.xy, predictions), true_reading(s, web, harness)) for s in crossing_sites(web)]
+        sites += [
+            (evidence(s, web, graph.xy, predictions), true_reading(s, web, harness))
+            for s in crossing_sites(web)
+        ]
     return _table(sites)
 
 
 def _table(rows: Sequence[tuple[Sequence[float], int]]) -> Table:
-    return Table(np.array([r for r, _ in rows], np.float32), np.array([t for _, t in rows], np.int64))
+    return Table(
+        np.array([r for r, _ in rows], np.float32), np.array([t for _, t in rows], np.int64)
+    )
 
 
 def true_reading(site: Site, web: Web, harness: Harness) -> Reading:
-    """A crossing if one lies at the middle of the site, or beside it and the arms that it would join lie on the same
-    sections: a gap bends the arms. A lens if the same two sections cross near both joints."""
+    """A crossing if one lies at the middle of the site, or beside it and the arms that it would
+    join lie on the same sections: a gap bends the arms. A lens if the same two sections cross near
+    both joints."""
     width = max(a.width for a in site.arms)
     length = web.strands[site.middle].length if site.middle is not None else 0.0
     reach = max(0.35 * length, 0.8 * width, 6.0)
     if site.middle is not None:
-        ends = [{(m.a, m.b): m for m in harness.crossings if np.hypot(*(m.xy - web.knots_xy[k])) <= reach}
-                for k in site.knots]  # fmt: skip
+        ends = [
+            {
+                (m.a, m.b): m
+                for m in harness.crossings
+                if np.hypot(*(m.xy - web.knots_xy[k])) <= reach
+            }
+            for k in site.knots
+        ]
         if any(ends[0][who] is not ends[1][who] for who in ends[0].keys() & ends[1].keys()):
             return Reading.LENS
     nearest = min((float(np.hypot(*(m.xy - site.xy))) for m in harness.crossings), default=np.inf)
@@ -127,12 +150,15 @@ def _joined(site: Site, harness: Harness) -> bool:
 
 
 def is_branch(harness: Harness, graph: Graph, candidate: Candidate) -> bool:
-    """Whether the middle half of a strand follows a section, or the outer one of a strand with a free end: a branch
-    may end in a connector."""
+    """Whether the middle half of a strand follows a section, or the outer one of a strand with a
+    free end: a branch may end in a connector."""
     strand = graph.web.strands[candidate.strand]
     line = strand.xy[::-1] if strand.a == candidate.tip else strand.xy
     count = len(line)
-    parts = [line[count // 4 : count - count // 4], *([line[count // 2 :]] if candidate.tip >= 0 else [])]
+    parts = [
+        line[count // 4 : count - count // 4],
+        *([line[count // 2 :]] if candidate.tip >= 0 else []),
+    ]
     return any(_follows(part, s) for s in harness.sections for part in parts)
 
 
@@ -143,8 +169,12 @@ def _follows(line: FloatArray, section: TrueSection) -> bool:
     first, last = section.xy[int(away[0].argmin())], section.xy[int(away[-1].argmin())]
     ahead, step = last - first, line[-1] - line[0]
     size = float(np.hypot(*ahead) * np.hypot(*step))
-    # A clip leaves the section at a right angle: its nearest point of the section stays where it is.
-    return bool(np.hypot(*ahead) > 0.5 * np.hypot(*step) and abs(float(ahead @ step)) > _SAME_WAY * max(size, 1e-9))
+    # A clip leaves the section at a right angle: its nearest point of the section stays where it
+    # is.
+    return bool(
+        np.hypot(*ahead) > 0.5 * np.hypot(*step)
+        and abs(float(ahead @ step)) > _SAME_WAY * max(size, 1e-9)
+    )
 
 
 def goes_on(harness: Harness, graph: Graph, ends: dict[int, End], bridge: Bridge) -> bool:
@@ -152,7 +182,10 @@ def goes_on(harness: Harness, graph: Graph, ends: dict[int, End], bridge: Bridge
     end, there = ends[bridge.nodes[0]], bridge.nodes[-1]
     if there in ends and not _on_section(harness, ends[there]):
         return False
-    return any(_leads(harness, s, end, graph.xy[there], 2 * float(graph.radii[there])) for s in _under(harness, end))
+    return any(
+        _leads(harness, s, end, graph.xy[there], 2 * float(graph.radii[there]))
+        for s in _under(harness, end)
+    )
 
 
 def _under(harness: Harness, end: End) -> list[TrueSection]:
@@ -165,7 +198,8 @@ def _on_section(harness: Harness, end: End) -> bool:
 
 
 def _at(section: TrueSection, end: End) -> tuple[float, float] | None:
-    """Arc length of the end on a section and which way it points there (1 or -1); None if it is not its end."""
+    """Arc length of the end on a section and which way it points there (1 or -1); None if it is not
+    its end."""
     away = np.hypot(*(section.xy - end.xy).T)
     k = int(away.argmin())
     if away[k] > 0.6 * section.width + 3:
@@ -175,7 +209,9 @@ def _at(section: TrueSection, end: End) -> tuple[float, float] | None:
     return None if abs(cosine) < _SAME_WAY else (STEP_PX * k, float(np.sign(cosine)))
 
 
-def _leads(harness: Harness, section: TrueSection, end: End, there: FloatArray, width: float) -> bool:
+def _leads(
+    harness: Harness, section: TrueSection, end: End, there: FloatArray, width: float
+) -> bool:
     placed = _at(section, end)
     if placed is None:
         return False

@@ -1,4 +1,5 @@
-"""The networks of thesis 6.5, trained on random harnesses that are drawn for them: 20 minutes on one core."""
+"""The networks of thesis 6.5, trained on random harnesses that are drawn for them: 20 minutes on
+one core."""
 
 from __future__ import annotations
 
@@ -28,8 +29,8 @@ Samples = list[Sample]
 
 @dataclass(frozen=True)
 class TopologyConfig(Config):
-    """Thesis 6.8.1: about 1600 graphs for training, here twice as many; 280 held out, h = 32. Batches of 8 with a
-    falling rate take the place of its 200 000 steps of 2 at 1e-3."""
+    """Thesis 6.8.1: about 1600 graphs for training, here twice as many; 280 held out, h = 32.
+    Batches of 8 with a falling rate take the place of its 200 000 steps of 2 at 1e-3."""
 
     seed: int = 11
     batch: int = 8
@@ -67,13 +68,17 @@ def collate(samples: Sequence[Sample]) -> Batch:
     encoded = [s.encoded for s in samples]
     edges = np.concatenate([e.edges + o for e, o in zip(encoded, offsets, strict=True)], axis=1)
     return Batch(
-        (_tensor(encoded, "patches"), _tensor(encoded, "nodes"), torch.from_numpy(edges),
-         _tensor(encoded, "edge_features")),
+        (
+            _tensor(encoded, "patches"),
+            _tensor(encoded, "nodes"),
+            torch.from_numpy(edges),
+            _tensor(encoded, "edge_features"),
+        ),
         torch.from_numpy(np.concatenate([s.truth.links for s in samples]).astype(np.float32)),
         torch.from_numpy(np.concatenate([s.truth.on for s in samples])),
         torch.from_numpy(encode_angles(np.concatenate([s.truth.angles for s in samples]))),
         torch.from_numpy(np.concatenate([s.truth.classes for s in samples]).astype(np.float32)),
-    )  # fmt: skip
+    )
 
 
 def _tensor(encoded: list[Encoded], name: str) -> Tensor:
@@ -88,9 +93,14 @@ def samples(config: TopologyConfig, source: Source) -> tuple[Samples, Samples]:
 
 
 def loss_of(
-    network: nn.Module, samples: Samples, rows: IntArray, rng: np.random.Generator, config: TopologyConfig
+    network: nn.Module,
+    samples: Samples,
+    rows: IntArray,
+    rng: np.random.Generator,
+    config: TopologyConfig,
 ) -> Tensor:
-    """Eq. 6.1 plus the classifier's loss. The rare class of nodes weighs more, in place of leaving others out."""
+    """Eq. 6.1 plus the classifier's loss. The rare class of nodes weighs more, in place of leaving
+    others out."""
     batch = collate([samples[k] for k in rows])
     links, orientations, classes = network(*batch.inputs)
     entropy = nn.functional.binary_cross_entropy_with_logits
@@ -119,7 +129,8 @@ def measure(network: nn.Module, samples: Samples, config: TopologyConfig) -> dic
 
 
 def without(samples: Samples, config: TopologyConfig) -> dict[str, Any]:
-    """Every node linked to its two nearest candidates; the main axis of the patch as its orientation."""
+    """Every node linked to its two nearest candidates; the main axis of the patch as its
+    orientation."""
     batch = collate(samples)
     patches, nodes, edges, features = (part.numpy() for part in batch.inputs)
     linked = np.zeros(edges.shape[1], bool)
@@ -131,7 +142,10 @@ def without(samples: Samples, config: TopologyConfig) -> dict[str, Any]:
             linked[k] = True
     on = batch.on.numpy()
     # a patch has an even side here: the mean of its four shifted cuts has a middle
-    odd = sum(patches[on][:, y : y + PATCH - 1, x : x + PATCH - 1] for y in (0, 1) for x in (0, 1)) / 4
+    odd = (
+        sum(patches[on][:, y : y + PATCH - 1, x : x + PATCH - 1] for y in (0, 1) for x in (0, 1))
+        / 4
+    )
     angles = np.rad2deg(principal_angles(odd))
     away = np.mod(angles - np.argmax(batch.angles.numpy(), axis=1)[on], 180.0)
     away = np.minimum(away, 180.0 - away)
@@ -152,15 +166,23 @@ def exports(network: nn.Module, samples: Samples, config: TopologyConfig) -> lis
     n, e = torch.export.Dim("nodes"), torch.export.Dim("edges")
     return [
         Exported(
-            NAME, TopologyProbabilities(network), "topology",
+            NAME,
+            TopologyProbabilities(network),
+            "topology",
             f"patches (n, {PATCH}, {PATCH}), nodes (n, {NODE_FEATURES}), edges (2, e) int64, "
             f"edge_features (e, {EDGE_FEATURES})",
-            "trained from scratch on masks of random harnesses that training draws itself", {"patch_size": PATCH},
-            [_example(nodes, edges, config.seed) for nodes, edges in ((60, 270), (2, 1), (3, 0), (700, 3000))],
-            [{0: n}, {0: n}, {1: e}, {0: e}], 1e-3,
-            ("patches", "nodes", "edges", "edge_features"), ("links", "orientations", "classes"),
+            "trained from scratch on masks of random harnesses that training draws itself",
+            {"patch_size": PATCH},
+            [
+                _example(nodes, edges, config.seed)
+                for nodes, edges in ((60, 270), (2, 1), (3, 0), (700, 3000))
+            ],
+            [{0: n}, {0: n}, {1: e}, {0: e}],
+            1e-3,
+            ("patches", "nodes", "edges", "edge_features"),
+            ("links", "orientations", "classes"),
         )
-    ]  # fmt: skip
+    ]
 
 
 def _example(nodes: int, edges: int, seed: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -1,6 +1,7 @@
 """Small interpreters of the example programs in examples/robots: just what these files use.
 
-Each gives ``send(bytes)`` exactly what the program sends and reads what the program reads; motions are recorded.
+Each gives ``send(bytes)`` exactly what the program sends and reads what the program reads; motions
+are recorded.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ def _numbers(reply: bytes, count: int) -> list[float]:
 
 def run_rapid(text: str, send: Send, receive: Receive) -> list[str]:
     """Motions of ``main`` in a RAPID program."""
-    end = bytes(int(code, 16) for code in re.findall(r"\\([0-9A-F]{2})", re.search(r'EOL := "(.*)"', text)[1]))
+    end = bytes(
+        int(code, 16)
+        for code in re.findall(r"\\([0-9A-F]{2})", re.search(r'EOL := "(.*)"', text)[1])
+    )
     field: list[float] = [0.0] * 17
     moves: list[str] = []
     active = [True]
@@ -75,29 +79,40 @@ def run_rapid(text: str, send: Send, receive: Receive) -> list[str]:
 
 
 def _rapid(condition: str) -> str:
-    return re.sub(r"field\{(\d+)\}", r"field[\1]", condition).replace("<>", "!=").replace(" = ", " == ").lower()
+    return (
+        re.sub(r"field\{(\d+)\}", r"field[\1]", condition)
+        .replace("<>", "!=")
+        .replace(" = ", " == ")
+        .lower()
+    )
 
 
-def run_structured_text(text: str, send: Send, receive: Receive, most_steps: int = 50) -> dict[str, object]:
+def run_structured_text(
+    text: str, send: Send, receive: Receive, most_steps: int = 50
+) -> dict[str, object]:
     """Variables when the program has no step any more."""
     import struct
 
     plain = re.sub(r"\(\*.*?\*\)", "", text, flags=re.S)
     cases = re.search(r"CASE step OF(.*)END_CASE;", plain, re.S)[1]
     parts = re.split(r"^(\d+):", cases, flags=re.M)[1:]
-    steps = {int(number): _as_python(body) for number, body in zip(parts[::2], parts[1::2], strict=True)}
+    steps = {
+        int(number): _as_python(body) for number, body in zip(parts[::2], parts[1::2], strict=True)
+    }
     tx, rx = bytearray(64), bytearray(512)
 
     def fill() -> None:
         rx[:] = receive()
 
     scope: dict[str, object] = {
-        "tx": tx, "rx": rx, "step": 0,
+        "tx": tx,
+        "rx": rx,
+        "step": 0,
         "SEND": lambda buffer: send(bytes(buffer)),
         "RECEIVE": lambda _: fill(),
         "WORD_OF": lambda high, low: high << 8 | low,
         "REAL_OF": lambda *four: struct.unpack(">f", bytes(four))[0],
-    }  # fmt: skip
+    }
     for _ in range(most_steps):
         if scope["step"] not in steps:
             return scope
@@ -106,7 +121,8 @@ def run_structured_text(text: str, send: Send, receive: Receive, most_steps: int
 
 
 def _as_python(body: str) -> str:
-    """Statements of structured text; every statement and every keyword on a line of its own, indented by its depth."""
+    """Statements of structured text; every statement and every keyword on a line of its own,
+    indented by its depth."""
     body = re.sub(r"\b(ELSIF|IF)\b(.*?)\bTHEN\b", r"\n\1 \2 THEN\n", body, flags=re.S)
     body = re.sub(r"\b(ELSE|END_IF)\b;?", r"\n\1\n", body).replace(";", "\n")
     lines, depth = [], 0
@@ -124,7 +140,9 @@ def _as_python(body: str) -> str:
 def _statement(line: str, word: str) -> str:
     line = re.sub(r"16#([0-9A-F]+)", r"0x\1", line)
     if word in ("IF", "ELSIF"):
-        condition = line.removeprefix(word).removesuffix("THEN").replace(" = ", " == ").replace("<>", "!=")
+        condition = (
+            line.removeprefix(word).removesuffix("THEN").replace(" = ", " == ").replace("<>", "!=")
+        )
         return f"{'if' if word == 'IF' else 'elif'} {condition.replace('AND', 'and').strip()}:"
     return "else:" if word == "ELSE" else line.replace(":=", "=")
 

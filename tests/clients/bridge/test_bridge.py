@@ -1,4 +1,5 @@
-"""The bridge over real sockets: both protocols, pipelining, every status that a controller can meet."""
+"""The bridge over real sockets: both protocols, pipelining, every status that a controller can
+meet."""
 
 from __future__ import annotations
 
@@ -117,7 +118,9 @@ def test_the_next_job_is_accepted_while_the_last_computes(picture):
 
 
 def test_no_more_jobs_than_configured(picture):
-    replies = ask(picture, "T,1,9", "T,2,9", "T,3,9", "X,1", "R,1", "T,3,9", jobs={"most_waiting": 2})
+    replies = ask(
+        picture, "T,1,9", "T,2,9", "T,3,9", "X,1", "R,1", "T,3,9", jobs={"most_waiting": 2}
+    )
     assert replies == ["T,1,1", "T,2,1", "T,3,26", "X,1,0", "R,1,41,0,0,0,0", "T,3,1"]
 
 
@@ -145,10 +148,20 @@ def test_the_newest_file_of_a_folder(tmp_path):
     assert ask(tmp_path, "T,1,7", picture=folder | {"most_age_s": 5}) == ["T,1,30"]
 
 
-def frame(command: int, sequence: int, recipe: int = 0, first: int = 0, wait=0xFFFFFFFF, flange=(), order=">") -> bytes:
+def frame(
+    command: int,
+    sequence: int,
+    recipe: int = 0,
+    first: int = 0,
+    wait=0xFFFFFFFF,
+    flange=(),
+    order=">",
+) -> bytes:
     numbers = [*flange, *([0.0] * (7 - len(flange)))]
     flags = {0: 0, 6: 1, 7: 2}[len(flange)]
-    return struct.pack(order + "HHIHHIHxx7f16x", 0x444C, command, sequence, recipe, first, wait, flags, *numbers)
+    return struct.pack(
+        order + "HHIHHIHxx7f16x", 0x444C, command, sequence, recipe, first, wait, flags, *numbers
+    )
 
 
 @pytest.mark.parametrize(("order", "name"), [(">", "big"), ("<", "little")])
@@ -168,10 +181,15 @@ def test_fixed_bytes(picture, order, name):
 
             requests = [
                 frame(2, 300, 7, flange=(0.1, 0, 0.5, 0, 3, 0), order=order),
-                frame(3, 300, order=order), frame(3, 300, first=12, order=order), frame(5, 9, order=order),
-                frame(9, 1, order=order), b"\0" * 64, frame(2, 2**31, 7, order=order),
-                frame(2, 1, 7, flange=(float("nan"),) * 7, order=order), frame(4, 77, order=order),
-            ]  # fmt: skip
+                frame(3, 300, order=order),
+                frame(3, 300, first=12, order=order),
+                frame(5, 9, order=order),
+                frame(9, 1, order=order),
+                b"\0" * 64,
+                frame(2, 2**31, 7, order=order),
+                frame(2, 1, 7, flange=(float("nan"),) * 7, order=order),
+                frame(4, 77, order=order),
+            ]
             return [await reply(request) for request in requests]
 
     replies = asyncio.run(scenario())

@@ -1,4 +1,5 @@
-"""The example programs of examples/robots against a bridge: what they send is what is sent here, byte for byte."""
+"""The example programs of examples/robots against a bridge: what they send is what is sent here,
+byte for byte."""
 
 from __future__ import annotations
 
@@ -23,7 +24,11 @@ def bridge_in_a_thread(rotation: str, tmp_path: Path, reply: str):
     """Ports of a bridge that runs beside the test."""
     picture = tmp_path / "picture.png"
     picture.write_bytes(b"picture")
-    sections = {"ascii": {"port": 0, "reply": reply}, "binary": {"port": 0}, "picture": {"file": picture}}
+    sections = {
+        "ascii": {"port": 0, "reply": reply},
+        "binary": {"port": 0},
+        "picture": {"file": picture},
+    }
     started, ports, stop = threading.Event(), {}, {}
 
     async def serve():
@@ -53,7 +58,11 @@ def connected(tmp_path):
             bridge_in_a_thread(rotation, tmp_path, reply) as ports,
             socket.create_connection(("127.0.0.1", ports[protocol]), timeout=10) as connection,
         ):
-            yield lambda data: (sent.append(data), connection.sendall(data)), connection.makefile("rb"), sent
+            yield (
+                lambda data: (sent.append(data), connection.sendall(data)),
+                connection.makefile("rb"),
+                sent,
+            )
 
     return connected
 
@@ -69,7 +78,10 @@ def test_urscript(connected):
 
 def test_urscript_stops_when_the_trigger_is_refused(connected):
     text = (EXAMPLES / "ur_pick_cable.script").read_text().replace("T,100,7", "T,100,seven")
-    with connected("ascii", "ur", "parentheses") as (send, stream, _), pytest.raises(programs.Halted):
+    with (
+        connected("ascii", "ur", "parentheses") as (send, stream, _),
+        pytest.raises(programs.Halted),
+    ):
         programs.run_urscript(text, send, stream.readline)
 
 

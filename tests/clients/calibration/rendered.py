@@ -1,4 +1,5 @@
-"""Pictures of a board that are rendered with the lens they will be read with, at poses that are known."""
+"""Pictures of a board that are rendered with the lens they will be read with, at poses that are
+known."""
 
 from __future__ import annotations
 
@@ -11,7 +12,13 @@ from dlo_client.contracts.cameras import PinholeIntrinsics
 from scipy.spatial.transform import Rotation
 
 LENS = PinholeIntrinsics(
-    width=640, height=480, fx=656.0, fy=652.0, cx=322.1, cy=236.9, distortion=[-0.12, 0.03, 0.0005, -0.0004]
+    width=640,
+    height=480,
+    fx=656.0,
+    fy=652.0,
+    cx=322.1,
+    cy=236.9,
+    distortion=[-0.12, 0.03, 0.0005, -0.0004],
 )
 CHARUCO = Board("charuco", 9, 6, 0.03, 0.022)
 CHESSBOARD = Board("chessboard", 9, 6, 0.03)
@@ -38,7 +45,9 @@ def flanges(count: int = 12, seed: int = 0) -> list[np.ndarray]:
     middle = T_WORLD_BOARD[:3, 3] + T_WORLD_BOARD[:3, :3] @ [0.135, 0.09, 0]
     poses = []
     for k in range(count):
-        away = Rotation.from_euler("zx", [360 * k / count, 12 + 22 * (k % 3)], degrees=True).apply([0, 0, 1])
+        away = Rotation.from_euler("zx", [360 * k / count, 12 + 22 * (k % 3)], degrees=True).apply(
+            [0, 0, 1]
+        )
         center = middle + away * random.uniform(0.34, 0.45)
         z = -away
         x = Rotation.from_rotvec(z * random.uniform(-0.9, 0.9)).apply(np.cross([0.0, 1.0, 0.1], z))
@@ -50,8 +59,11 @@ def flanges(count: int = 12, seed: int = 0) -> list[np.ndarray]:
     return poses
 
 
-def picture(board: Board, T_camera_board: np.ndarray, noise: float = 2.0, seed: int = 0) -> np.ndarray:
-    """(480, 640) gray: the board's print seen through the lens, four samples a pixel, with noise."""
+def picture(
+    board: Board, T_camera_board: np.ndarray, noise: float = 2.0, seed: int = 0
+) -> np.ndarray:
+    """(480, 640) gray: the board's print seen through the lens, four samples a pixel, with
+    noise."""
     print_px = _print(board)
     rays = _rays()
     inverse = np.linalg.inv(T_camera_board)
@@ -60,7 +72,11 @@ def picture(board: Board, T_camera_board: np.ndarray, noise: float = 2.0, seed: 
     at = (on_board / board.square_m * _PX_SQUARE + _PX_SQUARE - 0.5).astype(np.float32)
     shape = (LENS.height * _FINE, LENS.width * _FINE)
     seen = cv2.remap(
-        print_px, at[:, 0].reshape(shape), at[:, 1].reshape(shape), cv2.INTER_LINEAR, borderValue=150
+        print_px,
+        at[:, 0].reshape(shape),
+        at[:, 1].reshape(shape),
+        cv2.INTER_LINEAR,
+        borderValue=150,
     ).astype(float)
     small = seen.reshape(LENS.height, _FINE, LENS.width, _FINE).mean(axis=(1, 3))
     grain = np.random.default_rng(seed).normal(0, noise, small.shape)

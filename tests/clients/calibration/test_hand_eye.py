@@ -32,7 +32,9 @@ def errors(found: np.ndarray, truth: np.ndarray = T_FLANGE_CAMERA) -> tuple[floa
     return 1000 * float(np.linalg.norm(found[:3, 3] - truth[:3, 3])), float(np.degrees(turn))
 
 
-def corners(moved, T: np.ndarray = T_FLANGE_CAMERA, noise_px: float = 0.1, seed: int = 0) -> list[BoardView]:
+def corners(
+    moved, T: np.ndarray = T_FLANGE_CAMERA, noise_px: float = 0.1, seed: int = 0
+) -> list[BoardView]:
     """What a perfect detector would see, with noise."""
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(1, 9), np.arange(1, 6))
@@ -113,7 +115,9 @@ def test_a_picture_without_a_board():
     assert find(CHESSBOARD, np.full((480, 640), 128, np.uint8)) is None
 
 
-@pytest.mark.parametrize("text", ["7x5", "7x5xa", "2x5x0.03", "7x5x0.03x0.04", "7x5x0.03x0.02x1", "7x5x-1"])
+@pytest.mark.parametrize(
+    "text", ["7x5", "7x5xa", "2x5x0.03", "7x5x0.03x0.04", "7x5x0.03x0.02x1", "7x5x-1"]
+)
 def test_what_is_no_board_is_refused(text):
     with pytest.raises(InvalidArgument, match="board"):
         parsed_board(text, "5x5")
@@ -121,7 +125,9 @@ def test_what_is_no_board_is_refused(text):
 
 def test_drift_is_a_rise_above_what_was_usual():
     def jobs(values):
-        return [curve_samples.result().model_copy(update={"reprojection_px": value}) for value in values]
+        return [
+            curve_samples.result().model_copy(update={"reprojection_px": value}) for value in values
+        ]
 
     usual = jobs([0.40, 0.45, 0.38, 0.42, 0.41, 0.44])
     assert not drift_of(usual, jobs([0.43, 0.40, 0.46, 0.39, 0.42])).drifted

@@ -80,8 +80,17 @@ def test_results_are_saved_under_the_pictures_name(dlo: Dlo, picture: Path, tmp_
     assert f"saved {out / 'desk [1].overlay.png'}" in done.stdout
 
 
-def test_pictures_of_the_same_name_do_not_overwrite_one_another(dlo: Dlo, picture: Path, tmp_path: Path) -> None:
-    done = dlo(Service(), "instances", picture, picture.rename(tmp_path / "a.png"), "--out", tmp_path / "out")
+def test_pictures_of_the_same_name_do_not_overwrite_one_another(
+    dlo: Dlo, picture: Path, tmp_path: Path
+) -> None:
+    done = dlo(
+        Service(),
+        "instances",
+        picture,
+        picture.rename(tmp_path / "a.png"),
+        "--out",
+        tmp_path / "out",
+    )
     assert done.exit_code == 1
     other = tmp_path / "b" / "a.png"
     other.parent.mkdir()
@@ -96,7 +105,12 @@ def test_options_reach_the_request(dlo: Dlo, picture: Path) -> None:
     service = Service()
     dlo(service, "instances", picture, "--threshold", "0.3", "--points", "50", "--method", "rt_dlo")
     sent = service.requests[0]
-    for part in (b'"threshold":0.3', b'"points_per_instance":50', b'"method":"rt_dlo"', b'"files":[]'):
+    for part in (
+        b'"threshold":0.3',
+        b'"points_per_instance":50',
+        b'"method":"rt_dlo"',
+        b'"files":[]',
+    ):
         assert part in sent
 
 
@@ -122,7 +136,9 @@ def test_without_a_service_it_stops_at_the_first_picture(dlo: Dlo, picture: Path
 def test_a_bad_address_is_a_readable_problem(dlo: Dlo) -> None:
     done = dlo(Service(), "--url", "localhost:8000", "models")
     assert done.exit_code == 1
-    assert done.stderr == "error: 'localhost:8000' is not an address such as http://127.0.0.1:8000\n"
+    assert (
+        done.stderr == "error: 'localhost:8000' is not an address such as http://127.0.0.1:8000\n"
+    )
 
 
 def test_json_is_one_object_a_line(dlo: Dlo, picture: Path) -> None:
@@ -132,7 +148,9 @@ def test_json_is_one_object_a_line(dlo: Dlo, picture: Path) -> None:
     assert records[0]["job"]["result"]["instances"][0]["width_px"] == 7.0
 
 
-@pytest.mark.parametrize("option", [("--threshold", "1.5"), ("--points", "1"), ("--method", "magic")])
+@pytest.mark.parametrize(
+    "option", [("--threshold", "1.5"), ("--points", "1"), ("--method", "magic")]
+)
 def test_a_bad_option_is_named(dlo: Dlo, picture: Path, option: tuple[str, str]) -> None:
     service = Service()
     done = dlo(service, "instances", picture, *option)
@@ -142,7 +160,9 @@ def test_a_bad_option_is_named(dlo: Dlo, picture: Path, option: tuple[str, str])
 
 
 def test_jobs_are_listed_up_to_the_limit(dlo: Dlo) -> None:
-    queued = samples.job(JobState.QUEUED, label="a label that is far too long for a narrow terminal " * 3)
+    queued = samples.job(
+        JobState.QUEUED, label="a label that is far too long for a narrow terminal " * 3
+    )
     script = Script(ok(JobPage(jobs=[queued, samples.job(), samples.job()], next_cursor="more")))
     done = dlo(script, "jobs", "--limit", 2, "--state", "queued", "--kind", "noop")
     assert done.exit_code == 0

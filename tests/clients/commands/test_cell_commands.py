@@ -1,4 +1,5 @@
-"""``dlo calibrate``, ``dlo bridge`` and ``dlo label-studio``: what they print, and what they refuse in one line."""
+"""``dlo calibrate``, ``dlo bridge`` and ``dlo label-studio``: what they print, and what they refuse
+in one line."""
 
 from __future__ import annotations
 
@@ -43,7 +44,14 @@ def files(tmp_path):
 
 
 def arguments(files, *more):
-    options = ["--flange", files / "flange.csv", "--intrinsics", files / "lens.json", "--board", "9x6x0.03"]
+    options = [
+        "--flange",
+        files / "flange.csv",
+        "--intrinsics",
+        files / "lens.json",
+        "--board",
+        "9x6x0.03",
+    ]
     return ["calibrate", files / "pictures", *options, *more]
 
 
@@ -53,7 +61,9 @@ def test_calibrate_prints_the_pose_with_its_uncertainty_and_stores_it(files, mon
     def network(request: httpx.Request) -> httpx.Response:
         sent.append((request.method, request.url.path, json.loads(request.content)))
         camera = CameraBody.model_validate(sent[-1][2])
-        stored = StoredCamera(name="wrist", version=4, created_at=samples.job().created_at, camera=camera)
+        stored = StoredCamera(
+            name="wrist", version=4, created_at=samples.job().created_at, camera=camera
+        )
         return httpx.Response(200, text=stored.model_dump_json())
 
     found = HandEye(np.eye(4), np.eye(4), 0.0002, 0.001, np.zeros((6, 6)), [0.2, 0.3])
@@ -84,26 +94,44 @@ def recipe_service(request: httpx.Request) -> httpx.Response:
     made = samples.job().created_at
     if request.url.path.startswith("/v1/cameras"):
         yaml = "yaml" in request.headers["content-type"]
-        camera = CameraBody.model_validate({"intrinsics": LENS} if yaml else json.loads(request.content))
+        camera = CameraBody.model_validate(
+            {"intrinsics": LENS} if yaml else json.loads(request.content)
+        )
         return httpx.Response(
-            200, text=StoredCamera(name="wrist", version=2, created_at=made, camera=camera).model_dump_json()
+            200,
+            text=StoredCamera(
+                name="wrist", version=2, created_at=made, camera=camera
+            ).model_dump_json(),
         )
     if request.url.path.endswith("/run"):
         poses = RobotPoses(
-            frame="world", unit="mm", rotation="kuka_abc", of="tool", poses=POSES, warnings=["3: is not on the plane"]
+            frame="world",
+            unit="mm",
+            rotation="kuka_abc",
+            of="tool",
+            poses=POSES,
+            warnings=["3: is not on the plane"],
         )
         job = samples.job(poses=poses, recipe=RecipeUsed(number=7, version=2))
         return httpx.Response(200, text=job.model_dump_json())
     if request.url.path.endswith("/recipe"):
-        return httpx.Response(200, text=json.dumps({"name": "shelf", "request": {"kind": "segment"}}))
-    body = json.loads(request.content) if request.method == "PUT" else {"name": "cables", "request": {"kind": "noop"}}
+        return httpx.Response(
+            200, text=json.dumps({"name": "shelf", "request": {"kind": "segment"}})
+        )
+    body = (
+        json.loads(request.content)
+        if request.method == "PUT"
+        else {"name": "cables", "request": {"kind": "noop"}}
+    )
     recipe = Recipe(number=7, version=2, created_at=made, **body)
     listed = f"[{recipe.model_dump_json()}]"
     return httpx.Response(200, text=listed if request.method == "GET" else recipe.model_dump_json())
 
 
 def test_recipes_are_stored_listed_and_run(files):
-    (files / "recipe.json").write_text(json.dumps({"name": "cables", "request": {"kind": "instances"}}))
+    (files / "recipe.json").write_text(
+        json.dumps({"name": "cables", "request": {"kind": "instances"}})
+    )
     (files / "a.png").write_bytes(b"picture")
     (files / "lens.yaml").write_text("image_width: 640")
     stored = dlo("recipe-store", 7, files / "recipe.json", network=recipe_service)
@@ -118,10 +146,14 @@ def test_recipes_are_stored_listed_and_run(files):
     assert "0.25, -0.125, 0.05" in done.stdout
     assert "left out: 3: is not on the plane" in done.stdout
     assert (
-        dlo("camera-store", "wrist", files / "lens.yaml", network=recipe_service).stdout == "camera wrist, version 2\n"
+        dlo("camera-store", "wrist", files / "lens.yaml", network=recipe_service).stdout
+        == "camera wrist, version 2\n"
     )
     (files / "camera.json").write_text(json.dumps({"intrinsics": LENS}))
-    assert "version 2" in dlo("camera-store", "wrist", files / "camera.json", network=recipe_service).stdout
+    assert (
+        "version 2"
+        in dlo("camera-store", "wrist", files / "camera.json", network=recipe_service).stdout
+    )
     wrong = dlo("recipe-store", 7, files / "lens.json", network=recipe_service)
     assert (wrong.exit_code, "name: Field required" in wrong.stderr) == (1, True)
 
@@ -134,7 +166,9 @@ def test_a_bridge_without_a_camera_does_not_start(tmp_path):
     assert "picture: Field required" in done.stderr
 
 
-@pytest.mark.parametrize(("missing", "extra"), [("asyncua", "opcua"), ("defusedxml", "label"), ("scipy", "calibrate")])
+@pytest.mark.parametrize(
+    ("missing", "extra"), [("asyncua", "opcua"), ("defusedxml", "label"), ("scipy", "calibrate")]
+)
 def test_a_missing_extra_is_named(files, missing, extra):
     """In a process of its own: here all of them are installed, and loaded."""
     (files / "bridge.toml").write_text('[opcua]\nport = 4840\n[picture]\nfile = "a"\n')
@@ -146,7 +180,9 @@ def test_a_missing_extra_is_named(files, missing, extra):
     program = f"import sys; sys.modules[{missing!r}] = None; from dlo_client.commands.cli import main; main()"
     command = [sys.executable, "-c", program, *map(str, commands[extra])]
     root = Path(dlo_client.__file__).parents[1]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        command, cwd=root, capture_output=True, text=True, timeout=120, check=False
+    )
     assert done.returncode == 1
     assert f'pip install "dlo-client[{extra}]"' in done.stderr
     assert "Traceback" not in done.stderr

@@ -1,4 +1,5 @@
-"""``dlo topology`` and ``dlo disentangle`` against a mocked network: what they send, what they print."""
+"""``dlo topology`` and ``dlo disentangle`` against a mocked network: what they send, what they
+print."""
 
 from __future__ import annotations
 
@@ -38,7 +39,16 @@ def rows(done: Result) -> list[list[str]]:
 
 def test_disentangle_prints_the_actions_and_why_the_best_one(picture: Path) -> None:
     sent: list[bytes] = []
-    done = run(harness_samples.job(), sent, "disentangle", picture, "--arm", "left:0,50", "--arm", "right:160,50")
+    done = run(
+        harness_samples.job(),
+        sent,
+        "disentangle",
+        picture,
+        "--arm",
+        "left:0,50",
+        "--arm",
+        "right:160,50",
+    )
     assert done.exit_code == 0, done.output
     assert ["1", "1", "2", "29", "0", "0.80", "left", "left"] in rows(done)
     assert "best: the free end swings clear" in done.stdout

@@ -1,4 +1,5 @@
-"""``dlo label-export``, ``-import``, ``-dataset`` and ``-tracked``: what they print, file and refuse."""
+"""``dlo label-export``, ``-import``, ``-dataset`` and ``-tracked``: what they print, file and
+refuse."""
 
 from __future__ import annotations
 
@@ -25,8 +26,18 @@ from tests.clients.labelling import drawn
 
 Dlo = Callable[..., Result]
 POSE = np.eye(4).tolist()
-INTRINSICS = {"width": drawn.WIDTH, "height": drawn.HEIGHT, "fx": 80.0, "fy": 80.0, "cx": 45.0, "cy": 35.0}
-STROKES = [{"points_m": [[0, 0, 1], [0.1, 0, 1]], "thickness_m": 0.006, "name": name} for name in ("red", "blue", "w")]
+INTRINSICS = {
+    "width": drawn.WIDTH,
+    "height": drawn.HEIGHT,
+    "fx": 80.0,
+    "fy": 80.0,
+    "cx": 45.0,
+    "cy": 35.0,
+}
+STROKES = [
+    {"points_m": [[0, 0, 1], [0.1, 0, 1]], "thickness_m": 0.006, "name": name}
+    for name in ("red", "blue", "w")
+]
 
 
 class Service:
@@ -39,26 +50,44 @@ class Service:
     def __call__(self, request: httpx.Request) -> httpx.Response:
         self.asked.append(json.loads(request.content.split(b"\r\n\r\n")[1].split(b"\r\n--")[0]))
         if self.refusal:
-            return httpx.Response(self.refusal, text=samples.refused(self.refusal, "invalid").model_dump_json())
+            return httpx.Response(
+                self.refusal, text=samples.refused(self.refusal, "invalid").model_dump_json()
+            )
         views = [tracked_view(f"views.{k}") for k in range(len(self.asked[-1]["views"]))]
-        result = LabelTrackedResult(views=views, warnings=["red: its corrections are doubtful"], models=[])
+        result = LabelTrackedResult(
+            views=views, warnings=["red: its corrections are doubtful"], models=[]
+        )
         job = samples.job(kind="label_tracked", result=result)
-        return httpx.Response(200, text=Job[LabelTrackedResult].model_validate(job.model_dump()).model_dump_json())
+        return httpx.Response(
+            200, text=Job[LabelTrackedResult].model_validate(job.model_dump()).model_dump_json()
+        )
 
 
 def tracked_view(name: str) -> TrackedLabels:
     items = [
         TrackedInstance(
-            id=i.id, name=STROKES[i.id - 1]["name"], score=0.9, centerline_xy=i.centerline_xy, width_px=i.width_px,
-            endpoints=[], mask_rle=i.mask_rle, offset_px=[2.5] * len(i.centerline_xy),
+            id=i.id,
+            name=STROKES[i.id - 1]["name"],
+            score=0.9,
+            centerline_xy=i.centerline_xy,
+            width_px=i.width_px,
+            endpoints=[],
+            mask_rle=i.mask_rle,
+            offset_px=[2.5] * len(i.centerline_xy),
             trust=[0.9] * len(i.centerline_xy),
         )
         for i in drawn.label().instances
-    ]  # fmt: skip
+    ]
     return TrackedLabels(
-        name=name, width=drawn.WIDTH, height=drawn.HEIGHT, instances=items, crossings=drawn.label().crossings,
-        moved_px=2.5, intrinsics=INTRINSICS, T_world_camera=POSE,
-    )  # fmt: skip
+        name=name,
+        width=drawn.WIDTH,
+        height=drawn.HEIGHT,
+        instances=items,
+        crossings=drawn.label().crossings,
+        moved_px=2.5,
+        intrinsics=INTRINSICS,
+        T_world_camera=POSE,
+    )
 
 
 @pytest.fixture
@@ -69,7 +98,9 @@ def service() -> Service:
 @pytest.fixture
 def dlo(service: Service) -> Dlo:
     def run(*arguments: object) -> Result:
-        return CliRunner().invoke(labelling_commands.app, [str(a) for a in arguments], obj=httpx.MockTransport(service))
+        return CliRunner().invoke(
+            labelling_commands.app, [str(a) for a in arguments], obj=httpx.MockTransport(service)
+        )
 
     return run
 
@@ -93,12 +124,16 @@ def one_line(done: Result) -> str:
 
 def correction(folder: Path, *names: str) -> Path:
     """What a tool exports after somebody deleted the ring."""
-    fewer = [drawn.label(n).model_copy(update={"instances": drawn.label().instances[:2]}) for n in names]
+    fewer = [
+        drawn.label(n).model_copy(update={"instances": drawn.label().instances[:2]}) for n in names
+    ]
     folder.mkdir(exist_ok=True)
     return WRITERS["coco"](lambda: fewer, folder)
 
 
-def test_corrections_are_taken_and_what_they_changed_is_said(dlo: Dlo, labels: Path, tmp_path: Path) -> None:
+def test_corrections_are_taken_and_what_they_changed_is_said(
+    dlo: Dlo, labels: Path, tmp_path: Path
+) -> None:
     done = dlo("label-import", labels, correction(tmp_path / "tool", drawn.NAME), "--tool", "coco")
     assert done.exit_code == 0, done.output
     assert "1 pictures came back, 1 of them changed, 0 refused" in done.stdout
@@ -108,15 +143,21 @@ def test_corrections_are_taken_and_what_they_changed_is_said(dlo: Dlo, labels: P
     assert len(written["annotations"]) == 2 + 3, "the correction goes before the service's own"
 
 
-def test_an_import_that_refers_to_missing_pictures_takes_the_rest(dlo: Dlo, labels: Path, tmp_path: Path) -> None:
-    done = dlo("label-import", labels, correction(tmp_path / "tool", "gone.png", "b.png"), "--tool", "coco")
+def test_an_import_that_refers_to_missing_pictures_takes_the_rest(
+    dlo: Dlo, labels: Path, tmp_path: Path
+) -> None:
+    done = dlo(
+        "label-import", labels, correction(tmp_path / "tool", "gone.png", "b.png"), "--tool", "coco"
+    )
     assert done.exit_code == 1, "a script must notice"
     assert "gone.png: no picture of this name was labelled here" in done.stdout
     assert corrected_file(labels, "b.png").exists()
 
 
 @pytest.mark.parametrize("tool", ["coco", "cvat", "label-studio", "json"])
-def test_an_import_of_what_is_no_export_is_refused(dlo: Dlo, labels: Path, tmp_path: Path, tool: str) -> None:
+def test_an_import_of_what_is_no_export_is_refused(
+    dlo: Dlo, labels: Path, tmp_path: Path, tool: str
+) -> None:
     assert "nowhere" in one_line(dlo("label-import", labels, tmp_path / "nowhere", "--tool", tool))
 
 
@@ -139,7 +180,11 @@ def test_corrected_pictures_become_a_training_set(dlo: Dlo, labels: Path, tmp_pa
     dlo("label-import", labels, correction(tmp_path / "tool", "b.png"), "--tool", "coco")
     done = dlo("label-dataset", labels, tmp_path / "in", tmp_path / "set")
     assert (done.exit_code, done.stdout) == (0, "")
-    assert sorted(f.name for f in (tmp_path / "set").iterdir()) == ["b_png.png", "b_png_ids.png", "index.jsonl"]
+    assert sorted(f.name for f in (tmp_path / "set").iterdir()) == [
+        "b_png.png",
+        "b_png_ids.png",
+        "index.jsonl",
+    ]
     assert dlo("label-dataset", labels, tmp_path / "in", tmp_path / "set", "--all").exit_code == 0
     assert len((tmp_path / "set" / "index.jsonl").read_text().splitlines()) == 2
     (tmp_path / "in" / drawn.NAME).unlink()
@@ -149,12 +194,15 @@ def test_corrected_pictures_become_a_training_set(dlo: Dlo, labels: Path, tmp_pa
 
 
 def test_a_training_set_needs_pictures(dlo: Dlo, labels: Path, tmp_path: Path) -> None:
-    assert "no such folder" in one_line(dlo("label-dataset", labels, tmp_path / "nowhere", tmp_path / "set"))
+    assert "no such folder" in one_line(
+        dlo("label-dataset", labels, tmp_path / "nowhere", tmp_path / "set")
+    )
 
 
 @pytest.fixture
 def session(tmp_path: Path) -> list[Path]:
-    """What `label-tracked` takes: cameras, strokes, and two pictures of the same name from two folders."""
+    """What `label-tracked` takes: cameras, strokes, and two pictures of the same name from two
+    folders."""
     cameras = [{"intrinsics": INTRINSICS, "T_world_camera": POSE}] * 2
     (tmp_path / "cameras.json").write_text(json.dumps(cameras))
     (tmp_path / "strokes.json").write_text(json.dumps(STROKES))
@@ -176,13 +224,17 @@ def test_tracked_strokes_become_labels_like_those_of_a_batch(
     assert [s["name"] for s in asked["strokes"]] == ["red", "blue", "w"]
     with LabelStore(tmp_path / "out") as store:
         filed = list(store.labels())
-    assert [label.name for label in filed] == ["näh 1-2.png", "näh 1.png"], "no picture writes over the other"
+    assert [label.name for label in filed] == ["näh 1-2.png", "näh 1.png"], (
+        "no picture writes over the other"
+    )
     assert {label.origin for label in filed} == {"tracked"}
     assert [i.mask_rle for i in filed[0].instances] == [i.mask_rle for i in drawn.label().instances]
     assert len(json.loads((tmp_path / "out" / "coco.json").read_text())["annotations"]) == 6
 
 
-def test_the_trackers_frame_goes_along(dlo: Dlo, service: Service, session: list[Path], tmp_path: Path) -> None:
+def test_the_trackers_frame_goes_along(
+    dlo: Dlo, service: Service, session: list[Path], tmp_path: Path
+) -> None:
     frame = [[0, -1, 0, 0.3], [1, 0, 0, -0.2], [0, 0, 1, 0.1], [0, 0, 0, 1]]
     (tmp_path / "frame.json").write_text(json.dumps(frame))
     dlo("label-tracked", *session, "--out", tmp_path / "out", "--tracker", tmp_path / "frame.json")
@@ -201,7 +253,13 @@ def test_the_trackers_frame_goes_along(dlo: Dlo, service: Service, session: list
     ],
 )
 def test_what_cannot_be_asked_is_refused_before_it_is(
-    dlo: Dlo, service: Service, session: list[Path], tmp_path: Path, part: int, content: str | None, named: str
+    dlo: Dlo,
+    service: Service,
+    session: list[Path],
+    tmp_path: Path,
+    part: int,
+    content: str | None,
+    named: str,
 ) -> None:
     session[part].unlink()
     if content is not None:
@@ -217,7 +275,9 @@ def test_a_folder_that_takes_no_labels_is_refused_before_anything_is_asked(
     dlo: Dlo, service: Service, session: list[Path], tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
-    assert "cannot be written" in one_line(dlo("label-tracked", *session, "--out", tmp_path / "file" / "out"))
+    assert "cannot be written" in one_line(
+        dlo("label-tracked", *session, "--out", tmp_path / "file" / "out")
+    )
     assert service.asked == []
 
 
@@ -226,7 +286,9 @@ def test_labels_of_a_batch_and_of_strokes_are_not_mixed(
 ) -> None:
     with LabelStore(tmp_path / "out", write=True) as store:
         store.remember({"method": "rt_dlo"})
-    assert "take another folder" in one_line(dlo("label-tracked", *session, "--out", tmp_path / "out"))
+    assert "take another folder" in one_line(
+        dlo("label-tracked", *session, "--out", tmp_path / "out")
+    )
     assert service.asked == []
 
 

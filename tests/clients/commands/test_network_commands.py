@@ -21,11 +21,24 @@ from tests.clients.labelling.test_adaptation import folder, source  # noqa: F401
 from tests.clients.replies import event
 
 Dlo = Callable[..., Result]
-CELL = samples.network().model_copy(update={
-    "name": "cell7", "version": "2", "shipped": False, "parent": "foreground_compact@1",
-    "versions": [NetworkVersion(version=k, sha256=samples.SHA, created_at=datetime(2026, 11, 28, tzinfo=UTC),
-                                origin="adapted", metrics={"dice_after": 80.0 + k}) for k in (1, 2)],
-})  # fmt: skip
+CELL = samples.network().model_copy(
+    update={
+        "name": "cell7",
+        "version": "2",
+        "shipped": False,
+        "parent": "foreground_compact@1",
+        "versions": [
+            NetworkVersion(
+                version=k,
+                sha256=samples.SHA,
+                created_at=datetime(2026, 11, 28, tzinfo=UTC),
+                origin="adapted",
+                metrics={"dice_after": 80.0 + k},
+            )
+            for k in (1, 2)
+        ],
+    }
+)
 
 
 class Service:
@@ -37,8 +50,13 @@ class Service:
 
     def __call__(self, request: httpx.Request) -> httpx.Response:
         path = request.url.path
-        self.asked.append((request.method, path + (f"?{request.url.query.decode()}" if request.url.query else ""),
-                           request.content))  # fmt: skip
+        self.asked.append(
+            (
+                request.method,
+                path + (f"?{request.url.query.decode()}" if request.url.query else ""),
+                request.content,
+            )
+        )
         if path.endswith("/file"):
             return httpx.Response(200, content=b"network")
         if path == "/v1/labels":
@@ -48,7 +66,9 @@ class Service:
         if path.startswith("/v1/jobs"):
             state = JobState.QUEUED if request.method == "POST" else JobState.SUCCEEDED
             job = samples.job(state, kind="adapt", priority="training", result=self.result)
-            return httpx.Response(200, text=Job[AdaptResult].model_validate(job.model_dump()).model_dump_json())
+            return httpx.Response(
+                200, text=Job[AdaptResult].model_validate(job.model_dump()).model_dump_json()
+            )
         if request.method == "DELETE":
             return httpx.Response(204)
         return httpx.Response(200, text=CELL.model_dump_json())
@@ -57,18 +77,29 @@ class Service:
 @pytest.fixture
 def dlo() -> Dlo:
     def run(network: Callable[[httpx.Request], httpx.Response], *arguments: object) -> Result:
-        return CliRunner().invoke(app, [str(a) for a in arguments], obj=httpx.MockTransport(network))
+        return CliRunner().invoke(
+            app, [str(a) for a in arguments], obj=httpx.MockTransport(network)
+        )
 
     return run
 
 
 def result(*, accepted: bool = True, in_service: bool = False) -> AdaptResult:
     return AdaptResult(
-        accepted=accepted, refused=None if accepted else "Dice on the pictures kept aside falls from 70.0 to 60.0",
-        model="cell7" if accepted else None, version=2 if accepted else None, in_service=in_service,
-        before=Overlap(dice=70), after=Overlap(dice=82), general=Retained(before=85, after=84.8), trained_on=4,
-        kept_aside=[AsidePicture(name="a.jpg", before=70, after=82)], kept_share=0.5, minutes=4, models=[],
-    )  # fmt: skip
+        accepted=accepted,
+        refused=None if accepted else "Dice on the pictures kept aside falls from 70.0 to 60.0",
+        model="cell7" if accepted else None,
+        version=2 if accepted else None,
+        in_service=in_service,
+        before=Overlap(dice=70),
+        after=Overlap(dice=82),
+        general=Retained(before=85, after=84.8),
+        trained_on=4,
+        kept_aside=[AsidePicture(name="a.jpg", before=70, after=82)],
+        kept_share=0.5,
+        minutes=4,
+        models=[],
+    )
 
 
 def test_a_network_is_shown_with_its_versions(dlo: Dlo) -> None:
@@ -111,10 +142,16 @@ def test_labels_become_a_network(dlo: Dlo, folder: Path) -> None:  # noqa: F811
     service = Service(result())
     done = dlo(service, "adapt", folder, "--name", "cell7", "--minutes", 3)
     assert done.exit_code == 0, done.output
-    sent = json.loads(next(body for method, path, body in service.asked if (method, path) == ("POST", "/v1/jobs")))
+    sent = json.loads(
+        next(body for method, path, body in service.asked if (method, path) == ("POST", "/v1/jobs"))
+    )
     assert {k: sent[k] for k in ("kind", "name", "minutes", "use", "labels")} == {
-        "kind": "adapt", "name": "cell7", "minutes": 3.0, "use": False, "labels": {"id": samples.SHA},
-    }  # fmt: skip
+        "kind": "adapt",
+        "name": "cell7",
+        "minutes": 3.0,
+        "use": False,
+        "labels": {"id": samples.SHA},
+    }
     assert "5 labelled pictures" in done.stdout
     assert "70.0 before, 82.0 after" in done.stdout
     assert "put it into service with: dlo models use cell7 2" in done.stdout
@@ -133,4 +170,6 @@ def test_a_file_of_a_tool_needs_its_pictures(dlo: Dlo, tmp_path: Path) -> None:
 
 
 def test_the_details_of_a_network_are_read(dlo: Dlo) -> None:
-    assert NetworkInfo.model_validate_json(CELL.model_dump_json()).versions[1].metrics == {"dice_after": 82.0}
+    assert NetworkInfo.model_validate_json(CELL.model_dump_json()).versions[1].metrics == {
+        "dice_after": 82.0
+    }

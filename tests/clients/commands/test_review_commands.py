@@ -11,7 +11,13 @@ from dlo_client.commands import review_commands
 from dlo_client.commands.app import app
 from typer.testing import CliRunner
 
-PICTURE = {"id": "ab" * 32, "certainty": 0.25, "doubt": "none was found", "bytes": 9, "seen_at": "2026-11-28T00:00:00Z"}
+PICTURE = {
+    "id": "ab" * 32,
+    "certainty": 0.25,
+    "doubt": "none was found",
+    "bytes": 9,
+    "seen_at": "2026-11-28T00:00:00Z",
+}
 
 
 class Service:
@@ -23,7 +29,11 @@ class Service:
         self.asked.append((request.method, request.url.path))
         if request.url.path == "/v1/unsure":
             return httpx.Response(200, text=json.dumps([PICTURE] * self.count))
-        return httpx.Response(204) if request.method == "DELETE" else httpx.Response(200, content=b"\x89PNG picture")
+        return (
+            httpx.Response(204)
+            if request.method == "DELETE"
+            else httpx.Response(200, content=b"\x89PNG picture")
+        )
 
 
 @pytest.fixture
@@ -32,7 +42,9 @@ def review(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(review_commands.webbrowser, "open", opened.append)
 
     def run(service: Service, *arguments: object):
-        done = CliRunner().invoke(app, ["review", *map(str, arguments)], obj=httpx.MockTransport(service))
+        done = CliRunner().invoke(
+            app, ["review", *map(str, arguments)], obj=httpx.MockTransport(service)
+        )
         return done, opened
 
     return run

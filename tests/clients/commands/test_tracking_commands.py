@@ -46,7 +46,10 @@ def film(tmp_path: Path) -> Path:
 
 
 def lines(out: Path) -> list[FrameResult]:
-    return [FrameResult.model_validate_json(line) for line in (out / "track.jsonl").read_text().splitlines()]
+    return [
+        FrameResult.model_validate_json(line)
+        for line in (out / "track.jsonl").read_text().splitlines()
+    ]
 
 
 def test_a_video(film: Path, tmp_path: Path) -> None:
@@ -56,8 +59,13 @@ def test_a_video(film: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert [frame.frame for frame in lines(out)] == [1, 2, 3]
     frames = [request for request in sent if request.url.path.endswith("/frames")]
-    assert [float(request.url.params["time_s"]) for request in frames] == pytest.approx([0.0, 0.2, 0.4])
-    assert "3 frames, 3 cables in all; cables by state: lost 3, partly_covered 3, seen 3" in done.stdout
+    assert [float(request.url.params["time_s"]) for request in frames] == pytest.approx(
+        [0.0, 0.2, 0.4]
+    )
+    assert (
+        "3 frames, 3 cables in all; cables by state: lost 3, partly_covered 3, seen 3"
+        in done.stdout
+    )
     made = cv2.VideoCapture(str(out / "overlay.mp4"))
     assert made.get(cv2.CAP_PROP_FRAME_COUNT) == 3
     there, picture = made.read()
@@ -87,7 +95,8 @@ def test_what_is_neither_a_video_nor_pictures(tmp_path: Path) -> None:
 
 
 def test_live_shows_pictures_as_a_camera_would(film: Path, tmp_path: Path) -> None:
-    """What the service is too slow for is left out, and every answer is drawn on its own picture."""
+    """What the service is too slow for is left out, and every answer is drawn on its own
+    picture."""
     service = Service()
     service.free.release(100)
     with serving(service) as address:
@@ -96,8 +105,14 @@ def test_live_shows_pictures_as_a_camera_would(film: Path, tmp_path: Path) -> No
     assert done.exit_code == 0, done.output
     found = lines(tmp_path / "out")
     assert [frame.frame for frame in found] == list(range(1, len(service.got) + 1))
-    assert [about["time_s"] for about, _ in service.got] == pytest.approx(sorted(a["time_s"] for a, _ in service.got))
-    assert len(found) + sum(StreamedFrame.model_validate_json(x).dropped for x in raw(tmp_path / "out")) == 6
+    assert [about["time_s"] for about, _ in service.got] == pytest.approx(
+        sorted(a["time_s"] for a, _ in service.got)
+    )
+    assert (
+        len(found)
+        + sum(StreamedFrame.model_validate_json(x).dropped for x in raw(tmp_path / "out"))
+        == 6
+    )
 
 
 def raw(out: Path) -> list[str]:

@@ -1,4 +1,5 @@
-"""Labels to test with: two cables that cross, one with a gap where it is hidden, one a ring with a hole."""
+"""Labels to test with: two cables that cross, one with a gap where it is hidden, one a ring with a
+hole."""
 
 from __future__ import annotations
 

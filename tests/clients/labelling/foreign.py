@@ -33,7 +33,8 @@ def read(tool: str, folder: Path, content: object, wanted: Wanted | None = None)
 def coco(*pictures: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
     """A picture of 90 × 70 for each list of annotations: ``0.png``, ``1.png``, …"""
     images = [
-        {"id": k, "file_name": f"{k}.png", "width": drawn.WIDTH, "height": drawn.HEIGHT} for k in range(len(pictures))
+        {"id": k, "file_name": f"{k}.png", "width": drawn.WIDTH, "height": drawn.HEIGHT}
+        for k in range(len(pictures))
     ]
     annotations = [
         {"id": f"{k}{n}", "image_id": k, "category_id": 1, "segmentation": [flat(SQUARE)]} | given
@@ -57,10 +58,14 @@ def cvat(*pictures: str, meta: str = "") -> str:
     return f"<annotations><version>1.1</version>{meta}{images}</annotations>"
 
 
-def shape(tag: str, points: list[list[float]], attributes: dict[str, object] | None = None, **more: object) -> str:
+def shape(
+    tag: str, points: list[list[float]], attributes: dict[str, object] | None = None, **more: object
+) -> str:
     facts = "".join(f'<attribute name="{k}">{v}</attribute>' for k, v in (attributes or {}).items())
     given = {"label": "dlo", "points": ";".join(f"{x},{y}" for x, y in points), **more}
-    return f"<{tag} {' '.join(f'{k}={json.dumps(str(v))}' for k, v in given.items())}>{facts}</{tag}>"
+    return (
+        f"<{tag} {' '.join(f'{k}={json.dumps(str(v))}' for k, v in given.items())}>{facts}</{tag}>"
+    )
 
 
 def task(name: str, *results: dict[str, Any], **more: Any) -> dict[str, Any]:
@@ -79,17 +84,24 @@ def annotated(file: Path) -> Path:
     """The tasks that we wrote, as they come back when somebody submitted every prediction."""
     tasks = json.loads(file.read_text())
     for each in tasks:
-        each["annotations"] = [{"id": 1, "was_cancelled": False, "result": each["predictions"][0]["result"]}]
+        each["annotations"] = [
+            {"id": 1, "was_cancelled": False, "result": each["predictions"][0]["result"]}
+        ]
     file.write_text(json.dumps(tasks))
     return file
 
 
-def store_of(folder: Path, *labels: PictureLabel, sha256: dict[str, str] | None = None) -> LabelStore:
+def store_of(
+    folder: Path, *labels: PictureLabel, sha256: dict[str, str] | None = None
+) -> LabelStore:
     """A folder that `dlo label` filled with these labels, open for writing."""
     store = LabelStore(folder, write=True)
     for label in labels:
         digest = (sha256 or {}).get(label.name, "")
-        store.put(Entry(label.name, "done", sha256=digest), label.model_copy(update={"sha256": digest or None}))
+        store.put(
+            Entry(label.name, "done", sha256=digest),
+            label.model_copy(update={"sha256": digest or None}),
+        )
     return store
 
 
@@ -100,4 +112,6 @@ def brought_back(folder: Path, imported: Imported, *names: str) -> CorrectionRep
 
 def crossing(over: int, under: int) -> dict[str, Any]:
     strands = [StrandPosition(instance=k, u=0.5) for k in (over, under)]
-    return Crossing(id=1, xy=(20, 15), over=strands[0], under=strands[1], score=0.9).model_dump(mode="json")
+    return Crossing(id=1, xy=(20, 15), over=strands[0], under=strands[1], score=0.9).model_dump(
+        mode="json"
+    )

@@ -1,4 +1,5 @@
-"""Opens a YOLO export as Ultralytics' training does and prints what it found: ``load_with_ultralytics.py YAML``.
+"""Opens a YOLO export as Ultralytics' training does and prints what it found:
+``load_with_ultralytics.py YAML``.
 
 A process of its own: importing Ultralytics replaces functions of OpenCV and Pillow for everybody.
 """
@@ -22,9 +23,15 @@ def main(yaml: str) -> None:
     data = utils.check_det_dataset(yaml, autodownload=False)
     found = {"names": list(data["names"].items())}
     for side in ("train", "val"):
-        dataset = YOLODataset(img_path=data[side], data=data, task="segment", imgsz=96, augment=False, rect=False)
+        dataset = YOLODataset(
+            img_path=data[side], data=data, task="segment", imgsz=96, augment=False, rect=False
+        )
         found[side] = [
-            {"file": Path(label["im_file"]).name, "segments": len(label["segments"]), "shape": label["shape"]}
+            {
+                "file": Path(label["im_file"]).name,
+                "segments": len(label["segments"]),
+                "shape": label["shape"],
+            }
             for label in dataset.labels
         ]
     print(json.dumps(found))

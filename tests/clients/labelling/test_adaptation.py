@@ -1,4 +1,5 @@
-"""Labels as the archive of an ``adapt`` job: from our folder and from other tools; what is left out is named."""
+"""Labels as the archive of an ``adapt`` job: from our folder and from other tools; what is left out
+is named."""
 
 from __future__ import annotations
 
@@ -63,7 +64,9 @@ def test_corrected_labels_and_their_pictures_are_what_the_service_takes(folder: 
         assert picture.size == (drawn.WIDTH, drawn.HEIGHT)
         assert abs(picture.getpixel((3, 3))[0] - 40) <= 3
     assert np.array_equal(ids > 0, true_mask())
-    assert pack_store(folder).archive == packed.archive  # the same request again goes on where it was
+    assert (
+        pack_store(folder).archive == packed.archive
+    )  # the same request again goes on where it was
 
 
 def test_labels_that_nobody_corrected_only_when_they_are_wanted(folder: Path) -> None:
@@ -71,7 +74,9 @@ def test_labels_that_nobody_corrected_only_when_they_are_wanted(folder: Path) ->
 
 
 @pytest.mark.parametrize("tool", ["coco", "json", "cvat"])
-def test_labels_of_another_tool_find_their_pictures(folder: Path, source: Path, tmp_path: Path, tool: str) -> None:
+def test_labels_of_another_tool_find_their_pictures(
+    folder: Path, source: Path, tmp_path: Path, tool: str
+) -> None:
     labels = [label(name).model_copy(update={"origin": "corrected"}) for name in NAMES]
     file = WRITERS[tool](lambda: labels, tmp_path / "theirs")
     packed = pack_foreign(file, tool, str(source), Wanted())
@@ -88,7 +93,9 @@ def test_labels_that_nobody_confirmed_are_named_and_left_out(source: Path, tmp_p
     assert len(pack_foreign(tasks, "label-studio", str(source), Wanted()).problems) == 7
 
 
-def test_a_picture_that_is_gone_or_of_another_size_is_named_and_left_out(folder: Path, source: Path) -> None:
+def test_a_picture_that_is_gone_or_of_another_size_is_named_and_left_out(
+    folder: Path, source: Path
+) -> None:
     (source / NAMES[0]).unlink()
     Image.new("RGB", (9, 9)).save(source / NAMES[1], "PNG")
     packed = pack_store(folder)

@@ -1,4 +1,5 @@
-"""Labelling many pictures against a stand-in for the service: nothing is lost, nothing is done twice."""
+"""Labelling many pictures against a stand-in for the service: nothing is lost, nothing is done
+twice."""
 
 from __future__ import annotations
 
@@ -87,16 +88,23 @@ def fill(folder: Path, contents: dict[str, bytes]) -> Path:
 def run(service: Service, source: object, out: Path, **options: object):
     chosen = LabelOptions(pause_s=0.0, retry=AT_ONCE, **options)
     transport = httpx.MockTransport(service)
-    return label_pictures(find_pictures(source, skip=out), out, chosen, url="http://service", transport=transport)
+    return label_pictures(
+        find_pictures(source, skip=out), out, chosen, url="http://service", transport=transport
+    )
 
 
-def test_every_picture_gets_its_label_at_batch_priority(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_every_picture_gets_its_label_at_batch_priority(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     report = run(service, folder, tmp_path / "out")
     assert (report.pictures, report.labelled, report.already, report.missing) == (4, 4, 0, 0)
     assert {r["priority"] for r in service.requests} == {"batch"}
     with LabelStore(tmp_path / "out") as kept:
         assert sorted(label.name for label in kept.labels()) == sorted(NAMES)
-        assert kept.label("näh/ü 3.png").instances[0].mask_rle == samples.two_cables().instances[0].mask_rle
+        assert (
+            kept.label("näh/ü 3.png").instances[0].mask_rle
+            == samples.two_cables().instances[0].mask_rle
+        )
     assert json.loads((tmp_path / "out" / "report.json").read_text())["labelled"] == 4
 
 
@@ -122,14 +130,22 @@ def test_the_same_bytes_are_labelled_once(service: Service, folder: Path, tmp_pa
         assert kept.label("copy 3.png").name == "copy 3.png"
 
 
-def test_what_fails_is_named_and_nothing_else_is_lost(service: Service, folder: Path, tmp_path: Path) -> None:
-    fill(folder, {"x.png": b"refused", "y.png": b"broken", "z.png": b"cancelled", "f.png": b"flaky"})
+def test_what_fails_is_named_and_nothing_else_is_lost(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
+    fill(
+        folder, {"x.png": b"refused", "y.png": b"broken", "z.png": b"cancelled", "f.png": b"flaky"}
+    )
     (folder / "link.png").symlink_to(folder / "nowhere")
     report = run(service, folder, tmp_path / "out")
     assert sorted(report.failed) == ["link.png", "x.png", "y.png", "z.png"]
     assert "No such file" in report.failed["link.png"]
     assert report.labelled == 5
-    assert (service.asked[b"refused"], service.asked[b"broken"], service.asked[b"flaky"]) == (1, 1, 3)
+    assert (service.asked[b"refused"], service.asked[b"broken"], service.asked[b"flaky"]) == (
+        1,
+        1,
+        3,
+    )
     assert run(service, folder, tmp_path / "out").failed.keys() == report.failed.keys()
     assert service.asked[b"broken"] == 1, "what was refused is not asked again"
     run(service, folder, tmp_path / "out", retry_failed=True)
@@ -150,14 +166,18 @@ def test_a_service_that_goes_away_stops_the_run_and_the_next_one_goes_on(
     assert set(service.asked.values()) == {1}
 
 
-def test_a_file_that_changed_since_is_labelled_again(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_a_file_that_changed_since_is_labelled_again(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     run(service, folder, tmp_path / "out")
     (folder / "a.png").write_bytes(b"another picture")
     report = run(service, folder, tmp_path / "out")
     assert (report.labelled, report.already) == (1, 3)
 
 
-def test_a_file_that_changes_after_it_was_read_is_named(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_a_file_that_changes_after_it_was_read_is_named(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     class Meddling(Service):
         def __call__(self, request: httpx.Request) -> httpx.Response:
             (folder / "a.png").write_bytes(b"other and longer bytes")
@@ -189,7 +209,9 @@ def test_a_full_disk_stops_the_run_and_keeps_what_is_there(
     assert stopped.value.report.labelled == 1
     monkeypatch.setattr(store, "write_whole", whole)
     assert run(service, folder, tmp_path / "out").labelled == 3
-    assert set(service.asked.values()) == {1} | ({2} if service.asked[b"picture b c.jpg"] == 2 else set())
+    assert set(service.asked.values()) == {1} | (
+        {2} if service.asked[b"picture b c.jpg"] == 2 else set()
+    )
 
 
 def test_a_ledger_that_takes_nothing_more_stops_the_run(
@@ -233,7 +255,9 @@ def forbid(path: Path, mode: int, way: int) -> None:
         pytest.skip("whoever runs this may do everything")
 
 
-def test_a_read_only_output_is_refused_before_anything_is_asked(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_a_read_only_output_is_refused_before_anything_is_asked(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     (tmp_path / "out").mkdir()
     forbid(tmp_path / "out", 0o555, os.W_OK)
     with pytest.raises(StoreError, match="cannot be written: Permission denied"):
@@ -241,14 +265,18 @@ def test_a_read_only_output_is_refused_before_anything_is_asked(service: Service
     assert service.requests == []
 
 
-def test_a_picture_that_may_not_be_read_is_named(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_a_picture_that_may_not_be_read_is_named(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     forbid(folder / "a.png", 0, os.R_OK)
     report = run(service, folder, tmp_path / "out")
     assert report.failed == {"a.png": "cannot be read: Permission denied"}
     assert report.labelled == 3
 
 
-def test_a_damaged_ledger_is_told_and_not_written_over(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_a_damaged_ledger_is_told_and_not_written_over(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     fill(tmp_path / "out", {store.LEDGER: b"this is no database " * 100})
     with pytest.raises(StoreError, match="not a database"):
         run(service, folder, tmp_path / "out")
@@ -271,7 +299,9 @@ def test_two_runs_do_not_share_a_folder(folder: Path, tmp_path: Path) -> None:
         LabelStore(tmp_path / "out", write=True)
 
 
-def test_labels_made_in_another_way_are_not_mixed(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_labels_made_in_another_way_are_not_mixed(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     run(service, folder, tmp_path / "out")
     request = LabelOptions().request.model_copy(update={"threshold": 0.3})
     with pytest.raises(StoreError, match="take another folder"):
@@ -320,18 +350,25 @@ def test_a_name_that_is_no_text_is_kept_apart_and_read(service: Service, tmp_pat
 
 
 @pytest.mark.parametrize("wrong", ["nowhere", "*.nothing", "."])
-def test_a_source_without_pictures_is_refused(tmp_path: Path, wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_source_without_pictures_is_refused(
+    tmp_path: Path, wrong: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SourceError):
         find_pictures(wrong)
 
 
-def test_a_run_over_a_hundred_thousand_files_goes_on_where_it_was(service: Service, tmp_path: Path) -> None:
-    """The ledger holds all but three of the list's pictures: those three are asked for, and nothing else is."""
+def test_a_run_over_a_hundred_thousand_files_goes_on_where_it_was(
+    service: Service, tmp_path: Path
+) -> None:
+    """The ledger holds all but three of the list's pictures: those three are asked for, and nothing
+    else is."""
     fill(tmp_path / "in", {f"new {k}.png": str(k).encode() for k in range(3)})
     known = [f"shelf {k // 1000}/{k}.png" for k in range(100_000)]
     listed = tmp_path / "in" / "list.txt"
-    listed.write_text("\n".join([*known[:50_000], "new 0.png", "new 1.png", *known[50_000:], "new 2.png"]))
+    listed.write_text(
+        "\n".join([*known[:50_000], "new 0.png", "new 1.png", *known[50_000:], "new 2.png"])
+    )
     with LabelStore(tmp_path / "out", write=True) as kept:
         rows = ((name, "failed", "", "", "cannot be read", 0.0, 0.0) for name in known)
         kept._ledger.executemany("INSERT INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)", rows)

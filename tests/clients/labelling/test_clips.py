@@ -42,7 +42,9 @@ class Service:
         pixels = np.asarray(Image.open(io.BytesIO(data)).convert("L"))
         mask = io.BytesIO()
         Image.fromarray(((pixels > 128) * 255).astype(np.uint8)).save(mask, "PNG")
-        given = request.model_copy(update={"mask": ImageRef(id=self.tools.blobs.put(mask.getvalue()))})
+        given = request.model_copy(
+            update={"mask": ImageRef(id=self.tools.blobs.put(mask.getvalue()))}
+        )
         return instances.run(given, self.tools).result
 
 
@@ -102,7 +104,9 @@ def overlap(rle: MaskRLE, true: np.ndarray) -> float:
     return float((found & true).sum() / (found | true).sum())
 
 
-def test_one_corrected_picture_labels_those_before_and_after_it(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_one_corrected_picture_labels_those_before_and_after_it(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "out"
     run(service, folder, out)
     corrected = confirm(out, f"{MIDDLE}.png", MIDDLE)
@@ -160,23 +164,31 @@ def test_a_picture_that_cannot_be_read_keeps_no_other_from_its_label(
     (folder / "3.png").symlink_to(tmp_path / "nowhere.png")
     report = run(service, folder, tmp_path / "out")
     assert list(report.failed) == ["3.png"]
-    assert [label.name for label in labels(tmp_path / "out")] == [f"{t}.png" for t in range(FRAMES) if t != 3]
+    assert [label.name for label in labels(tmp_path / "out")] == [
+        f"{t}.png" for t in range(FRAMES) if t != 3
+    ]
 
 
-def test_a_corrected_cable_without_a_centerline_is_named(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_a_corrected_cable_without_a_centerline_is_named(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     run(service, folder, tmp_path / "out")
     confirm(tmp_path / "out", "4.png", 4, centerline_xy=[])
     with pytest.raises(ValueError, match=r"4\.png: instance 7 has no centerline"):
         run(service, folder, tmp_path / "out")
 
 
-def test_a_folder_holds_the_labels_of_one_way_only(service: Service, folder: Path, tmp_path: Path) -> None:
+def test_a_folder_holds_the_labels_of_one_way_only(
+    service: Service, folder: Path, tmp_path: Path
+) -> None:
     run(service, folder, tmp_path / "out")
     with pytest.raises(StoreError, match="take another folder"):
         run(service, folder, tmp_path / "out", every=2)
 
 
-def test_a_video_from_the_command_line(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_video_from_the_command_line(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     film, out = tmp_path / "film.mp4", tmp_path / "out"
     writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (200, 120))
     for t in range(FRAMES):
@@ -195,7 +207,9 @@ def test_a_video_from_the_command_line(service: Service, tmp_path: Path, monkeyp
 
 
 def test_a_video_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    done = CliRunner().invoke(labelling_commands.app, ["label", str(tmp_path / "no.mp4"), "--out", str(tmp_path / "o")])
+    done = CliRunner().invoke(
+        labelling_commands.app, ["label", str(tmp_path / "no.mp4"), "--out", str(tmp_path / "o")]
+    )
     assert done.exit_code == 1
     assert "no.mp4" in done.output
     assert isinstance(done.exception, SystemExit)

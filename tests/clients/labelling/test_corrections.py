@@ -1,4 +1,5 @@
-"""Corrections that come back: what changed in numbers, what is refused, and that nothing else is lost."""
+"""Corrections that come back: what changed in numbers, what is refused, and that nothing else is
+lost."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ def test_what_nobody_touched_is_no_change() -> None:
 
 
 def test_a_change_is_measured() -> None:
-    """By hand: the first bar is one row off (IoU 10 / 30: another DLO), the second one row thicker (20 / 30)."""
+    """By hand: the first bar is one row off (IoU 10 / 30: another DLO), the second one row thicker
+    (20 / 30)."""
     change = compare(bars((0, 2), (5, 7)), bars((1, 3), (5, 8)))
     assert (change.kept, change.moved, change.added, change.removed) == (1, 1, 1, 1)
     assert change.iou == pytest.approx(30 / 60)
@@ -67,7 +69,9 @@ def test_a_turned_crossing_counts_and_ids_need_not_be_kept() -> None:
     label = drawn.label()
     renumbered = [i.model_copy(update={"id": i.id + 10}) for i in label.instances]
     crossing = label.crossings[0]
-    over, under = (p.model_copy(update={"instance": p.instance + 10}) for p in (crossing.over, crossing.under))
+    over, under = (
+        p.model_copy(update={"instance": p.instance + 10}) for p in (crossing.over, crossing.under)
+    )
     for upper, lower, turned in ((over, under, 0), (under, over, 1)):
         crossings = [crossing.model_copy(update={"over": upper, "under": lower})]
         after = label.model_copy(update={"instances": renumbered, "crossings": crossings})
@@ -85,8 +89,12 @@ def test_a_correction_lies_beside_the_services_own(store: LabelStore) -> None:
     assert any("1 removed" in line for line in report.lines())
 
 
-def test_tools_that_forget_folders_are_understood_where_the_name_is_unique(store: LabelStore) -> None:
-    report = take_corrections(store, came_back(drawn.label("upload/näh bild.png"), drawn.label("a.png")))
+def test_tools_that_forget_folders_are_understood_where_the_name_is_unique(
+    store: LabelStore,
+) -> None:
+    report = take_corrections(
+        store, came_back(drawn.label("upload/näh bild.png"), drawn.label("a.png"))
+    )
     assert [c.name for c in report.changes] == [drawn.NAME]
     assert list(report.problems) == ["a.png"], "left/a.png or right/a.png?"
     assert report.problems["a.png"] == "ambiguous: left/a.png or right/a.png"
@@ -94,24 +102,34 @@ def test_tools_that_forget_folders_are_understood_where_the_name_is_unique(store
 
 def test_missing_pictures_and_other_sizes_are_named_and_cost_no_other(store: LabelStore) -> None:
     wide = drawn.label("left/a.png").model_copy(update={"width": drawn.WIDTH + 1})
-    report = take_corrections(store, came_back(drawn.label("gone.png"), wide, drawn.label("right/a.png")))
+    report = take_corrections(
+        store, came_back(drawn.label("gone.png"), wide, drawn.label("right/a.png"))
+    )
     assert [c.name for c in report.changes] == ["right/a.png"]
     assert report.problems.keys() == {"gone.png", "left/a.png"}
     assert f"{drawn.WIDTH + 1}×{drawn.HEIGHT}" in report.problems["left/a.png"]
     assert not corrected_file(store.folder, "left/a.png").exists()
 
 
-def test_annotations_of_pictures_that_the_file_does_not_list_are_named(store: LabelStore, tmp_path: Path) -> None:
-    file = WRITERS["coco"](lambda: [drawn.label("left/a.png"), drawn.label("right/a.png")], tmp_path)
+def test_annotations_of_pictures_that_the_file_does_not_list_are_named(
+    store: LabelStore, tmp_path: Path
+) -> None:
+    file = WRITERS["coco"](
+        lambda: [drawn.label("left/a.png"), drawn.label("right/a.png")], tmp_path
+    )
     whole = json.loads(file.read_text())
     whole["images"] = [image for image in whole["images"] if image["file_name"] == "right/a.png"]
     file.write_text(json.dumps(whole))
     report = take_corrections(store, READERS["coco"](file))
     assert [c.name for c in report.changes] == ["right/a.png"]
-    assert list(report.problems.values()) == ["annotations of a picture that the file does not list"]
+    assert list(report.problems.values()) == [
+        "annotations of a picture that the file does not list"
+    ]
 
 
-def test_a_full_folder_costs_only_what_did_not_fit(store: LabelStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_folder_costs_only_what_did_not_fit(
+    store: LabelStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
     whole = corrections_of.write_whole
 
     def full(file: Path, content: bytes) -> None:
@@ -120,13 +138,17 @@ def test_a_full_folder_costs_only_what_did_not_fit(store: LabelStore, monkeypatc
         whole(file, content)
 
     monkeypatch.setattr(corrections_of, "write_whole", full)
-    report = take_corrections(store, came_back(drawn.label("left/a.png"), drawn.label("right/a.png")))
+    report = take_corrections(
+        store, came_back(drawn.label("left/a.png"), drawn.label("right/a.png"))
+    )
     assert [c.name for c in report.changes] == ["right/a.png"]
     assert report.problems == {"left/a.png": "cannot be filed: No space left on device"}
 
 
 def test_a_label_file_that_was_damaged_is_named(store: LabelStore) -> None:
     store.label_file("left/a.png").write_text("{")
-    report = take_corrections(store, came_back(drawn.label("left/a.png"), drawn.label("right/a.png")))
+    report = take_corrections(
+        store, came_back(drawn.label("left/a.png"), drawn.label("right/a.png"))
+    )
     assert [c.name for c in report.changes] == ["right/a.png"]
     assert "no label" in report.problems["left/a.png"]

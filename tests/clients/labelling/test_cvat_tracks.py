@@ -12,20 +12,25 @@ from tests.clients.labelling import drawn
 from tests.clients.labelling.foreign import SQUARE, read, shape
 
 META = (
-    "<meta><task><size>{length}</size><original_size><width>90</width><height>70</height></original_size></task></meta>"
+    "<meta><task><size>{length}</size>"
+    "<original_size><width>90</width><height>70</height></original_size></task></meta>"
 )
 LINE = [[10.5, 10.5], [50.5, 10.5]]
 
 
 def at(frame: int, tag: str = "polyline", points: list[list[float]] = LINE, **more: object) -> str:
-    return shape(tag, points, {"width_px": 5}, frame=frame, label="", **{"outside": 0, "keyframe": 1} | more)
+    return shape(
+        tag, points, {"width_px": 5}, frame=frame, label="", **{"outside": 0, "keyframe": 1} | more
+    )
 
 
 def track(*shapes: str, label: str = "dlo", number: int = 0) -> str:
     return f'<track id="{number}" label="{label}">{"".join(shapes)}</track>'
 
 
-def of(folder: Path, *tracks: str, length: int = 10, names: tuple[str, ...] = (), **more: bool) -> Imported:
+def of(
+    folder: Path, *tracks: str, length: int = 10, names: tuple[str, ...] = (), **more: bool
+) -> Imported:
     xml = f"<annotations>{META.format(length=length)}{''.join(tracks)}</annotations>"
     return read("cvat", folder, xml, Wanted(sizes=dict.fromkeys(names, (90, 70)), **more))
 
@@ -39,9 +44,14 @@ def test_a_shape_moves_between_keyframes_and_stays_after_the_last(tmp_path: Path
     lower = [[x, y + 20] for x, y in LINE]
     imported = of(tmp_path, track(at(2), at(6, points=lower)), length=9)
     assert starts(imported) == {
-        "frame_000002": 10, "frame_000003": 15, "frame_000004": 20, "frame_000005": 25, "frame_000006": 30,
-        "frame_000007": 30, "frame_000008": 30,
-    }  # fmt: skip
+        "frame_000002": 10,
+        "frame_000003": 15,
+        "frame_000004": 20,
+        "frame_000005": 25,
+        "frame_000006": 30,
+        "frame_000007": 30,
+        "frame_000008": 30,
+    }
     assert imported.not_annotated.keys() == {"frame_000000", "frame_000001"}
 
 
@@ -59,7 +69,9 @@ def test_outside_ends_a_shape_until_it_comes_back(tmp_path: Path) -> None:
 
 def test_several_tracks_are_several_cables_and_other_classes_counted(tmp_path: Path) -> None:
     square = track(at(1, "polygon", SQUARE), number=1)
-    imported = of(tmp_path, track(at(0)), square, track(at(0), label="connector", number=2), length=2)
+    imported = of(
+        tmp_path, track(at(0)), square, track(at(0), label="connector", number=2), length=2
+    )
     assert [len(label.instances) for label in imported.labels] == [1, 2]
     assert imported.notes == {"class 'connector' left out": {"frame_000000": 1, "frame_000001": 1}}
 
@@ -77,7 +89,9 @@ def test_shapes_of_other_numbers_of_points_move_by_their_length(tmp_path: Path, 
 def test_a_mask_stays_as_it_was(tmp_path: Path) -> None:
     mask = '<mask frame="{}" outside="0" keyframe="1" rle="0, 4" left="{}" top="1" width="2" height="2"/>'
     imported = of(tmp_path, track(mask.format(0, 5), mask.format(2, 50)), length=3)
-    lefts = [int(np.flatnonzero(drawn.mask(label.instances[0]).any(0))[0]) for label in imported.labels]
+    lefts = [
+        int(np.flatnonzero(drawn.mask(label.instances[0]).any(0))[0]) for label in imported.labels
+    ]
     assert lefts == [5, 5, 50]
 
 
@@ -91,9 +105,10 @@ def test_frames_find_their_pictures_by_name(tmp_path: Path) -> None:
 def test_frames_are_taken_in_order_when_asked_or_as_many(tmp_path: Path) -> None:
     names = ("a.png", "b.png", "c.png")
     assert len(of(tmp_path, track(at(0)), length=3, names=names).labels) == 3
-    assert [label.name for label in of(tmp_path, track(at(0)), length=1, names=names, in_order=True).labels] == [
-        "a.png"
-    ]
+    assert [
+        label.name
+        for label in of(tmp_path, track(at(0)), length=1, names=names, in_order=True).labels
+    ] == ["a.png"]
     unclear = of(tmp_path, track(at(0)), length=2, names=names)
     assert unclear.labels == []
     assert "in-order" in next(iter(unclear.problems.values()))
@@ -102,10 +117,15 @@ def test_frames_are_taken_in_order_when_asked_or_as_many(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     "wrong",
     [
-        at(-1), at(10**9), at(0, points=[[float("nan"), 1], [2, 2]]), at(0, points=[[1e9, 1], [2, 2]]),
-        at(0, "box"), at(0, points=[]), '<polyline frame="x" points="1,2;3,4"/>',
+        at(-1),
+        at(10**9),
+        at(0, points=[[float("nan"), 1], [2, 2]]),
+        at(0, points=[[1e9, 1], [2, 2]]),
+        at(0, "box"),
+        at(0, points=[]),
+        '<polyline frame="x" points="1,2;3,4"/>',
     ],
-)  # fmt: skip
+)
 def test_a_track_that_cannot_be_read_is_named(tmp_path: Path, wrong: str) -> None:
     imported = of(tmp_path, track(wrong), length=1)
     assert imported.labels == []

@@ -1,4 +1,5 @@
-"""Every export is opened by the libraries of the tools that it is for: as it was written, from another folder."""
+"""Every export is opened by the libraries of the tools that it is for: as it was written, from
+another folder."""
 
 from __future__ import annotations
 
@@ -37,7 +38,9 @@ def out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in NAMES:
         file = tmp_path / "pictures" / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        pixels = np.random.default_rng(len(name)).integers(0, 255, (drawn.HEIGHT, drawn.WIDTH, 3), np.uint8)
+        pixels = np.random.default_rng(len(name)).integers(
+            0, 255, (drawn.HEIGHT, drawn.WIDTH, 3), np.uint8
+        )
         Image.fromarray(pixels).save(file, "PNG" if name.endswith("png") else "JPEG")
     (tmp_path / "elsewhere" / "images").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "elsewhere")
@@ -58,12 +61,15 @@ def areas() -> list[int]:
 
 
 def test_ultralytics_loads_the_yolo_export(out: Path, tmp_path: Path) -> None:
-    """`path: .` was looked for in the working folder, there were no pictures, and training was validated on itself."""
+    """`path: .` was looked for in the working folder, there were no pictures, and training was
+    validated on itself."""
     folder = yolo(out)
     script = Path(__file__).with_name("load_with_ultralytics.py")
     environment = {**os.environ, "YOLO_CONFIG_DIR": str(tmp_path), "YOLO_OFFLINE": "true"}
     command = [sys.executable, str(script), str(folder / "dataset.yaml")]
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    run = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=300, check=False
+    )
     assert run.returncode == 0, run.stderr[-2000:]
     found = json.loads(run.stdout.splitlines()[-1])
     assert found["names"] == [[0, "dlo"]]
@@ -104,7 +110,9 @@ def test_supervision_loads_coco(out: Path) -> None:
     import supervision
 
     file = WRITERS["coco"](labels, out)
-    dataset = supervision.DetectionDataset.from_coco(str(out.parent / "pictures"), str(file), force_masks=True)
+    dataset = supervision.DetectionDataset.from_coco(
+        str(out.parent / "pictures"), str(file), force_masks=True
+    )
     assert dataset.classes == ["dlo"]
     assert len(dataset) == len(NAMES)
     _, _, first = dataset[0]
@@ -125,7 +133,8 @@ def test_datumaro_loads_coco(out: Path, form: str) -> None:
 
 
 def test_datumaro_loads_cvat(out: Path) -> None:
-    """It refused a file whose labels stood in `<meta><job>`. Pictures lie in `images` beside it, as CVAT packs them."""
+    """It refused a file whose labels stood in `<meta><job>`. Pictures lie in `images` beside it, as
+    CVAT packs them."""
     from datumaro.components.dataset import Dataset
 
     file = WRITERS["cvat"](of_one_suffix, out)
@@ -142,7 +151,9 @@ def test_label_studio_reads_the_tasks_and_their_brushes(out: Path) -> None:
     from label_studio_sdk.converter import Converter, brush
 
     file = foreign.annotated(WRITERS["label-studio"](labels, out))
-    converter = Converter(str(out / "label_studio.xml"), project_dir=str(out), upload_dir=str(out.parent / "pictures"))
+    converter = Converter(
+        str(out / "label_studio.xml"), project_dir=str(out), upload_dir=str(out.parent / "pictures")
+    )
     tasks: list[dict[str, Any]] = json.loads(file.read_text())
     for number, task in enumerate(tasks):
         task["id"] = number
@@ -150,6 +161,12 @@ def test_label_studio_reads_the_tasks_and_their_brushes(out: Path) -> None:
     converter.convert_to_json(str(file), str(out / "converted"), is_dir=False)
     converted = json.loads((out / "converted" / "result.json").read_text())
     assert len(converted) == len(NAMES)
-    brushes = [r["value"]["rle"] for r in tasks[0]["annotations"][0]["result"] if r["type"] == "brushlabels"]
-    alpha = [brush.decode_rle(rle).reshape(drawn.HEIGHT, drawn.WIDTH, 4)[:, :, 3] for rle in brushes]
+    brushes = [
+        r["value"]["rle"]
+        for r in tasks[0]["annotations"][0]["result"]
+        if r["type"] == "brushlabels"
+    ]
+    alpha = [
+        brush.decode_rle(rle).reshape(drawn.HEIGHT, drawn.WIDTH, 4)[:, :, 3] for rle in brushes
+    ]
     assert [int((a > 0).sum()) for a in alpha] == areas()

@@ -8,7 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dlo_client.labelling.formats import READERS, WRITERS, FormatError, cvat, indexed_png, label_studio, yolo
+from dlo_client.labelling.formats import (
+    READERS,
+    WRITERS,
+    FormatError,
+    cvat,
+    indexed_png,
+    label_studio,
+    yolo,
+)
 from dlo_client.labelling.formats.label_studio.brush import decode_brush, encode_brush
 from dlo_client.labelling.formats.pixels import fill, joined, outlines
 
@@ -24,7 +32,10 @@ FORMATS = [
 
 
 def _labels():
-    return [drawn.label(), drawn.label("other & <more>.jpg").model_copy(update={"instances": [], "crossings": []})]
+    return [
+        drawn.label(),
+        drawn.label("other & <more>.jpg").model_copy(update={"instances": [], "crossings": []}),
+    ]
 
 
 @pytest.mark.parametrize(("writer", "reader"), FORMATS)
@@ -58,7 +69,10 @@ def test_yolo_polygons_fill_to_the_same_masks(tmp_path: Path) -> None:
     found = yolo.masks_of(text, drawn.HEIGHT, drawn.WIDTH)
     for got, item in zip(found, drawn.label().instances, strict=True):
         assert np.array_equal(got, drawn.mask(item))
-    whole = np.array(text.splitlines()[0].split()[1:], float).reshape(-1, 2) * (drawn.WIDTH, drawn.HEIGHT)
+    whole = np.array(text.splitlines()[0].split()[1:], float).reshape(-1, 2) * (
+        drawn.WIDTH,
+        drawn.HEIGHT,
+    )
     canvas = np.zeros((drawn.HEIGHT, drawn.WIDTH), np.uint8)
     cv2.fillPoly(canvas, [whole.astype(np.int32)], 1)
     assert np.array_equal(canvas > 0, drawn.mask(drawn.label().instances[0]))
@@ -75,7 +89,9 @@ def test_an_indexed_png_holds_the_ids(tmp_path: Path) -> None:
 
 def test_an_indexed_png_refuses_what_does_not_fit() -> None:
     label = drawn.label()
-    many = label.model_copy(update={"instances": [label.instances[0].model_copy(update={"id": 256})]})
+    many = label.model_copy(
+        update={"instances": [label.instances[0].model_copy(update={"id": 256})]}
+    )
     with pytest.raises(FormatError, match="256"):
         indexed_png.ids_of(many)
 
@@ -95,7 +111,8 @@ def test_brushes_come_back(share: float) -> None:
 
 
 def test_a_brush_is_read_bit_by_bit() -> None:
-    """Written by hand: 2 × 1 pixels, the first set; a repeated run of 4 and a run of 4 single values."""
+    """Written by hand: 2 × 1 pixels, the first set; a repeated run of 4 and a run of 4 single
+    values."""
     bits = f"{8:032b}" + "00111" + "0010001101111111" + "10001111111111" + "000011" + "0" * 32
     bits += "0" * (-len(bits) % 8)
     data = [int(bits[k : k + 8], 2) for k in range(0, len(bits), 8)]
@@ -113,7 +130,10 @@ def test_cvat_masks_are_rows_within_their_box(tmp_path: Path) -> None:
     file = tmp_path / "hand.xml"
     file.write_text(xml)
     (label,) = cvat.read(file).labels
-    assert drawn.mask(label.instances[0])[1:3, 1:4].tolist() == [[False, True, True], [False, True, True]]
+    assert drawn.mask(label.instances[0])[1:3, 1:4].tolist() == [
+        [False, True, True],
+        [False, True, True],
+    ]
     assert drawn.mask(label.instances[0]).sum() == 4
 
 
@@ -132,13 +152,18 @@ def test_what_a_person_adds_in_cvat_is_an_instance_of_its_own(tmp_path: Path) ->
 
 
 def test_label_studio_is_read_as_it_exports(tmp_path: Path) -> None:
-    """An annotation wins over the prediction; a deleted crossing is gone; a new brush is a new instance."""
+    """An annotation wins over the prediction; a deleted crossing is gone; a new brush is a new
+    instance."""
     label_studio.write(_labels, tmp_path)
     tasks = json.loads((tmp_path / "label_studio.json").read_text())
-    kept = [r for r in tasks[0]["predictions"][0]["result"] if not re.match("dlo-2|crossing", r["id"])]
+    kept = [
+        r for r in tasks[0]["predictions"][0]["result"] if not re.match("dlo-2|crossing", r["id"])
+    ]
     added = {**kept[0], "id": "xYz", "meta": None}
-    tasks[0]["annotations"] = [{"updated_at": "2026-01-02", "result": [*kept, added]},
-                               {"updated_at": "2026-01-03", "was_cancelled": True, "result": []}]  # fmt: skip
+    tasks[0]["annotations"] = [
+        {"updated_at": "2026-01-02", "result": [*kept, added]},
+        {"updated_at": "2026-01-03", "was_cancelled": True, "result": []},
+    ]
     (tmp_path / "export.json").write_text(json.dumps(tasks))
     back = label_studio.read(tmp_path / "export.json").labels[0]
     assert [i.id for i in back.instances] == [1, 3, 4]

@@ -27,7 +27,9 @@ def polygon_in(tool: str, folder: Path, points: list[list[Any]]) -> Imported:
         return read(tool, folder, coco([{"segmentation": [flat(points)]}], [{}]))
     if tool == "cvat":
         return read(tool, folder, cvat(shape("polygon", points), shape("polygon", SQUARE)))
-    given = [region("polygonlabels", {"points": p, "closed": True}) for p in (points, percent(SQUARE))]
+    given = [
+        region("polygonlabels", {"points": p, "closed": True}) for p in (points, percent(SQUARE))
+    ]
     return read(tool, folder, [task("0.png", given[0]), task("1.png", given[1])])
 
 
@@ -37,8 +39,12 @@ def areas(imported: Imported, name: str) -> list[int]:
 
 
 @pytest.mark.parametrize("tool", ["coco", "cvat", "label-studio"])
-@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -float("inf"), 1e9, -1e9, 1e308, 10**400])
-def test_a_coordinate_that_is_none_costs_that_picture_alone(tmp_path: Path, tool: str, wrong: float) -> None:
+@pytest.mark.parametrize(
+    "wrong", [float("nan"), float("inf"), -float("inf"), 1e9, -1e9, 1e308, 10**400]
+)
+def test_a_coordinate_that_is_none_costs_that_picture_alone(
+    tmp_path: Path, tool: str, wrong: float
+) -> None:
     """NaN, infinity and 1e9 ended the process: out of memory, or a segmentation fault."""
     imported = polygon_in(tool, tmp_path, [[10, 10], [wrong, 10], [30, 20]])
     assert list(imported.problems) == ["0.png"]
@@ -101,11 +107,13 @@ def test_our_own_labels_are_checked_when_they_come_back(tmp_path: Path) -> None:
     assert [label.name for label in imported.labels] == ["b.png"]
 
 
-# Ids and crossings ---------------------------------------------------------------------------------------------------
+# Ids and crossings
+# ---------------------------------------------------------------------------------------------------
 
 
 def test_what_was_added_gets_an_id_of_its_own(tmp_path: Path) -> None:
-    """After a deletion and an addition the ids were 2, 3, 3; through CVAT's groups two cables were then one."""
+    """After a deletion and an addition the ids were 2, 3, 3; through CVAT's groups two cables were
+    then one."""
     content = coco([{"instance": 2}, {"instance": 3}, {}])
     assert [i.id for i in read("coco", tmp_path, content).labels[0].instances] == [2, 3, 4]
 
@@ -146,7 +154,9 @@ def with_crossing(tool: str, folder: Path, raw: dict[str, Any]) -> Imported:
         return read(tool, folder, cvat(shape("polygon", SQUARE, group_id=1) + point))
     if tool == "json":
         label = drawn.label("0.png")
-        given = json.loads(label.model_copy(update={"instances": label.instances[:1]}).model_dump_json())
+        given = json.loads(
+            label.model_copy(update={"instances": label.instances[:1]}).model_dump_json()
+        )
         return read(tool, folder, json.dumps(given | {"crossings": [raw]}))
     point = region("keypointlabels", {"x": 20, "y": 20}, "crossing", id="crossing-1")
     square = region("polygonlabels", {"points": percent(SQUARE)}, id="dlo-1-mask")
@@ -171,7 +181,9 @@ def test_a_crossing_that_says_nothing_costs_no_picture(tmp_path: Path, tool: str
     assert areas(imported, "0.png") == [200]
 
 
-@pytest.mark.parametrize("wrong", [7, "x", None, [], {"xy": [1, 2]}, {"xy": [1e99, 0]}, {"over": "1"}])
+@pytest.mark.parametrize(
+    "wrong", [7, "x", None, [], {"xy": [1, 2]}, {"xy": [1e99, 0]}, {"over": "1"}]
+)
 def test_crossings_of_any_form_cost_no_picture(tmp_path: Path, wrong: Any) -> None:
     content = coco([{"instance": 1}])
     content["images"][0]["crossings"] = [foreign.crossing(1, 1), wrong]
@@ -180,7 +192,8 @@ def test_crossings_of_any_form_cost_no_picture(tmp_path: Path, wrong: Any) -> No
     assert imported.notes == {UNSAID: {"0.png": 1}}
 
 
-# Shapes --------------------------------------------------------------------------------------------------------------
+# Shapes
+# --------------------------------------------------------------------------------------------------------------
 
 
 def test_a_line_with_a_width_becomes_a_stroke(tmp_path: Path) -> None:
@@ -192,10 +205,18 @@ def test_a_line_with_a_width_becomes_a_stroke(tmp_path: Path) -> None:
     assert (item.width_px, item.centerline_xy) == (5.0, [(5.0, 10.0), (85.0, 10.0)])
 
 
-@pytest.mark.parametrize("ring", [LINE[:2], [*LINE, LINE[1]], [*LINE, LINE[1], LINE[0]], [[5, 5], [50, 5], [20, 5]]])
-def test_a_polygon_without_an_area_is_a_stroke_with_a_width_and_named_without(tmp_path: Path, ring: Any) -> None:
+@pytest.mark.parametrize(
+    "ring", [LINE[:2], [*LINE, LINE[1]], [*LINE, LINE[1], LINE[0]], [[5, 5], [50, 5], [20, 5]]]
+)
+def test_a_polygon_without_an_area_is_a_stroke_with_a_width_and_named_without(
+    tmp_path: Path, ring: Any
+) -> None:
     """It became an instance with an empty mask."""
-    (item,) = read("coco", tmp_path, coco([{"segmentation": [flat(ring)], "width_px": 6}])).labels[0].instances
+    (item,) = (
+        read("coco", tmp_path, coco([{"segmentation": [flat(ring)], "width_px": 6}]))
+        .labels[0]
+        .instances
+    )
     assert drawn.mask(item).sum() > 100
     imported = read("coco", tmp_path, coco([{"segmentation": [flat(ring)]}], [{}]))
     assert list(imported.problems) == ["0.png"]
@@ -255,7 +276,10 @@ def test_shapes_of_cvat_that_are_no_cable_are_named(tmp_path: Path, wrong: str) 
 
 def test_pieces_of_a_group_are_one_cable(tmp_path: Path) -> None:
     """Of two lines in a group the first was lost. They are joined where they are nearest."""
-    pieces = [shape("polyline", points, group_id=7) for points in (LINE[1::-1], [[60.5, 25.5], [80.5, 20.5]])]
+    pieces = [
+        shape("polyline", points, group_id=7)
+        for points in (LINE[1::-1], [[60.5, 25.5], [80.5, 20.5]])
+    ]
     imported = read("cvat", tmp_path, cvat("".join(pieces)))
     (item,) = imported.labels[0].instances
     mask = drawn.mask(item)
@@ -266,7 +290,8 @@ def test_pieces_of_a_group_are_one_cable(tmp_path: Path) -> None:
     assert list(imported.notes.values()) == [{"0.png": 1}], "a width that was not named is said"
 
 
-# Classes -------------------------------------------------------------------------------------------------------------
+# Classes
+# -------------------------------------------------------------------------------------------------------------
 
 
 def of_two_classes(tool: str, folder: Path, wanted: Wanted | None = None) -> Imported:
@@ -275,7 +300,9 @@ def of_two_classes(tool: str, folder: Path, wanted: Wanted | None = None) -> Imp
     if tool == "cvat":
         both = shape("polygon", SQUARE) + shape("polygon", SQUARE, label="connector")
         return read(tool, folder, cvat(both, shape("polygon", SQUARE)), wanted)
-    regions = [region("polygonlabels", {"points": percent(SQUARE)}, c, id=c) for c in ("dlo", "connector")]
+    regions = [
+        region("polygonlabels", {"points": percent(SQUARE)}, c, id=c) for c in ("dlo", "connector")
+    ]
     return read(tool, folder, [task("0.png", *regions), task("1.png", regions[0])], wanted)
 
 
@@ -297,7 +324,9 @@ def test_the_class_can_be_named(tmp_path: Path, tool: str) -> None:
 
 
 @pytest.mark.parametrize("tool", ["coco", "cvat", "label-studio"])
-def test_a_file_in_which_nothing_has_the_class_is_not_a_file_of_empty_pictures(tmp_path: Path, tool: str) -> None:
+def test_a_file_in_which_nothing_has_the_class_is_not_a_file_of_empty_pictures(
+    tmp_path: Path, tool: str
+) -> None:
     imported = of_two_classes(tool, tmp_path, Wanted(frozenset({"cable"})))
     assert imported.labels == []
     assert imported.problems.keys() == {"0.png", "1.png"}
@@ -312,7 +341,8 @@ def test_crowds_are_left_out_and_counted(tmp_path: Path, crowd: Any) -> None:
     assert imported.notes == {"iscrowd region left out": {"0.png": 1}}
 
 
-# COCO's ids of pictures ----------------------------------------------------------------------------------------------
+# COCO's ids of pictures
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("write", [str, float, lambda k: f" {k} ", lambda k: f"0{k}"])
@@ -326,7 +356,9 @@ def test_ids_of_pictures_may_be_text(tmp_path: Path, write: Any) -> None:
     assert (areas(imported, "0.png"), areas(imported, "1.png")) == ([200], [200, 200])
 
 
-def test_pictures_without_annotations_are_not_taken_where_annotations_are_lost(tmp_path: Path) -> None:
+def test_pictures_without_annotations_are_not_taken_where_annotations_are_lost(
+    tmp_path: Path,
+) -> None:
     content = coco([{}], [{}], [])
     content["annotations"][1]["image_id"] = "one"
     imported = read("coco", tmp_path, content)
@@ -337,10 +369,13 @@ def test_pictures_without_annotations_are_not_taken_where_annotations_are_lost(t
 @pytest.mark.parametrize(
     "wrong",
     [
-        [], 7, {"images": []}, {"images": {}, "annotations": []},
+        [],
+        7,
+        {"images": []},
+        {"images": {}, "annotations": []},
         {"images": [{"id": 1, "file_name": "a"}, {"id": "1", "file_name": "b"}], "annotations": []},
     ],
-)  # fmt: skip
+)
 def test_what_is_no_coco_file_is_refused_whole(tmp_path: Path, wrong: Any) -> None:
     with pytest.raises(FormatError):
         read("coco", tmp_path, wrong)
@@ -356,5 +391,8 @@ def test_an_annotation_of_no_picture_is_named(tmp_path: Path, annotation: Any) -
 
 
 def test_a_file_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
-    for tool, content in (("coco", json.dumps(coco([{}]))), ("json", drawn.label("0.png").model_dump_json())):
+    for tool, content in (
+        ("coco", json.dumps(coco([{}]))),
+        ("json", drawn.label("0.png").model_dump_json()),
+    ):
         assert len(read(tool, tmp_path, "\ufeff" + content).labels) == 1

@@ -42,7 +42,9 @@ def backend(tmp_path):
     (root / "a.png").write_bytes(b"picture a")
     (root / "bad.png").write_bytes(b"bad")
     (tmp_path / "secret").write_bytes(b"secret")
-    answers = Answers(Service(), TaskPictures(root=root), InstancesRequest(files=[]), tmp_path / "corrections")
+    answers = Answers(
+        Service(), TaskPictures(root=root), InstancesRequest(files=[]), tmp_path / "corrections"
+    )
     with serving(answers) as address, httpx.Client(base_url=address) as http:
         yield http
 
@@ -53,13 +55,17 @@ def task(name: str, field: str = "image") -> dict:
 
 def test_health_and_setup(backend):
     assert backend.get("/health").json()["status"] == "UP"
-    assert backend.post("/setup", json={"project": "1", "schema": CONFIG}).json() == {"model_version": VERSION}
+    assert backend.post("/setup", json={"project": "1", "schema": CONFIG}).json() == {
+        "model_version": VERSION
+    }
 
 
 def test_a_prediction_is_read_by_label_studio(backend):
     from label_studio_sdk.converter import brush
 
-    found = backend.post("/predict", json={"tasks": [task("a.png")], "label_config": CONFIG}).json()["results"][0]
+    found = backend.post(
+        "/predict", json={"tasks": [task("a.png")], "label_config": CONFIG}
+    ).json()["results"][0]
     scene = samples.two_cables()
     assert found["score"] == min(instance.score for instance in scene.instances)
     kinds = [region["type"] for region in found["result"]]
@@ -76,7 +82,9 @@ def test_a_prediction_is_read_by_label_studio(backend):
 def test_a_project_s_own_names_are_used(backend):
     body = {"tasks": [task("a.png", "picture")], "label_config": OWN_NAMES}
     regions = backend.post("/predict", json=body).json()["results"][0]["result"]
-    assert {(r["from_name"], r["to_name"], *r["value"]["brushlabels"]) for r in regions} == {("mask", "photo", "Cable")}
+    assert {(r["from_name"], r["to_name"], *r["value"]["brushlabels"]) for r in regions} == {
+        ("mask", "photo", "Cable")
+    }
 
 
 def test_a_task_without_a_picture_does_not_take_the_others_along(backend):
@@ -103,11 +111,15 @@ def test_what_cannot_be_answered_is_said(backend, path, body, status):
 
 
 def test_finished_annotations_are_kept_as_corrections(backend, tmp_path):
-    predicted = backend.post("/predict", json={"tasks": [task("a.png")]}).json()["results"][0]["result"]
+    predicted = backend.post("/predict", json={"tasks": [task("a.png")]}).json()["results"][0][
+        "result"
+    ]
     annotation = {"id": 5, "result": predicted, "was_cancelled": False}
     event = {"action": "ANNOTATION_UPDATED", "task": task("a.png"), "annotation": annotation}
     assert backend.post("/webhook", json=event).json() == {"status": "kept"}
-    assert backend.post("/webhook", json={"action": "PROJECT_UPDATED"}).json() == {"status": "ignored"}
+    assert backend.post("/webhook", json={"action": "PROJECT_UPDATED"}).json() == {
+        "status": "ignored"
+    }
     (file,) = (tmp_path / "corrections").iterdir()
     assert json.loads(file.read_text())[0]["annotations"] == [annotation]
     (label,) = read(file).labels
@@ -127,7 +139,12 @@ def test_only_label_studio_is_asked_for_pictures():
     pictures = TaskPictures("http://studio/", "legacy", transport=transport)
     assert pictures.read("/data/upload/1/a.png") == b"picture"
     assert pictures.read("http://studio/data/upload/1/a.png?x=1") == b"picture"
-    for foreign in ("http://169.254.169.254/latest", "https://studio/a.png", "s3://bucket/a.png", "a.png"):
+    for foreign in (
+        "http://169.254.169.254/latest",
+        "https://studio/a.png",
+        "s3://bucket/a.png",
+        "a.png",
+    ):
         with pytest.raises(Refused):
             pictures.read(foreign)
     assert asked == [

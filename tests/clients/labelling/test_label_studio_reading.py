@@ -32,14 +32,21 @@ def mask(imported: Imported, k: int = 0) -> np.ndarray:
     ("annotations", "why"),
     [
         ([{"was_cancelled": True, "result": []}], "skipped"),
-        ([{"was_cancelled": True, "result": [polygon()]}, {"was_cancelled": True, "result": []}], "skipped"),
+        (
+            [{"was_cancelled": True, "result": [polygon()]}, {"was_cancelled": True, "result": []}],
+            "skipped",
+        ),
         ([], "never annotated"),
         (None, "never annotated"),
     ],
 )
 def test_what_nobody_annotated_is_counted(tmp_path: Path, annotations: Any, why: str) -> None:
-    """Skipped tasks, and those that nobody opened, became corrections and entered the training set."""
-    open_task = task("0.png") | {"annotations": annotations, "predictions": [{"result": [polygon()]}]}
+    """Skipped tasks, and those that nobody opened, became corrections and entered the training
+    set."""
+    open_task = task("0.png") | {
+        "annotations": annotations,
+        "predictions": [{"result": [polygon()]}],
+    }
     imported = of(tmp_path, open_task, task("1.png", polygon()))
     assert imported.not_annotated == {"0.png": why}
     assert [label.name for label in imported.labels] == ["1.png"]
@@ -51,7 +58,11 @@ def test_an_empty_annotation_says_that_there_is_no_cable(tmp_path: Path) -> None
 
 
 def test_the_ground_truth_goes_before_the_latest(tmp_path: Path) -> None:
-    first = {"result": [polygon(id="a"), polygon(id="b")], "updated_at": "2026-01-01", "ground_truth": True}
+    first = {
+        "result": [polygon(id="a"), polygon(id="b")],
+        "updated_at": "2026-01-01",
+        "ground_truth": True,
+    }
     latest = {"result": [polygon()], "updated_at": "2026-01-02"}
     imported = of(tmp_path, task("0.png") | {"annotations": [first, latest]})
     assert len(imported.labels[0].instances) == 2
@@ -60,10 +71,18 @@ def test_the_ground_truth_goes_before_the_latest(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("turned", "rows", "columns"),
-    [(90, (49, 62), (18, 35)), (180, (42, 55), (63, 80)), (270, (7, 20), (54, 71)), (360, (14, 27), (9, 26))],
+    [
+        (90, (49, 62), (18, 35)),
+        (180, (42, 55), (63, 80)),
+        (270, (7, 20), (54, 71)),
+        (360, (14, 27), (9, 26)),
+    ],
 )
-def test_a_region_on_a_turned_picture_is_turned_back(tmp_path: Path, turned: int, rows: Any, columns: Any) -> None:
-    """By hand: of 90 × 70 pixels shown turned to the right, the point (x, y) % is (y, 100 - x) % upright."""
+def test_a_region_on_a_turned_picture_is_turned_back(
+    tmp_path: Path, turned: int, rows: Any, columns: Any
+) -> None:
+    """By hand: of 90 × 70 pixels shown turned to the right, the point (x, y) % is (y, 100 - x) %
+    upright."""
     imported = of(tmp_path, task("0.png", polygon(image_rotation=turned)))
     seen = mask(imported)
     assert (np.flatnonzero(seen.any(1))[0], np.flatnonzero(seen.any(1))[-1]) == rows
@@ -81,7 +100,10 @@ def test_another_turn_is_named(tmp_path: Path, wrong: Any) -> None:
 def test_lines_on_a_turned_picture_are_turned_back_and_brushes_named(tmp_path: Path) -> None:
     vertices = [{"x": 0, "y": 50}, {"x": 100, "y": 50}]
     line = region("vectorlabels", {"vertices": vertices}, image_rotation=90)
-    assert of(tmp_path, task("0.png", line)).labels[0].instances[0].centerline_xy == [(44.5, 69.5), (44.5, -0.5)]
+    assert of(tmp_path, task("0.png", line)).labels[0].instances[0].centerline_xy == [
+        (44.5, 69.5),
+        (44.5, -0.5),
+    ]
     brush = region("brushlabels", {"rle": [0, 0], "format": "rle"}, image_rotation=90)
     assert "brush on a turned picture" in of(tmp_path, task("0.png", brush)).problems["0.png"]
 
@@ -110,13 +132,17 @@ def test_shapes_without_a_label_and_answers_are_counted(tmp_path: Path) -> None:
     imported = of(tmp_path, task("0.png", polygon(), bare, choice, relation))
     assert len(imported.labels[0].instances) == 1
     assert imported.notes.keys() == {
-        "polygon without a label left out", "result of type 'choices' left out", "result of type 'relation' left out"
-    }  # fmt: skip
+        "polygon without a label left out",
+        "result of type 'choices' left out",
+        "result of type 'relation' left out",
+    }
 
 
 def test_a_line_is_closed_where_the_tool_closed_it(tmp_path: Path) -> None:
     vertices = [{"x": x, "y": y} for x, y in BOX]
-    (closed,) = of(tmp_path, task("0.png", region("vectorlabels", {"vertices": vertices, "closed": True}))).labels
+    (closed,) = of(
+        tmp_path, task("0.png", region("vectorlabels", {"vertices": vertices, "closed": True}))
+    ).labels
     (item,) = closed.instances
     assert item.closed
     assert drawn.mask(item)[21, 9], "the way back to the first point is drawn"
@@ -126,20 +152,33 @@ def test_a_line_is_closed_where_the_tool_closed_it(tmp_path: Path) -> None:
 
 
 def test_an_open_polygon_is_a_line(tmp_path: Path) -> None:
-    (label,) = of(tmp_path, task("0.png", region("polygonlabels", {"points": BOX, "closed": False}))).labels
+    (label,) = of(
+        tmp_path, task("0.png", region("polygonlabels", {"points": BOX, "closed": False}))
+    ).labels
     assert not drawn.mask(label.instances[0])[21, 18], "not filled"
     assert len(label.instances[0].centerline_xy) == 4
 
 
 def test_a_line_that_branches_is_named_and_a_bent_one_is_said(tmp_path: Path) -> None:
-    vertices: list[dict[str, Any]] = [{"id": str(k), "x": x, "y": y} for k, (x, y) in enumerate(BOX)]
+    vertices: list[dict[str, Any]] = [
+        {"id": str(k), "x": x, "y": y} for k, (x, y) in enumerate(BOX)
+    ]
     vertices[2]["prevPointId"] = "0"
-    assert "branches" in of(tmp_path, task("0.png", region("vectorlabels", {"vertices": vertices}))).problems["0.png"]
+    assert (
+        "branches"
+        in of(tmp_path, task("0.png", region("vectorlabels", {"vertices": vertices}))).problems[
+            "0.png"
+        ]
+    )
     vertices[2] |= {"prevPointId": "1", "isBezier": True}
-    assert len(of(tmp_path, task("0.png", region("vectorlabels", {"vertices": vertices}))).notes) == 2
+    assert (
+        len(of(tmp_path, task("0.png", region("vectorlabels", {"vertices": vertices}))).notes) == 2
+    )
 
 
-@pytest.mark.parametrize("wrong", [7, None, {}, {"data": 3}, {"data": {}}, {"image": "a.png", "label": []}])
+@pytest.mark.parametrize(
+    "wrong", [7, None, {}, {"data": 3}, {"data": {}}, {"image": "a.png", "label": []}]
+)
 def test_what_is_no_task_is_named(tmp_path: Path, wrong: Any) -> None:
     imported = of(tmp_path, wrong, task("1.png", polygon()))
     assert list(imported.problems) == ["task 1"]

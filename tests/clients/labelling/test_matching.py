@@ -25,7 +25,9 @@ def label(name: str, sha256: str | None = None) -> PictureLabel:
     return drawn.label(name).model_copy(update={"origin": "corrected", "sha256": sha256})
 
 
-def taken(folder: Path, *labels: PictureLabel, hashes: dict[str, str] | None = None) -> CorrectionReport:
+def taken(
+    folder: Path, *labels: PictureLabel, hashes: dict[str, str] | None = None
+) -> CorrectionReport:
     known = {name: digest(name) for name in NAMES} if hashes is None else hashes
     with foreign.store_of(folder, *(drawn.label(name) for name in NAMES), sha256=known) as store:
         return take_corrections(store, Imported(labels=list(labels)))
@@ -70,8 +72,11 @@ def test_a_name_that_decides_nothing_is_said(tmp_path: Path, given: str, said: s
 
 
 def test_the_bytes_decide_between_pictures_of_one_name(tmp_path: Path) -> None:
-    """The corrector page knows a file's name but not its folder: corrections landed on the other picture."""
-    report = taken(tmp_path, label("0001.png", digest("b/0001.png")), label("0001.png", digest("a/0001.png")))
+    """The corrector page knows a file's name but not its folder: corrections landed on the other
+    picture."""
+    report = taken(
+        tmp_path, label("0001.png", digest("b/0001.png")), label("0001.png", digest("a/0001.png"))
+    )
     assert report.problems == {}
     assert [change.name for change in report.changes] == ["b/0001.png", "a/0001.png"]
 
@@ -82,16 +87,23 @@ def test_a_renamed_picture_is_known_by_its_bytes(tmp_path: Path) -> None:
 
 
 def test_bytes_that_contradict_the_name_are_refused(tmp_path: Path) -> None:
-    report = taken(tmp_path, label("cam.jpg", digest("cam.png")), label("cam.png", digest("another picture")))
+    report = taken(
+        tmp_path, label("cam.jpg", digest("cam.png")), label("cam.png", digest("another picture"))
+    )
     assert report.changes == []
-    assert report.problems["cam.jpg"] == "contradiction: its bytes are those of cam.png, its name is that of cam.jpg"
+    assert (
+        report.problems["cam.jpg"]
+        == "contradiction: its bytes are those of cam.png, its name is that of cam.jpg"
+    )
     assert "other bytes" in report.problems["cam.png"]
     assert not corrected_file(tmp_path, "cam.jpg").exists()
 
 
 def test_copies_are_told_apart_by_name_alone(tmp_path: Path) -> None:
     same = {name: digest("same") for name in NAMES}
-    report = taken(tmp_path, label("b/0001.png", digest("same")), label("x.png", digest("same")), hashes=same)
+    report = taken(
+        tmp_path, label("b/0001.png", digest("same")), label("x.png", digest("same")), hashes=same
+    )
     assert [change.name for change in report.changes] == ["b/0001.png"]
     assert "ambiguous" in report.problems["x.png"]
 

@@ -1,4 +1,5 @@
-"""Pictures that differ by their suffix, their folder or their case do not share an exported file."""
+"""Pictures that differ by their suffix, their folder or their case do not share an exported
+file."""
 
 from __future__ import annotations
 
@@ -34,7 +35,10 @@ def test_files_are_told_apart_and_named_the_same_again(names: list[str]) -> None
 
 
 def test_a_name_that_is_alone_keeps_its_form() -> None:
-    assert told_apart(["a/cam.jpg", "b/cam.png"], stem, stem_and_suffix) == {"a/cam.jpg": "a/cam", "b/cam.png": "b/cam"}
+    assert told_apart(["a/cam.jpg", "b/cam.png"], stem, stem_and_suffix) == {
+        "a/cam.jpg": "a/cam",
+        "b/cam.png": "b/cam",
+    }
 
 
 @pytest.mark.parametrize("names", ALIKE)
@@ -48,21 +52,30 @@ def test_every_picture_has_a_mask_and_a_label_of_its_own(tmp_path: Path, names: 
     assert len(list(yolo.write(labels, tmp_path).rglob("*.txt"))) == len(names)
 
 
-@pytest.mark.parametrize("names", [names for names in ALIKE if len({n.casefold() for n in names}) == len(names)])
+@pytest.mark.parametrize(
+    "names", [names for names in ALIKE if len({n.casefold() for n in names}) == len(names)]
+)
 def test_every_picture_is_in_the_training_set(tmp_path: Path, names: list[str]) -> None:
     """`a/b.jpg` and `a__b.jpg` were flattened to one name."""
     with foreign.store_of(tmp_path / "out", *(drawn.label(name) for name in names)) as store:
         for k, name in enumerate(names):
-            write_whole(corrected_file(store.folder, name), drawn.label(name).model_dump_json().encode())
+            write_whole(
+                corrected_file(store.folder, name), drawn.label(name).model_dump_json().encode()
+            )
             (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
-            Image.new("RGB", (drawn.WIDTH, drawn.HEIGHT), (k, 0, 0)).save(tmp_path / "in" / name, "PNG")
+            Image.new("RGB", (drawn.WIDTH, drawn.HEIGHT), (k, 0, 0)).save(
+                tmp_path / "in" / name, "PNG"
+            )
         pictures = find_pictures(tmp_path / "in")
         assert export_training_set(store, pictures, tmp_path / "set") == {}
-        assert export_training_set(store, pictures, tmp_path / "set") == {}, "the second one finds all of it there"
+        assert export_training_set(store, pictures, tmp_path / "set") == {}, (
+            "the second one finds all of it there"
+        )
     records = read_index(tmp_path / "set")
     assert sorted(record["source"] for record in records) == sorted(names)
     colors = {
-        record["source"]: Image.open(tmp_path / "set" / f"{record['name']}.png").getpixel((0, 0)) for record in records
+        record["source"]: Image.open(tmp_path / "set" / f"{record['name']}.png").getpixel((0, 0))
+        for record in records
     }
     assert colors == {name: (k, 0, 0) for k, name in enumerate(names)}
 
@@ -72,10 +85,17 @@ def test_a_later_picture_does_not_take_the_place_of_an_earlier_one(tmp_path: Pat
     for names in (["a/b.jpg"], ["a/b.jpg", "a__b.jpg"]):
         for name in names:
             (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
-            Image.new("RGB", (drawn.WIDTH, drawn.HEIGHT), (len(name), 0, 0)).save(tmp_path / "in" / name, "PNG")
+            Image.new("RGB", (drawn.WIDTH, drawn.HEIGHT), (len(name), 0, 0)).save(
+                tmp_path / "in" / name, "PNG"
+            )
         with foreign.store_of(tmp_path / "out", *(drawn.label(name) for name in names)) as store:
-            export_training_set(store, find_pictures(tmp_path / "in"), tmp_path / "set", corrected_only=False)
-    assert sorted(record["source"] for record in read_index(tmp_path / "set")) == ["a/b.jpg", "a__b.jpg"]
+            export_training_set(
+                store, find_pictures(tmp_path / "in"), tmp_path / "set", corrected_only=False
+            )
+    assert sorted(record["source"] for record in read_index(tmp_path / "set")) == [
+        "a/b.jpg",
+        "a__b.jpg",
+    ]
     assert len(list((tmp_path / "set").glob("*_ids.png"))) == 2
 
 

@@ -19,7 +19,9 @@ def files(folder: Path, *names: str) -> Path:
 
 def test_other_files_are_counted_by_suffix(tmp_path):
     """HEIC pictures were passed over without a word, and JFIF is JPEG."""
-    found = find_pictures(files(tmp_path, "a.jpg", "b.JFIF", "c.gif", "d.heic", "e.HEIC", "notes.txt", ".hidden.cfg"))
+    found = find_pictures(
+        files(tmp_path, "a.jpg", "b.JFIF", "c.gif", "d.heic", "e.HEIC", "notes.txt", ".hidden.cfg")
+    )
     assert [picture.name for picture in found] == ["a.jpg", "b.JFIF", "c.gif"]
     assert found.skipped == {".heic": 2, ".txt": 1}
 

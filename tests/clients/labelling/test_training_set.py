@@ -1,4 +1,5 @@
-"""Corrected labels as a training source: the form that the service's own training reads and mixes."""
+"""Corrected labels as a training source: the form that the service's own training reads and
+mixes."""
 
 from __future__ import annotations
 
@@ -41,7 +42,9 @@ def store(tmp_path: Path):
         for name in NAMES:
             label = drawn.label(name)
             opened.put(Entry(name, "done"), label)
-            better = label.model_copy(update={"instances": label.instances[:2], "origin": "corrected"})
+            better = label.model_copy(
+                update={"instances": label.instances[:2], "origin": "corrected"}
+            )
             if name != NAMES[0]:
                 write_whole(corrected_file(opened.folder, name), better.model_dump_json().encode())
         opened.put(Entry("broken.png", "failed", detail="cannot be read"))
@@ -52,7 +55,9 @@ def names_in(folder: Path) -> list[str]:
     return [record["source"] for record in read_index(folder)]
 
 
-def test_what_was_corrected_is_what_training_reads(store: LabelStore, source: Path, tmp_path: Path) -> None:
+def test_what_was_corrected_is_what_training_reads(
+    store: LabelStore, source: Path, tmp_path: Path
+) -> None:
     assert export_training_set(store, find_pictures(source), tmp_path / "set") == {}
     assert names_in(tmp_path / "set") == NAMES[1:]
     samples = samples_in(tmp_path / "set")
@@ -68,17 +73,30 @@ def test_what_was_corrected_is_what_training_reads(store: LabelStore, source: Pa
 
 
 def test_nothing_is_left_to_learn_from_in_an_ignored_area(source: Path, tmp_path: Path) -> None:
-    """Half of the picture is white and ignored: it becomes as gray as the picture's mean, and no cable."""
+    """Half of the picture is white and ignored: it becomes as gray as the picture's mean, and no
+    cable."""
     image = Image.new("RGB", (drawn.WIDTH, drawn.HEIGHT))
     image.paste((255, 255, 255), (0, 0, drawn.WIDTH // 2, drawn.HEIGHT))
     buffer = io.BytesIO()
     image.save(buffer, "PNG")
     write_whole(tmp_path / "in" / NAMES[0], buffer.getvalue())
-    half = [(-1, -1), (drawn.WIDTH // 2 - 1, -1), (drawn.WIDTH // 2 - 1, drawn.HEIGHT), (-1, drawn.HEIGHT)]
+    half = [
+        (-1, -1),
+        (drawn.WIDTH // 2 - 1, -1),
+        (drawn.WIDTH // 2 - 1, drawn.HEIGHT),
+        (-1, drawn.HEIGHT),
+    ]
     with LabelStore(tmp_path / "out", write=True) as store:
-        label = drawn.label(NAMES[0]).model_copy(update={"instances": [], "crossings": [], "ignore": [half]})
+        label = drawn.label(NAMES[0]).model_copy(
+            update={"instances": [], "crossings": [], "ignore": [half]}
+        )
         store.put(Entry(NAMES[0], "done"), label)
-        assert export_training_set(store, find_pictures(source), tmp_path / "set", corrected_only=False) == {}
+        assert (
+            export_training_set(
+                store, find_pictures(source), tmp_path / "set", corrected_only=False
+            )
+            == {}
+        )
     (sample,) = samples_in(tmp_path / "set")
     pixels, mask = load(sample)
     assert not mask.any()
@@ -86,13 +104,21 @@ def test_nothing_is_left_to_learn_from_in_an_ignored_area(source: Path, tmp_path
     assert pixels[5, -5].tolist() == [0, 0, 0]
 
 
-def test_labels_that_nobody_corrected_come_only_when_asked_for(store: LabelStore, source: Path, tmp_path: Path) -> None:
+def test_labels_that_nobody_corrected_come_only_when_asked_for(
+    store: LabelStore, source: Path, tmp_path: Path
+) -> None:
     export_training_set(store, find_pictures(source), tmp_path / "set", corrected_only=False)
     assert names_in(tmp_path / "set") == NAMES
-    assert [record["origin"] for record in read_index(tmp_path / "set")] == ["service", "corrected", "corrected"]
+    assert [record["origin"] for record in read_index(tmp_path / "set")] == [
+        "service",
+        "corrected",
+        "corrected",
+    ]
 
 
-def test_an_export_that_was_cut_off_goes_on(store: LabelStore, source: Path, tmp_path: Path) -> None:
+def test_an_export_that_was_cut_off_goes_on(
+    store: LabelStore, source: Path, tmp_path: Path
+) -> None:
     """Killed in the middle of a line of the index."""
     export_training_set(store, find_pictures(source), tmp_path / "set")
     index = tmp_path / "set" / INDEX
@@ -119,7 +145,9 @@ def test_pictures_that_are_gone_broken_or_of_another_size_are_named(
     assert names_in(tmp_path / "set") == []
 
 
-def test_a_damaged_correction_costs_no_other(store: LabelStore, source: Path, tmp_path: Path) -> None:
+def test_a_damaged_correction_costs_no_other(
+    store: LabelStore, source: Path, tmp_path: Path
+) -> None:
     corrected_file(store.folder, NAMES[1]).write_text("{")
     problems = export_training_set(store, find_pictures(source), tmp_path / "set")
     assert problems.keys() == {NAMES[1]}
@@ -137,4 +165,6 @@ def test_a_full_folder_costs_only_what_did_not_fit(
     monkeypatch.setattr(training_sets, "write_whole", full)
     problems = export_training_set(store, find_pictures(source), tmp_path / "set")
     assert problems == {NAMES[1]: "cannot be written: No space left on device"}
-    assert [sample.name for sample in samples_in(tmp_path / "set")] == ["shelf 2__plain_png"], "half a sample is none"
+    assert [sample.name for sample in samples_in(tmp_path / "set")] == ["shelf 2__plain_png"], (
+        "half a sample is none"
+    )

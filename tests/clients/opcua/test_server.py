@@ -29,7 +29,11 @@ class Service(RecipeService):
     away = False
 
     def client(self) -> AsyncClient:
-        return AsyncClient("http://service", transport=httpx.MockTransport(self._all), retry=RetryPolicy(attempts=1))
+        return AsyncClient(
+            "http://service",
+            transport=httpx.MockTransport(self._all),
+            retry=RetryPolicy(attempts=1),
+        )
 
     async def _all(self, request: httpx.Request) -> httpx.Response:
         if self.away:
@@ -52,7 +56,9 @@ class Plc:
         self.events: list[str] = []
 
     async def node(self, *path: str):
-        return await self._client.nodes.objects.get_child([f"{self._index}:{name}" for name in ("VisionSystem", *path)])
+        return await self._client.nodes.objects.get_child(
+            [f"{self._index}:{name}" for name in ("VisionSystem", *path)]
+        )
 
     async def call(self, holder: tuple[str, ...], method: str, *arguments: str):
         parent = await self.node(*holder)
@@ -62,13 +68,18 @@ class Plc:
         return await self.call(("VisionStateMachine",), method)
 
     async def automatic(self, method: str, *arguments: str):
-        return await self.call(("VisionStateMachine", "AutomaticModeStateMachine"), method, *arguments)
+        return await self.call(
+            ("VisionStateMachine", "AutomaticModeStateMachine"), method, *arguments
+        )
 
     async def recipe(self, method: str, name: str):
         return await self.call(("RecipeManagement",), method, name)
 
     async def state(self) -> str:
-        nodes = [await self.node("VisionStateMachine", *deeper, "CurrentState") for deeper in ((), (_AUTO,))]
+        nodes = [
+            await self.node("VisionStateMachine", *deeper, "CurrentState")
+            for deeper in ((), (_AUTO,))
+        ]
         upper, automatic = [(await node.read_value()).Text or "" for node in nodes]
         return f"{upper}/{automatic}"
 
@@ -95,10 +106,13 @@ _AUTO = "AutomaticModeStateMachine"
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
-    """One server for all tests: to make one takes seconds. Gives the loop that it runs on, a PLC, and the service."""
+    """One server for all tests: to make one takes seconds. Gives the loop that it runs on, a PLC,
+    and the service."""
     picture = tmp_path_factory.mktemp("opcua") / "picture.png"
     picture.write_bytes(b"picture")
-    settings = BridgeSettings.model_validate({"opcua": {"port": free_port()}, "picture": {"file": picture}})
+    settings = BridgeSettings.model_validate(
+        {"opcua": {"port": free_port()}, "picture": {"file": picture}}
+    )
     started: Future = Future()
 
     async def run() -> None:
@@ -133,7 +147,9 @@ def talk(session):
         service.go.clear()
         await asyncio.wait_for(scenario(plc, service), 60)
 
-    return lambda scenario: asyncio.run_coroutine_threadsafe(from_the_start(scenario), loop).result(90)
+    return lambda scenario: asyncio.run_coroutine_threadsafe(from_the_start(scenario), loop).result(
+        90
+    )
 
 
 def test_a_single_job_from_start_to_result(talk):
@@ -141,7 +157,9 @@ def test_a_single_job_from_start_to_result(talk):
         assert await plc.state() == "Preoperational/"
         assert await plc.machine("SelectModeAutomatic") == 0
         await plc.comes_to("Operational/Initialized")
-        assert await plc.automatic("StartSingleJob", "m", "p", "", "") == ["", 1], "no recipe is prepared"
+        assert await plc.automatic("StartSingleJob", "m", "p", "", "") == ["", 1], (
+            "no recipe is prepared"
+        )
         assert await plc.recipe("PrepareRecipe", "77") == ["", 2]
         assert await plc.recipe("PrepareRecipe", "7") == ["7.3", 0]
         await plc.comes_to("Operational/Ready")
@@ -161,7 +179,10 @@ def test_a_single_job_from_start_to_result(talk):
         kept, error = await plc.call(("ResultManagement",), "GetResultById", result_id)
         assert (json.loads(kept)["MeasId"], error) == ("meas 1", 0)
         assert (await plc.call(("ResultManagement",), "GetResultById", "none"))[1] == 2
-        assert await plc.call(("ResultManagement",), "GetResultListFiltered", "meas 1", "") == [[result_id], 0]
+        assert await plc.call(("ResultManagement",), "GetResultListFiltered", "meas 1", "") == [
+            [result_id],
+            0,
+        ]
         listed = await (await plc.node("RecipeManagement", "Recipes")).read_value()
         assert listed == ["7: cables", "8: broken", "9: slow"]
 

@@ -1,7 +1,8 @@
-"""A small stand-in for rclpy and the message packages: what the node uses, with their names and rules.
+"""A small stand-in for rclpy and the message packages: what the node uses, with their names and
+rules.
 
-A lifecycle publisher publishes only between activate and deactivate; messages have the fields of their definitions and
-refuse others, as the generated classes do.
+A lifecycle publisher publishes only between activate and deactivate; messages have the fields of
+their definitions and refuse others, as the generated classes do.
 """
 
 from __future__ import annotations
@@ -29,8 +30,12 @@ def message(name: str, **defaults: Any) -> type:
 
 Time = message("Time", sec=0, nanosec=0)
 Header = message("Header", stamp=Time(), frame_id="")
-Image = message("Image", header=Header(), height=0, width=0, encoding="", is_bigendian=0, step=0, data=b"")
-CameraInfo = message("CameraInfo", header=Header(), height=0, width=0, k=[0.0] * 9, d=[], distortion_model="")
+Image = message(
+    "Image", header=Header(), height=0, width=0, encoding="", is_bigendian=0, step=0, data=b""
+)
+CameraInfo = message(
+    "CameraInfo", header=Header(), height=0, width=0, k=[0.0] * 9, d=[], distortion_model=""
+)
 String = message("String", data="")
 ColorRGBA = message("ColorRGBA", r=0.0, g=0.0, b=0.0, a=0.0)
 Point = message("Point", x=0.0, y=0.0, z=0.0)
@@ -39,10 +44,20 @@ _Pose = message("Pose", position=Point(), orientation=_Quaternion())
 _Vector = message("Vector3", x=0.0, y=0.0, z=0.0)
 
 
-class Marker(message(
-    "Marker", header=Header(), ns="", id=0, type=0, action=0, pose=_Pose(), scale=_Vector(), color=ColorRGBA(),
-    points=[],
-)):  # fmt: skip
+class Marker(
+    message(
+        "Marker",
+        header=Header(),
+        ns="",
+        id=0,
+        type=0,
+        action=0,
+        pose=_Pose(),
+        scale=_Vector(),
+        color=ColorRGBA(),
+        points=[],
+    )
+):
     __slots__ = ()
     LINE_STRIP, ADD, DELETEALL = 4, 0, 3
 
@@ -92,7 +107,9 @@ class LifecycleNode:
         return SimpleNamespace(value=self.parameters[name])
 
     def get_logger(self) -> Any:
-        return SimpleNamespace(error=self.logged.append, warning=self.logged.append, info=self.logged.append)
+        return SimpleNamespace(
+            error=self.logged.append, warning=self.logged.append, info=self.logged.append
+        )
 
     def create_lifecycle_publisher(self, kind: type, topic: str, _qos: Any) -> Publisher:
         return self.publishers.setdefault(topic, Publisher(kind, topic))

@@ -60,12 +60,22 @@ class Track:
         first, second = samples.two_cables().instances
         cables = [
             TrackedCable(
-                id=number, state=state, certainty=0.9, centerline_xy=one.centerline_xy, length_px=90.0, width_px=6.0,
-                start_px=0.0, covered=[], endpoints=[], score=0.9,
+                id=number,
+                state=state,
+                certainty=0.9,
+                centerline_xy=one.centerline_xy,
+                length_px=90.0,
+                width_px=6.0,
+                start_px=0.0,
+                covered=[],
+                endpoints=[],
+                score=0.9,
             )
             for number, state, one in ((4, "seen", first), (9, "lost", second))
-        ]  # fmt: skip
-        return FrameResult.model_construct(frame=len(self.times), width=3, height=2, cables=cables, crossings=[])
+        ]
+        return FrameResult.model_construct(
+            frame=len(self.times), width=3, height=2, cables=cables, crossings=[]
+        )
 
     def end(self) -> None:
         self.ended = True
@@ -230,16 +240,29 @@ def test_encodings(ros, encoding, data, step, expected):
 
 
 def test_another_byte_order_and_another_encoding(ros):
-    swapped = standin.Image(height=1, width=1, encoding="mono16", step=2, data=bytes([1, 0]), is_bigendian=1)
+    swapped = standin.Image(
+        height=1, width=1, encoding="mono16", step=2, data=bytes([1, 0]), is_bigendian=1
+    )
     assert ros[1].array_of(swapped).tolist() == [[256]]
     with pytest.raises(ros[1].UnknownEncodingError, match="yuv422"):
         ros[1].array_of(standin.Image(encoding="yuv422"))
 
 
 def test_the_package_names_what_it_uses(ros):
-    needed = {one.text for one in ElementTree.parse(PACKAGE / "package.xml").getroot().iter("exec_depend")}
-    assert {"rclpy", "sensor_msgs", "std_msgs", "std_srvs", "geometry_msgs", "visualization_msgs"} <= needed
-    parameters = yaml.safe_load((PACKAGE / "config" / "dlo.yaml").read_text())["dlo"]["ros__parameters"]
+    needed = {
+        one.text for one in ElementTree.parse(PACKAGE / "package.xml").getroot().iter("exec_depend")
+    }
+    assert {
+        "rclpy",
+        "sensor_msgs",
+        "std_msgs",
+        "std_srvs",
+        "geometry_msgs",
+        "visualization_msgs",
+    } <= needed
+    parameters = yaml.safe_load((PACKAGE / "config" / "dlo.yaml").read_text())["dlo"][
+        "ros__parameters"
+    ]
     assert set(parameters) <= set(ros[0].PARAMETERS)
     assert set(ros[0].REQUESTS) == {"instances", "topology", "plan_disentangle"}
     assert isinstance(ros[0].REQUESTS["instances"]("fast"), InstancesRequest)

@@ -1,4 +1,5 @@
-"""The functions of `dlo` on arrays drawn by hand, and the errors for arrays that cannot be worked with."""
+"""The functions of `dlo` on arrays drawn by hand, and the errors for arrays that cannot be worked
+with."""
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ def test_segment_gives_a_probability_for_every_pixel():
 
 
 def test_instances_are_those_that_settled_the_foreground(monkeypatch):
-    """They were extracted a second time, and rated by the settled foreground instead of the seen one."""
+    """They were extracted a second time, and rated by the settled foreground instead of the seen
+    one."""
     settled = dlo.instances(mask=cross().any(axis=2))
 
     def settle(image, probability, cable, threshold):
@@ -113,7 +115,11 @@ def test_a_picture_without_a_dlo_is_not_reconstructed():
         (lambda: dlo.instances(mask=np.full((9, 9), 7.0)), "mask", "0 to 1"),
         (lambda: dlo.instances(mask=np.zeros((9, 9), complex)), "mask", "complex"),
         (lambda: dlo.instances(cross(), method="best"), "method", "section_matching"),
-        (lambda: dlo.instances(cross(), params=dlo.RtDloParams()), "params", "SectionMatchingParams"),
+        (
+            lambda: dlo.instances(cross(), params=dlo.RtDloParams()),
+            "params",
+            "SectionMatchingParams",
+        ),
         (lambda: dlo.topology(cross(), depth_m=np.ones((9, 9))), "depth_m", "9 × 9"),
         (lambda: dlo.topology(cross(), depth_m=np.ones((120, 160), int)), "depth_m", "meters"),
         (lambda: dlo.plan_disentangle(cross()), "topology", "ndarray"),
@@ -123,8 +129,16 @@ def test_a_picture_without_a_dlo_is_not_reconstructed():
         (lambda: dlo.plan_shape(LINE * 1e9, ARC, mass_kg=0.05), "state_m", "beyond"),
         (lambda: dlo.plan_shape(LINE, ARC, mass_kg=5), "mass_kg", "0.02 to 0.1"),
         (lambda: dlo.plan_shape(LINE, ARC, mass_kg=0.05, horizon=9), "horizon", "1 to 4"),
-        (lambda: dlo.estimate_parameters([LINE], [LINE], [40], [[0, 0, 0]], mass_kg=0.05), "edges[0]", "0 to 10"),
-        (lambda: dlo.estimate_parameters([LINE], [], [0], [[0, 0, 0]], mass_kg=0.05), "moves", "0 after_m"),
+        (
+            lambda: dlo.estimate_parameters([LINE], [LINE], [40], [[0, 0, 0]], mass_kg=0.05),
+            "edges[0]",
+            "0 to 10",
+        ),
+        (
+            lambda: dlo.estimate_parameters([LINE], [], [0], [[0, 0, 0]], mass_kg=0.05),
+            "moves",
+            "0 after_m",
+        ),
         (lambda: dlo.reconstruct([cross()], [CAMERA]), "pictures", "2 to 16"),
         (lambda: dlo.reconstruct([cross()] * 2, [CAMERA]), "cameras", "1 for 2"),
         (lambda: dlo.reconstruct([cross()] * 2, [CAMERA, None]), "cameras[1]", "NoneType"),
@@ -144,7 +158,16 @@ def test_what_cannot_be_worked_with_is_named(call, argument, words):
 def test_everything_public_is_documented():
     """Each argument of a function is named in its docstring."""
     assert [name for name in dlo.__all__ if not (getattr(dlo, name, None) or "").__doc__] == []
-    for name in ("segment", "instances", "topology", "reconstruct", "plan_shape", "estimate_parameters"):
+    for name in (
+        "segment",
+        "instances",
+        "topology",
+        "reconstruct",
+        "plan_shape",
+        "estimate_parameters",
+    ):
         function = getattr(dlo, name)
-        missing = [p for p in inspect.signature(function).parameters if f"``{p}``" not in function.__doc__]
+        missing = [
+            p for p in inspect.signature(function).parameters if f"``{p}``" not in function.__doc__
+        ]
         assert missing == [], (name, missing)

@@ -18,17 +18,30 @@ pytestmark = pytest.mark.system
 
 
 def command(data_dir: Path, *arguments: str) -> list[str]:
-    return [sys.executable, "-m", "services", "--port", "0", "--data-dir", str(data_dir), *arguments]
+    return [
+        sys.executable,
+        "-m",
+        "services",
+        "--port",
+        "0",
+        "--data-dir",
+        str(data_dir),
+        *arguments,
+    ]
 
 
 def environment(**given: str) -> dict[str, str]:
     """Without what would point the service elsewhere."""
-    return {name: value for name, value in os.environ.items() if not name.startswith("DLO_")} | given
+    return {
+        name: value for name, value in os.environ.items() if not name.startswith("DLO_")
+    } | given
 
 
 def run(data_dir: Path, *arguments: str, **given: str) -> subprocess.CompletedProcess[str]:
     started = command(data_dir, *arguments)
-    return subprocess.run(started, cwd=ROOT, env=environment(**given), capture_output=True, text=True, timeout=150)
+    return subprocess.run(
+        started, cwd=ROOT, env=environment(**given), capture_output=True, text=True, timeout=150
+    )
 
 
 def descendants(pid: int) -> list[int]:
@@ -109,7 +122,9 @@ def test_worker_that_dies_is_replaced(service):
 def test_queue_server_that_dies_is_replaced_and_no_job_is_lost(service):
     process, address = service
     with httpx.Client(base_url=address, timeout=70) as client:
-        first, *others = (client.post("/v1/jobs", json={"kind": "noop", "hold_s": 0.3}).json() for _ in range(5))
+        first, *others = (
+            client.post("/v1/jobs", json={"kind": "noop", "hold_s": 0.3}).json() for _ in range(5)
+        )
         client.get(f"/v1/jobs/{first['id']}?wait=30")
         queue = next(pid for pid in descendants(process.pid) if "-server" in program(pid))
         os.kill(queue, signal.SIGKILL)
@@ -158,7 +173,17 @@ def test_says_why_it_does_not_get_ready(tmp_path):
         "raise SystemExit(__main__.main())"
     )
     ended = subprocess.run(
-        [sys.executable, "-c", script, "--port", "0", "--data-dir", str(tmp_path), "--then", "true"],
+        [
+            sys.executable,
+            "-c",
+            script,
+            "--port",
+            "0",
+            "--data-dir",
+            str(tmp_path),
+            "--then",
+            "true",
+        ],
         cwd=ROOT,
         env=environment(DLO_REDIS_URL="redis://127.0.0.1:1/0"),
         capture_output=True,

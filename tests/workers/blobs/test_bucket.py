@@ -26,7 +26,16 @@ def rclone(tmp_path_factory) -> Iterator[str]:
     folder, port = tmp_path_factory.mktemp("objects"), free_port()
     (folder / "pictures").mkdir()
     program = Path(sys.executable).with_name("rclone")
-    command = [program, "serve", "s3", folder, "--addr", f"127.0.0.1:{port}", "--auth-key", "test,test"]
+    command = [
+        program,
+        "serve",
+        "s3",
+        folder,
+        "--addr",
+        f"127.0.0.1:{port}",
+        "--auth-key",
+        "test,test",
+    ]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as server:
         wait_until(lambda: _listens(port))
         yield f"http://127.0.0.1:{port}"
@@ -48,8 +57,14 @@ def blobs(request, tmp_path, monkeypatch) -> Iterator[Blobs]:
         request.getfixturevalue("s3")
     else:
         folder = tmp_path.name  # empty for each test
-        names = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_DEFAULT_REGION": "us-east-1"}
-        for name, value in (names | {"AWS_ENDPOINT_URL_S3": request.getfixturevalue("rclone")}).items():
+        names = {
+            "AWS_ACCESS_KEY_ID": "test",
+            "AWS_SECRET_ACCESS_KEY": "test",
+            "AWS_DEFAULT_REGION": "us-east-1",
+        }
+        for name, value in (
+            names | {"AWS_ENDPOINT_URL_S3": request.getfixturevalue("rclone")}
+        ).items():
             monkeypatch.setenv(name, value)
     yield open_blobs(Settings(blobs_url=f"s3://pictures/{folder}", blob_ttl_s=LIFETIME_S))
 
@@ -101,7 +116,9 @@ def test_a_picture_of_many_jobs_is_touched_once_a_minute(s3, monkeypatch):
     blob_id = blobs.put(b"picture")
     copies, now = [], time.monotonic()
     copy = blobs._client.copy_object
-    monkeypatch.setattr(blobs._client, "copy_object", lambda **given: copies.append(given["Key"]) or copy(**given))
+    monkeypatch.setattr(
+        blobs._client, "copy_object", lambda **given: copies.append(given["Key"]) or copy(**given)
+    )
     for _ in range(3):
         assert blobs.touch(blob_id)
     assert len(copies) == 1

@@ -27,7 +27,9 @@ def test_the_same_bytes_are_one_file_and_nothing_else_is_left(blobs, tmp_path):
     assert len([path for path in tmp_path.rglob("*") if path.is_file()]) == 1
 
 
-@pytest.mark.parametrize("name", ["0" * 64, "", "../secret", "a/../../secret", "A" * 64, "0" * 64 + "\n"])
+@pytest.mark.parametrize(
+    "name", ["0" * 64, "", "../secret", "a/../../secret", "A" * 64, "0" * 64 + "\n"]
+)
 def test_what_is_no_blob_is_missing(blobs, tmp_path, name):
     (tmp_path / "secret").write_text("x")
     for look in (blobs.get, blobs.path, blobs.touch):

@@ -1,4 +1,5 @@
-"""Files without a lifetime: in a folder and in a bucket they are the same, and no sweep of the blobs takes them."""
+"""Files without a lifetime: in a folder and in a bucket they are the same, and no sweep of the
+blobs takes them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The file of a network: what is packed comes back, what is no such file is refused with the reason."""
+"""The file of a network: what is packed comes back, what is no such file is refused with the
+reason."""
 
 from __future__ import annotations
 
@@ -34,9 +35,18 @@ BROKEN = {
     "cut off": (tiny.packed()[:-30], "is no network file"),
     "without a card": (archive(network__onnx=tiny.brightness()), "holds no card.json"),
     "without weights": (archive(card__json=CARD), "holds no network.onnx"),
-    "a card of another kind": (archive(card__json=b'{"name": "A B"}', network__onnx=b"x"), "card.json: name"),
-    "other weights": (archive(card__json=CARD, network__onnx=b"x"), "is not the file that card.json names"),
-    "too large": (archive(card__json=CARD, network__onnx=bytes(MOST + 1)), "more than 100000 bytes"),
+    "a card of another kind": (
+        archive(card__json=b'{"name": "A B"}', network__onnx=b"x"),
+        "card.json: name",
+    ),
+    "other weights": (
+        archive(card__json=CARD, network__onnx=b"x"),
+        "is not the file that card.json names",
+    ),
+    "too large": (
+        archive(card__json=CARD, network__onnx=bytes(MOST + 1)),
+        "more than 100000 bytes",
+    ),
 }
 
 

@@ -55,12 +55,18 @@ def test_what_is_not_there_is_unknown(store: NetworkStore) -> None:
     for model in ("other", "cell7@2", "other@1"):
         with pytest.raises(NetworkUnknownError):
             store.find(model)
-    for act in (lambda: store.use("cell7", 9), lambda: store.delete("cell7", 9), lambda: store.owner("other")):
+    for act in (
+        lambda: store.use("cell7", 9),
+        lambda: store.delete("cell7", 9),
+        lambda: store.owner("other"),
+    ):
         with pytest.raises(NetworkUnknownError):
             act()
 
 
-def test_a_version_that_was_only_half_written_is_not_there(store: NetworkStore, tmp_path: Path) -> None:
+def test_a_version_that_was_only_half_written_is_not_there(
+    store: NetworkStore, tmp_path: Path
+) -> None:
     add(store)
     (tmp_path / "cell7" / "000002.dlonet").write_bytes(b"half")
     (tmp_path / "empty").mkdir()
@@ -70,7 +76,9 @@ def test_a_version_that_was_only_half_written_is_not_there(store: NetworkStore, 
     assert store.onnx("cell7", 2) == tiny.brightness()
 
 
-def test_a_name_has_no_more_versions_than_may_be(store: NetworkStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_has_no_more_versions_than_may_be(
+    store: NetworkStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(store_module, "_MOST_VERSIONS", 2)
     add(store)
     add(store)

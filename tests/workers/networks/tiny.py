@@ -13,12 +13,21 @@ from onnx import TensorProto, helper, numpy_helper
 from workers.networks.package import pack
 
 FED = Preprocess(
-    long_side=640, multiple=32, mean=(0, 0, 0), std=(1, 1, 1), threshold=0.5, certainty=0.0, least_area=0.0
+    long_side=640,
+    multiple=32,
+    mean=(0, 0, 0),
+    std=(1, 1, 1),
+    threshold=0.5,
+    certainty=0.0,
+    least_area=0.0,
 )
 
 
-def brightness(gain: float = 20.0, *, inputs: int = 3, outputs: int = 1, sides: tuple = ("h", "w")) -> bytes:
-    """An ONNX file: log odds ``gain`` × (mean of the channels - 0.5), so what is bright is cable."""
+def brightness(
+    gain: float = 20.0, *, inputs: int = 3, outputs: int = 1, sides: tuple = ("h", "w")
+) -> bytes:
+    """An ONNX file: log odds ``gain`` × (mean of the channels - 0.5), so what is bright is
+    cable."""
     weight = np.full((outputs, inputs, 1, 1), gain / inputs, np.float32)
     bias = np.full(outputs, -gain / 2, np.float32)
     shape = (1, inputs, *sides)
@@ -47,9 +56,14 @@ def with_outside_weights(place: str) -> bytes:
 
 def card(data: bytes, name: str = "cell7", **more: object) -> NetworkCard:
     values: dict[str, object] = {
-        "name": name, "architecture": "unknown", "sha256": hashlib.sha256(data).hexdigest(), "parameters": 4,
-        "origin": "made for a test", "preprocess": FED, "created_at": datetime(2026, 11, 28, tzinfo=UTC),
-    }  # fmt: skip
+        "name": name,
+        "architecture": "unknown",
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "parameters": 4,
+        "origin": "made for a test",
+        "preprocess": FED,
+        "created_at": datetime(2026, 11, 28, tzinfo=UTC),
+    }
     return NetworkCard.model_validate(values | more)
 
 

@@ -21,7 +21,9 @@ def curve(seed: int = 0, width: int = 9, size: tuple[int, int] = (120, 160)) -> 
     height, wide = size
     x = np.linspace(0.12 * wide, 0.88 * wide, 60)
     phase, slope = random.uniform(0, 6.28), random.uniform(-0.15, 0.15)
-    y = height * (0.5 + 0.18 * np.sin(random.uniform(4, 7) * x / wide + phase) + slope * (x / wide - 0.5))
+    y = height * (
+        0.5 + 0.18 * np.sin(random.uniform(4, 7) * x / wide + phase) + slope * (x / wide - 0.5)
+    )
     drawn = np.zeros(size, np.uint8)
     cv2.polylines(drawn, [np.rint(np.stack([x, y], 1)).astype(np.int32)], False, 1, width)
     return drawn.astype(bool)
@@ -74,4 +76,9 @@ def photograph(seed: int = 0, size: tuple[int, int] = (120, 160)) -> np.ndarray:
 
 
 def png_chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    return (
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+    )

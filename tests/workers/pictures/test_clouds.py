@@ -25,22 +25,38 @@ def pcd(data: str = "binary", points: np.ndarray = POINTS, **changed: str) -> by
     """As PCL writes it, with padding and a color between the coordinates."""
     height, width = points.shape[:2]
     lines = {
-        "VERSION": "0.7", "FIELDS": "x y z _ rgb normal", "SIZE": "4 4 4 1 4 4", "TYPE": "F F F U U F",
-        "COUNT": "1 1 1 4 1 3", "WIDTH": str(width), "HEIGHT": str(height), "VIEWPOINT": "0 0 0 1 0 0 0",
-        "POINTS": str(width * height), "DATA": data,
-    } | changed  # fmt: skip
-    header = "# .PCD v0.7 - Point Cloud Data file format\n" + "".join(f"{k} {v}\n" for k, v in lines.items())
+        "VERSION": "0.7",
+        "FIELDS": "x y z _ rgb normal",
+        "SIZE": "4 4 4 1 4 4",
+        "TYPE": "F F F U U F",
+        "COUNT": "1 1 1 4 1 3",
+        "WIDTH": str(width),
+        "HEIGHT": str(height),
+        "VIEWPOINT": "0 0 0 1 0 0 0",
+        "POINTS": str(width * height),
+        "DATA": data,
+    } | changed
+    header = "# .PCD v0.7 - Point Cloud Data file format\n" + "".join(
+        f"{k} {v}\n" for k, v in lines.items()
+    )
     flat = points.reshape(-1, 3)
     if data == "ascii":
         body = "".join(f"{x} {y} {z} 0 0 0 0 16711680 0.5 0.5 nan\n" for x, y, z in flat).encode()
     else:
-        record = np.zeros(len(flat), [("xyz", "<f4", 3), ("_", "u1", 4), ("rgb", "<u4"), ("normal", "<f4", 3)])
+        record = np.zeros(
+            len(flat), [("xyz", "<f4", 3), ("_", "u1", 4), ("rgb", "<u4"), ("normal", "<f4", 3)]
+        )
         record["xyz"] = flat
         body = record.tobytes()
     return header.encode() + body
 
 
-FILES = {"NPY": npy(POINTS), "doubles": npy(POINTS.astype(">f8")), "PCD": pcd(), "text": pcd("ascii")}
+FILES = {
+    "NPY": npy(POINTS),
+    "doubles": npy(POINTS.astype(">f8")),
+    "PCD": pcd(),
+    "text": pcd("ascii"),
+}
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -26,7 +26,12 @@ FILES = {
     "JPEG": saved(PHOTO, "JPEG"),
     "progressive": saved(PHOTO, "JPEG", progressive=True),
     "TIFF": saved(PHOTO, "TIFF"),
-    "pages": saved(Image.fromarray(PHOTO), "TIFF", save_all=True, append_images=[Image.fromarray(PHOTO[::2])] * 2),
+    "pages": saved(
+        Image.fromarray(PHOTO),
+        "TIFF",
+        save_all=True,
+        append_images=[Image.fromarray(PHOTO[::2])] * 2,
+    ),
     "LZW": saved(PHOTO, "TIFF", compression="tiff_lzw"),
     "floats": saved(PHOTO[:, :, 0].astype(np.float32), "TIFF"),
     "WebP": saved(PHOTO, "WEBP"),
@@ -36,7 +41,8 @@ FILES = {
 
 
 def looked_at(data: bytes) -> bool:
-    """Whether the whole gate lets it through; whatever it does, it raises nothing but PictureError."""
+    """Whether the whole gate lets it through; whatever it does, it raises nothing but
+    PictureError."""
     try:
         size = inspect(data, max_pixels=1_000_000)
         samples = decode(data, max_pixels=1_000_000)
@@ -50,12 +56,15 @@ def looked_at(data: bytes) -> bool:
 
 
 def damaged(data: bytes, seed: int) -> bytes:
-    """Bytes changed (more of them near the start, where the headers are), cut out, doubled or cut off."""
+    """Bytes changed (more of them near the start, where the headers are), cut out, doubled or cut
+    off."""
     random = np.random.default_rng(seed)
     changed = bytearray(data)
     for _ in range(int(random.integers(1, 9))):
         reach = len(changed) if random.random() < 0.4 else min(64, len(changed))
-        changed[int(random.integers(reach))] = int(random.choice([0, 1, 0x7F, 0x80, 0xFF, random.integers(256)]))
+        changed[int(random.integers(reach))] = int(
+            random.choice([0, 1, 0x7F, 0x80, 0xFF, random.integers(256)])
+        )
     at, length = (int(v) for v in random.integers(0, len(changed), 2))
     match seed % 4:
         case 1:
@@ -106,7 +115,12 @@ def test_bombs_are_refused_before_they_are_decoded(bits):
     """60 kB that would become 500 megapixels."""
     header = struct.pack(">IIBBBBB", 25_000, 20_000, bits, 0, 0, 0, 0)
     rows = zlib.compress(bytes(1_000_000), 9)
-    data = b"\x89PNG\r\n\x1a\n" + png_chunk(b"IHDR", header) + png_chunk(b"IDAT", rows) + png_chunk(b"IEND", b"")
+    data = (
+        b"\x89PNG\r\n\x1a\n"
+        + png_chunk(b"IHDR", header)
+        + png_chunk(b"IDAT", rows)
+        + png_chunk(b"IEND", b"")
+    )
     for look in (inspect, decode):
         with pytest.raises(PictureError, match=r"too many pixels|limit is"):
             look(data, max_pixels=MOST)

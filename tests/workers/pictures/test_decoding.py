@@ -29,10 +29,20 @@ def shown(data: bytes) -> tuple[np.ndarray, list[str]]:
         (saved(GRAY.astype(np.float32) / 255, "TIFF"), 1),
         (saved(GRAY.astype(np.float32), "TIFF"), 1),
     ],
-    ids=["8 in 16", "10 in 16", "12 in 16", "16", "TIFF", "32 bits", "floats to 1", "floats to 255"],
+    ids=[
+        "8 in 16",
+        "10 in 16",
+        "12 in 16",
+        "16",
+        "TIFF",
+        "32 bits",
+        "floats to 1",
+        "floats to 255",
+    ],
 )
 def test_wide_gray_is_scaled_by_the_power_of_two_above_its_maximum(data, factor):
-    """10 and 12 bits in 16, and floats to 1, came out black, and the answer was empty without a word."""
+    """10 and 12 bits in 16, and floats to 1, came out black, and the answer was empty without a
+    word."""
     rgb, _ = shown(data)
     assert np.abs(rgb[:, :, 0] - factor * GRAY).max() <= 1
 
@@ -63,7 +73,9 @@ def test_wide_color_is_turned_upright_as_pillow_turns_it(orientation):
 
 def test_a_tiff_whose_white_is_zero_is_turned_round():
     image = Image.fromarray(GRAY.astype(np.uint16) * 257)
-    negative = saved(Image.fromarray(65535 - GRAY.astype(np.uint16) * 257), "TIFF", tiffinfo={262: 0})
+    negative = saved(
+        Image.fromarray(65535 - GRAY.astype(np.uint16) * 257), "TIFF", tiffinfo={262: 0}
+    )
     assert np.abs(shown(negative)[0].astype(int) - shown(saved(image))[0]).max() <= 1
 
 
@@ -73,7 +85,9 @@ def test_further_pages_are_counted(form):
     pages = [Image.fromarray(PHOTO), Image.fromarray(PHOTO[::-1]), Image.fromarray(PHOTO[:, ::-1])]
     rgb, remarks = shown(saved(pages[0], form, save_all=True, append_images=pages[1:]))
     assert rgb.shape == PHOTO.shape
-    assert any("has 3 pages or frames; only the first was looked at" in remark for remark in remarks)
+    assert any(
+        "has 3 pages or frames; only the first was looked at" in remark for remark in remarks
+    )
 
 
 def test_the_largest_page_of_a_tiff_is_taken():

@@ -1,4 +1,5 @@
-"""A curve in any encoding is found by `instances`, or refused with words: never silently nothing."""
+"""A curve in any encoding is found by `instances`, or refused with words: never silently
+nothing."""
 
 from __future__ import annotations
 
@@ -72,7 +73,9 @@ def answered(request: InstancesRequest, tools: Tools) -> tuple[Outcome | None, I
         return None, error
 
 
-@settings(max_examples=120, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=120, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
 @given(sent=gray() | colored())
 def test_a_curve_as_mask_is_found_or_refused(tools, sent):
     """16 bits, indices, colors and transparency gave `none_found` without a word."""
@@ -96,8 +99,14 @@ def test_a_curve_as_mask_is_found_or_refused(tools, sent):
 def test_a_curve_as_image_is_found_or_there_is_a_warning(tools, sent):
     """A black and white mask sent as `image` was segmented like a photograph."""
     curve, data, _ = sent
-    result = stages.run(InstancesRequest(image=ImageRef(id=tools.blobs.put(data)), files=[]), tools).result
+    result = stages.run(
+        InstancesRequest(image=ImageRef(id=tools.blobs.put(data)), files=[]), tools
+    ).result
     assert result.instances or result.warnings
     if any("taken as a mask" in warning for warning in result.warnings):
         assert result.models == []
-        assert 0.5 * curve.sum() < sum(i.length_px * i.width_px for i in result.instances) < 2 * curve.sum()
+        assert (
+            0.5 * curve.sum()
+            < sum(i.length_px * i.width_px for i in result.instances)
+            < 2 * curve.sum()
+        )

@@ -44,7 +44,12 @@ def test_a_part_with_an_end_put_behind_it_is_refused(form, share):
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     "trailer",
-    [b"\0" * 50, b"\xff\xda" * 10, photo(), b"MotionPhoto_Data" + np.random.default_rng(0).bytes(50_000)],
+    [
+        b"\0" * 50,
+        b"\xff\xda" * 10,
+        photo(),
+        b"MotionPhoto_Data" + np.random.default_rng(0).bytes(50_000),
+    ],
     ids=["zeros", "scan markers", "second picture", "video"],
 )
 def test_bytes_behind_the_end_do_not_matter(form, trailer):

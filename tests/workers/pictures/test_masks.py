@@ -1,4 +1,5 @@
-"""Whatever is not background counts as cable, or the mask is refused with words that state what was found."""
+"""Whatever is not background counts as cable, or the mask is refused with words that state what was
+found."""
 
 import io
 
@@ -45,7 +46,9 @@ SHARP = {
     "inverted ids": saved(np.array([255, 1, 2], np.uint8)[IDS]),
     "palette": saved(indexed(IDS, [BLACK, (128, 0, 0), (0, 128, 0)])),
     "palette on white": saved(indexed(IDS, [(255, 255, 255), RED, BLACK])),
-    "palette whose ground is its last index": saved(indexed(np.array([2, 0, 1], np.uint8)[IDS], [RED, GREEN, BLACK])),
+    "palette whose ground is its last index": saved(
+        indexed(np.array([2, 0, 1], np.uint8)[IDS], [RED, GREEN, BLACK])
+    ),
     "palette of one color": saved(indexed(IDS, [BLACK] * 3)),
     "GIF": saved(indexed(IDS, [BLACK, RED, GREEN]), "GIF"),
     "red and green": saved(colored()),
@@ -61,14 +64,19 @@ SHARP = {
     "transparency": saved(with_alpha(np.full((120, 160, 3), 255), 255 * BOTH)),
     "transparent ground": saved(with_alpha(colored((90, 80, 70)), 255 * BOTH)),
     "dark on transparent": saved(with_alpha(np.zeros((120, 160, 3)), 255 * BOTH)),
-    "opaque in part": saved(with_alpha(colored(), np.where(np.arange(160) < 20, 0, 255) * np.ones((120, 1)))),
-    "gray and alpha": saved(Image.merge("LA", [Image.fromarray(np.uint8(255) * BOTH), Image.new("L", (160, 120), 9)])),
+    "opaque in part": saved(
+        with_alpha(colored(), np.where(np.arange(160) < 20, 0, 255) * np.ones((120, 1)))
+    ),
+    "gray and alpha": saved(
+        Image.merge("LA", [Image.fromarray(np.uint8(255) * BOTH), Image.new("L", (160, 120), 9)])
+    ),
 }
 
 
 @pytest.mark.parametrize("data", SHARP.values(), ids=SHARP)
 def test_sharp_masks_give_exactly_what_is_not_background(data):
-    """Indices, colors, 16 bits and transparency were read as gray of 8 bits against 128: nothing, or half of it."""
+    """Indices, colors, 16 bits and transparency were read as gray of 8 bits against 128: nothing,
+    or half of it."""
     foreground, _ = foreground_of(read(data))
     assert np.array_equal(foreground >= 0.5, BOTH)
 
@@ -88,7 +96,7 @@ SOFT = {
     "JPEG": saved(np.uint8(255) * BOTH, "JPEG", quality=80),
     "JPEG in color": saved(colored(), "JPEG", quality=90),
     "lossy WebP": saved(colored(), "WEBP", quality=80),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("data", SOFT.values(), ids=SOFT)
@@ -100,7 +108,8 @@ def test_soft_masks_are_off_at_outlines_only(data):
 
 
 def test_a_probability_keeps_its_values():
-    """The mask.png of an answer, sent back: where it is below a half it is no cable, however much there is of it."""
+    """The mask.png of an answer, sent back: where it is below a half it is no cable, however much
+    there is of it."""
     ramp = np.zeros((60, 100), np.uint8)
     ramp[20:40] = np.linspace(0, 255, 100).astype(np.uint8)
     foreground, remarks = foreground_of(read(saved(ramp)))
@@ -170,13 +179,18 @@ def test_the_undecided_rim_of_pascal_voc_is_no_cable():
 
 def test_thin_lines_count_in_every_encoding():
     thin = drawn.curve(3, width=1)
-    for data in (saved(thin.astype(np.uint8)), saved(np.uint8(255) * ~thin), saved(thin[:, :, None] * np.uint8(RED))):
+    for data in (
+        saved(thin.astype(np.uint8)),
+        saved(np.uint8(255) * ~thin),
+        saved(thin[:, :, None] * np.uint8(RED)),
+    ):
         assert np.array_equal(foreground_of(read(data))[0] > 0, thin)
     assert (foreground_of(read(saved(blended(thin, RED))))[0][thin] > 0).mean() > 0.8
 
 
 def test_own_instances_file_comes_back_whole():
-    """The instances.png of an answer, sent back as `mask`, was read as gray: dark hues were lost."""
+    """The instances.png of an answer, sent back as `mask`, was read as gray: dark hues were
+    lost."""
     picture = Image.fromarray(IDS, "P")
     picture.putpalette(palette().tobytes())
     buffer = io.BytesIO()

@@ -44,7 +44,9 @@ OTHERS = {
     "drawing": saved(drawing()),
     "one color": saved(np.zeros((40, 50), np.uint8)),
     "dark photograph": saved(drawn.photograph() // 16),
-    "high contrast": saved(np.clip(drawn.photograph()[:, :, 0].astype(int) * 4 - 300, 0, 255).astype(np.uint8)),
+    "high contrast": saved(
+        np.clip(drawn.photograph()[:, :, 0].astype(int) * 4 - 300, 0, 255).astype(np.uint8)
+    ),
 }
 
 

@@ -1,1 +1,2 @@
-"""``dlo bridge``: recipes for controllers that speak neither HTTP nor JSON, over TCP as text lines or fixed bytes."""
+"""``dlo bridge``: recipes for controllers that speak neither HTTP nor JSON, over TCP as text lines
+or fixed bytes."""

@@ -1,7 +1,9 @@
-"""What the controllers of one cell ask for, whatever they speak: trigger, picture, result, cancel, state.
+"""What the controllers of one cell ask for, whatever they speak: trigger, picture, result, cancel,
+state.
 
-Strategy: a trigger takes its picture and starts a job, and answers at once; the job goes on beside the next trigger.
-A result is asked for by the sequence number that the controller gave, and may be waited for. The last results stay.
+Strategy: a trigger takes its picture and starts a job, and answers at once; the job goes on beside
+the next trigger. A result is asked for by the sequence number that the controller gave, and may be
+waited for. The last results stay.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ class Outcome:
 
 @dataclass(frozen=True)
 class CellState:
-    """``busy``: jobs under way; ``waiting``: results that nobody has asked for; both counts of jobs ever ended."""
+    """``busy``: jobs under way; ``waiting``: results that nobody has asked for; both counts of jobs
+    ever ended."""
 
     busy: int
     waiting: int
@@ -61,7 +64,9 @@ class _Open:
 class Cell:
     """The jobs of one bridge; to be used on one event loop."""
 
-    def __init__(self, client: AsyncClient, take_picture: TakePicture, settings: JobsSection) -> None:
+    def __init__(
+        self, client: AsyncClient, take_picture: TakePicture, settings: JobsSection
+    ) -> None:
         self._client = client
         self._take = take_picture
         self._settings = settings
@@ -78,7 +83,8 @@ class Cell:
         return await self._add(self._open.setdefault(sequence, _Open()), flange)
 
     async def trigger(self, sequence: int, recipe: int, flange: Sequence[float] = ()) -> Status:
-        """Take a picture and start the recipe with it and those before; a number whose job has ended is used anew."""
+        """Take a picture and start the recipe with it and those before; a number whose job has
+        ended is used anew."""
         known = self._open.get(sequence)
         if known is not None and known.taking:
             return Status.SEQUENCE_IN_USE
@@ -125,7 +131,9 @@ class Cell:
     def state(self) -> CellState:
         """For a heartbeat."""
         ended = [one for one in self._open.values() if one.task is not None and one.task.done()]
-        return CellState(self._busy(), sum(not one.asked for one in ended), self._done, self._failed)
+        return CellState(
+            self._busy(), sum(not one.asked for one in ended), self._done, self._failed
+        )
 
     async def close(self) -> None:
         """End all jobs."""
@@ -161,13 +169,17 @@ class Cell:
     async def _outcome(self, recipe: int, one: _Open) -> Outcome:
         run = self._client.run_recipe
         try:
-            job = await run(recipe, one.pictures, flange=one.flange, timeout=self._settings.timeout_s)
+            job = await run(
+                recipe, one.pictures, flange=one.flange, timeout=self._settings.timeout_s
+            )
         except Exception as error:
             return Outcome(of_error(error))
         poses = job.poses.poses if job.poses else ()
         return Outcome(of_job(job), poses, version=job.recipe.version if job.recipe else 0)
 
     def _forget_oldest(self) -> None:
-        ended = [number for number, one in self._open.items() if one.task is not None and one.task.done()]
+        ended = [
+            number for number, one in self._open.items() if one.task is not None and one.task.done()
+        ]
         for number in ended[: max(0, len(self._open) - _RESULTS_KEPT)]:
             del self._open[number]

@@ -1,4 +1,5 @@
-"""The protocol of fixed bytes: a request of 64, a reply of 512; numbers in one byte order, floats of IEEE 754.
+"""The protocol of fixed bytes: a request of 64, a reply of 512; numbers in one byte order, floats
+of IEEE 754.
 
 Request:
 
@@ -38,7 +39,8 @@ offset  size  type         meaning
 32      480   12 × 40      poses: u16 id, u16 role, f32 score, 3 × f32 position, 4 × f32 rotation, 4 bytes 0
 ======  ====  ===========  =========================================================================================
 
-Roles are those of the text lines. A request that does not begin with 0x444C is answered with status 20.
+Roles are those of the text lines. A request that does not begin with 0x444C is answered with status
+20.
 """
 
 from __future__ import annotations
@@ -73,7 +75,9 @@ class FixedBytes:
 
     async def reply(self, request: bytes) -> bytes:
         """512 bytes for 64."""
-        magic, command, sequence, recipe, first, wait_ms, flags, *numbers = self._request.unpack(request)
+        magic, command, sequence, recipe, first, wait_ms, flags, *numbers = self._request.unpack(
+            request
+        )
         flange = _flange(flags, numbers)
         if magic != MAGIC:
             return self._written(command, sequence, Outcome(Status.UNKNOWN_COMMAND))
@@ -99,15 +103,27 @@ class FixedBytes:
         state = self._cell.state()
         here = outcome.poses[first : first + POSES]
         head = self._head.pack(
-            MAGIC, command, sequence, outcome.status, min(len(outcome.poses), 0xFFFF), first, len(here),
-            outcome.recipe, outcome.version % 65_536, min(outcome.time_ms, 0xFFFF_FFFF), state.busy, state.waiting,
-        )  # fmt: skip
+            MAGIC,
+            command,
+            sequence,
+            outcome.status,
+            min(len(outcome.poses), 0xFFFF),
+            first,
+            len(here),
+            outcome.recipe,
+            outcome.version % 65_536,
+            min(outcome.time_ms, 0xFFFF_FFFF),
+            state.busy,
+            state.waiting,
+        )
         body = b"".join(self._packed(pose) for pose in here)
         return (head + body).ljust(REPLY_BYTES, b"\0")
 
     def _packed(self, pose: RobotPose) -> bytes:
         turn = [*pose.rotation, 0.0][:4]
-        return self._pose.pack(pose.id % 65_536, ROLES[pose.role], pose.score, *pose.position, *turn)
+        return self._pose.pack(
+            pose.id % 65_536, ROLES[pose.role], pose.score, *pose.position, *turn
+        )
 
 
 def _flange(flags: int, numbers: list[float]) -> list[float] | None:

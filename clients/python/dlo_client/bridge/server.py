@@ -102,7 +102,9 @@ async def _listen(section: ListenSection, answer: Answer) -> asyncio.Server:
     return await asyncio.start_server(serve, section.host, section.port, limit=LONGEST_LINE)
 
 
-async def _converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, answer: Answer) -> None:
+async def _converse(
+    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, answer: Answer
+) -> None:
     while (reply := await answer(reader)) is not None:
         writer.write(reply)
         await writer.drain()

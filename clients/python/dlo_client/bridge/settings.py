@@ -51,11 +51,14 @@ class ServiceSection(_Section):
 
 
 class ListenSection(_Section):
-    """Where one protocol is offered. Only the peers of ``allow`` are answered on another address than loopback."""
+    """Where one protocol is offered. Only the peers of ``allow`` are answered on another address
+    than loopback."""
 
     port: int = Field(ge=0, le=65_535, description="TCP; 0 takes a free one")
     host: str = Field(default="127.0.0.1", description="address of this machine to listen on")
-    allow: tuple[IPvAnyAddress, ...] = Field(default=(), description="addresses of controllers; empty: loopback only")
+    allow: tuple[IPvAnyAddress, ...] = Field(
+        default=(), description="addresses of controllers; empty: loopback only"
+    )
 
     @model_validator(mode="after")
     def _guarded(self) -> ListenSection:
@@ -67,7 +70,9 @@ class ListenSection(_Section):
 class AsciiSection(ListenSection):
     """Text lines."""
 
-    reply: Literal["plain", "parentheses"] = Field(default="plain", description="form of the replies")
+    reply: Literal["plain", "parentheses"] = Field(
+        default="plain", description="form of the replies"
+    )
 
 
 class BinarySection(ListenSection):
@@ -77,7 +82,8 @@ class BinarySection(ListenSection):
 
 
 class OpcUaSection(_Section):
-    """OPC UA, opc.tcp. Other addresses than loopback need a certificate and its key: calls are then encrypted."""
+    """OPC UA, opc.tcp. Other addresses than loopback need a certificate and its key: calls are then
+    encrypted."""
 
     port: int = Field(default=4840, ge=1, le=65_535, description="TCP")
     host: str = Field(default="127.0.0.1", description="address of this machine to listen on")
@@ -98,9 +104,13 @@ class PictureSection(_Section):
 
     folder: Path | None = Field(default=None, description="its newest file that matches `pattern`")
     pattern: str = Field(default="*", description="of file names in `folder`")
-    most_age_s: float | None = Field(default=None, gt=0, description="an older file is no picture of this trigger")
+    most_age_s: float | None = Field(
+        default=None, gt=0, description="an older file is no picture of this trigger"
+    )
     file: Path | None = Field(default=None, description="one file, read anew at every trigger")
-    url: str | None = Field(default=None, pattern=r"^https?://", description="snapshot address of a camera")
+    url: str | None = Field(
+        default=None, pattern=r"^https?://", description="snapshot address of a camera"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> PictureSection:
@@ -112,8 +122,12 @@ class PictureSection(_Section):
 class JobsSection(_Section):
     """Bounds."""
 
-    most_waiting: int = Field(default=8, ge=1, le=256, description="jobs under way, above which none is accepted")
-    result_wait_s: float = Field(default=10.0, ge=0, le=60, description="how long a request for a result is held")
+    most_waiting: int = Field(
+        default=8, ge=1, le=256, description="jobs under way, above which none is accepted"
+    )
+    result_wait_s: float = Field(
+        default=10.0, ge=0, le=60, description="how long a request for a result is held"
+    )
     timeout_s: _Seconds = Field(default=30.0, description="for the whole job")
 
 

@@ -1,4 +1,5 @@
-"""Where the picture of a trigger comes from: a file, the newest of a folder, or a camera's snapshot address."""
+"""Where the picture of a trigger comes from: a file, the newest of a folder, or a camera's snapshot
+address."""
 
 from __future__ import annotations
 
@@ -51,7 +52,11 @@ def _newest(settings: PictureSection) -> bytes:
 def _latest(settings: PictureSection) -> Path:
     assert settings.folder is not None
     try:
-        files = [(path.stat().st_mtime, path) for path in settings.folder.glob(settings.pattern) if path.is_file()]
+        files = [
+            (path.stat().st_mtime, path)
+            for path in settings.folder.glob(settings.pattern)
+            if path.is_file()
+        ]
     except OSError as error:
         raise NoPictureError(str(error)) from error
     if not files:

@@ -1,4 +1,5 @@
-"""The protocol of text lines: ASCII, fields apart by commas, each line ended by CR LF (LF alone is read too).
+"""The protocol of text lines: ASCII, fields apart by commas, each line ended by CR LF (LF alone is
+read too).
 
 =================================  =========================================================================
 line of the controller             reply
@@ -12,8 +13,9 @@ line of the controller             reply
 ``V,n``                            ``V,n,0,major,minor,patch``
 =================================  =========================================================================
 
-``role``: 1 first, 2 middle, 3 last, 4 hold, 5 pick, 6 place. Numbers of poses are in the recipe's unit and convention.
-With ``reply = "parentheses"`` a reply is ``(seq,status,…)``: numbers alone, as ``socket_read_ascii_float`` reads them.
+``role``: 1 first, 2 middle, 3 last, 4 hold, 5 pick, 6 place. Numbers of poses are in the recipe's
+unit and convention. With ``reply = "parentheses"`` a reply is ``(seq,status,…)``: numbers alone, as
+``socket_read_ascii_float`` reads them.
 """
 
 from __future__ import annotations
@@ -75,13 +77,24 @@ class TextLines:
         sequence = _sequence(fields)
         wait_s = _whole(fields[1], 60_000) / 1000 if len(fields) > 1 else None
         found = await self._cell.result(sequence, wait_s)
-        return [sequence, found.status, len(found.poses), found.recipe, found.version, found.time_ms]
+        return [
+            sequence,
+            found.status,
+            len(found.poses),
+            found.recipe,
+            found.version,
+            found.time_ms,
+        ]
 
     async def _pose(self, fields: list[str]) -> list[float]:
         sequence, number = _sequence(fields), _whole(fields[1], 65_535)
         found = await self._cell.result(sequence, 0.0)
         if not 1 <= number <= len(found.poses):
-            wrong = found.status if found.status in (Status.RUNNING, Status.UNKNOWN_SEQUENCE) else Status.NO_SUCH_POSE
+            wrong = (
+                found.status
+                if found.status in (Status.RUNNING, Status.UNKNOWN_SEQUENCE)
+                else Status.NO_SUCH_POSE
+            )
             return [sequence, wrong]
         return [sequence, found.status, number, *pose_numbers(found.poses[number - 1])]
 
@@ -128,7 +141,8 @@ def _flange(fields: list[str]) -> list[float]:
 
 
 def _number(number: float) -> str:
-    """As short as it is exact to 6 places; never in powers of ten, which controllers do not read."""
+    """As short as it is exact to 6 places; never in powers of ten, which controllers do not
+    read."""
     if isinstance(number, int):
         return str(int(number))
     return f"{number:.6f}".rstrip("0").rstrip(".") if number else "0"

@@ -25,7 +25,8 @@ def hand_eye(
     intrinsics: PinholeIntrinsics,
     mount: Mount,
 ) -> tuple[HandEye, int, list[str]]:
-    """The calibration, how many pictures it is from, and the names of those that do not show the board.
+    """The calibration, how many pictures it is from, and the names of those that do not show the
+    board.
 
     Raises InvalidArgument.
     """
@@ -53,10 +54,14 @@ def parsed_board(text: str, dictionary: str) -> Board:
         columns, rows, square, *marker = text.lower().split("x")
         if marker:
             (width,) = marker
-            return Board("charuco", int(columns), int(rows), float(square), float(width), dictionary)
+            return Board(
+                "charuco", int(columns), int(rows), float(square), float(width), dictionary
+            )
         return Board("chessboard", int(columns), int(rows), float(square))
     except ValueError as error:
-        raise InvalidArgument("board", f"{text!r} is no board such as 7x5x0.03x0.022: {error}") from None
+        raise InvalidArgument(
+            "board", f"{text!r} is no board such as 7x5x0.03x0.022: {error}"
+        ) from None
 
 
 def _gray(path: Path, intrinsics: PinholeIntrinsics) -> Any:
@@ -65,5 +70,7 @@ def _gray(path: Path, intrinsics: PinholeIntrinsics) -> Any:
         raise InvalidArgument("pictures", f"{path} is no picture")
     if gray.shape[::-1] != intrinsics.picture_size:
         size = "{} x {}".format(*intrinsics.picture_size)
-        raise InvalidArgument("intrinsics", f"are of {size} pixels, {path.name} has {gray.shape[1]} x {gray.shape[0]}")
+        raise InvalidArgument(
+            "intrinsics", f"are of {size} pixels, {path.name} has {gray.shape[1]} x {gray.shape[0]}"
+        )
     return gray

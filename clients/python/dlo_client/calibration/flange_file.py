@@ -1,4 +1,5 @@
-"""Poses of the flange in a CSV file: ``picture,x,y,z,r1,r2,r3[,r4]``, a row a picture, as the robot writes them."""
+"""Poses of the flange in a CSV file: ``picture,x,y,z,r1,r2,r3[,r4]``, a row a picture, as the robot
+writes them."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from dlo_client.errors import InvalidArgument
 
 
 def read(path: Path, unit: Unit, convention: RotationConvention) -> dict[str, NDArray[np.float64]]:
-    """``T_world_flange`` (4, 4) in meters, by the name of the picture. Raises InvalidArgument naming the row."""
+    """``T_world_flange`` (4, 4) in meters, by the name of the picture. Raises InvalidArgument
+    naming the row."""
     poses: dict[str, NDArray[np.float64]] = {}
     with path.open(newline="", encoding="utf-8") as file:
         for number, row in enumerate(csv.reader(file), start=1):
@@ -36,10 +38,14 @@ def _is_head(row: list[str]) -> bool:
     return False
 
 
-def _pose(numbers: list[float], scale: float, convention: RotationConvention) -> NDArray[np.float64]:
+def _pose(
+    numbers: list[float], scale: float, convention: RotationConvention
+) -> NDArray[np.float64]:
     quaternion = convention in SCALAR_FIRST
     if len(numbers) != 6 + quaternion:
-        raise ValueError(f"{6 + quaternion} numbers are expected for {convention}, not {len(numbers)}")
+        raise ValueError(
+            f"{6 + quaternion} numbers are expected for {convention}, not {len(numbers)}"
+        )
     pose = np.eye(4)
     pose[:3, 3] = np.array(numbers[:3]) * scale
     turn = numbers[3:]

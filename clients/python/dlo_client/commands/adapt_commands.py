@@ -22,23 +22,45 @@ _SHOWN = 10
 @app.command()
 def adapt(
     context: typer.Context,
-    labels: Annotated[Path, typer.Argument(help="A folder that `dlo label` filled, or the file of another tool.")],
+    labels: Annotated[
+        Path, typer.Argument(help="A folder that `dlo label` filled, or the file of another tool.")
+    ],
     name: Annotated[str, typer.Option(help="Of the network; requests then name it as `model`.")],
-    tool: Annotated[Tool | None, typer.Option("--format", help="Which tool the file is of.")] = None,
-    pictures: Annotated[str | None, typer.Option(help="Where the pictures are; needed with --format.")] = None,
+    tool: Annotated[
+        Tool | None, typer.Option("--format", help="Which tool the file is of.")
+    ] = None,
+    pictures: Annotated[
+        str | None, typer.Option(help="Where the pictures are; needed with --format.")
+    ] = None,
     minutes: Annotated[float, typer.Option(min=0.01, max=45, help="Of learning.")] = 8.0,
-    parent: Annotated[str | None, typer.Option(help="Network to begin from; default: the service's.")] = None,
-    use: Annotated[bool, typer.Option("--use", help="Let the name stand for it, if it is accepted.")] = False,
-    everything: Annotated[bool, typer.Option("--all", help="Also labels that nobody corrected.")] = False,
-    classes: Annotated[list[str] | None, typer.Option("--label", help="What a cable is called in the file.")] = None,
-    out: Annotated[Path | None, typer.Option(file_okay=False, help="Folder for the worst overlays.")] = None,
+    parent: Annotated[
+        str | None, typer.Option(help="Network to begin from; default: the service's.")
+    ] = None,
+    use: Annotated[
+        bool, typer.Option("--use", help="Let the name stand for it, if it is accepted.")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Also labels that nobody corrected.")
+    ] = False,
+    classes: Annotated[
+        list[str] | None, typer.Option("--label", help="What a cable is called in the file.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(file_okay=False, help="Folder for the worst overlays.")
+    ] = None,
 ) -> None:
-    """Adapt a network to a place from 5 to 500 labelled pictures; on a service with a worker that trains."""
+    """Adapt a network to a place from 5 to 500 labelled pictures; on a service with a worker that
+    trains."""
     client: Client = context.obj
     with readable_labels():
         archive = _archive(labels, tool, pictures, everything, classes or ["dlo"])
         request = AdaptRequest(
-            name=name, labels=client.upload_labels(archive), parent=parent, minutes=minutes, use=use, timeout_s=3600
+            name=name,
+            labels=client.upload_labels(archive),
+            parent=parent,
+            minutes=minutes,
+            use=use,
+            timeout_s=3600,
         )
         job = succeeded(_followed(client, client.submit(request)))
         assert job.result is not None
@@ -49,7 +71,9 @@ def adapt(
         raise typer.Exit(1)
 
 
-def _archive(labels: Path, tool: Tool | None, pictures: str | None, everything: bool, classes: list[str]) -> bytes:
+def _archive(
+    labels: Path, tool: Tool | None, pictures: str | None, everything: bool, classes: list[str]
+) -> bytes:
     from dlo_client.labelling.adaptation import pack_foreign, pack_store
     from dlo_client.labelling.formats import Wanted
 
@@ -87,7 +111,10 @@ def described(result: AdaptResult, minutes: float) -> list[str]:
     lines = [
         f"Dice on {len(result.kept_aside)} pictures kept aside: {result.before.dice:.1f} before, "
         f"{result.after.dice:.1f} after; on other places {result.general.before:.1f} and {result.general.after:.1f}",
-        *(f"  {row.name}: {row.before:.1f} → {row.after:.1f}" for row in result.kept_aside[:_SHOWN]),
+        *(
+            f"  {row.name}: {row.before:.1f} → {row.after:.1f}"
+            for row in result.kept_aside[:_SHOWN]
+        ),
         *(f"note: {warning}" for warning in result.warnings),
     ]
     if not result.accepted:
@@ -95,4 +122,7 @@ def described(result: AdaptResult, minutes: float) -> list[str]:
     model = f"{result.model}@{result.version}"
     if result.in_service:
         return [*lines, f"stored as {model}; `model: {result.model}` names it"]
-    return [*lines, f"stored as {model}; put it into service with: dlo models use {result.model} {result.version}"]
+    return [
+        *lines,
+        f"stored as {model}; put it into service with: dlo models use {result.model} {result.version}",
+    ]

@@ -1,7 +1,8 @@
-"""The commands of ``dlo``: they speak HTTP through the client, print, and save files. See ``dlo --help``.
+"""The commands of ``dlo``: they speak HTTP through the client, print, and save files. See ``dlo
+--help``.
 
-Exit code 0; 1 with a readable problem on the error stream; 2 for a command line that is none. A bad picture does
-not keep the next one from being processed.
+Exit code 0; 1 with a readable problem on the error stream; 2 for a command line that is none. A bad
+picture does not keep the next one from being processed.
 """
 
 from __future__ import annotations
@@ -26,13 +27,22 @@ from dlo_client.commands.printing import (
 )
 from dlo_client.commands.saving import save, stems
 from dlo_client.connection import CONNECTION, DEFAULT_URL, KEY_VARIABLE, URL_VARIABLE, Connection
-from dlo_client.contracts import InstancesRequest, Job, JobKind, JobRequest, JobState, SegmentRequest
+from dlo_client.contracts import (
+    InstancesRequest,
+    Job,
+    JobKind,
+    JobRequest,
+    JobState,
+    SegmentRequest,
+)
 from dlo_client.contracts.base import ResultT
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod
 from dlo_client.errors import ConnectionFailed, DLOError, Unauthorized, describe_fields
 from dlo_client.version import __version__
 
-EXIT_CODES = "Exit code: 0 all went well, 1 something failed (the error stream says what), 2 wrong options."
+EXIT_CODES = (
+    "Exit code: 0 all went well, 1 something failed (the error stream says what), 2 wrong options."
+)
 
 
 class _Readable(TyperGroup):
@@ -44,15 +54,25 @@ class _Readable(TyperGroup):
 
 
 app = typer.Typer(
-    cls=_Readable, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, epilog=EXIT_CODES
+    cls=_Readable,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    epilog=EXIT_CODES,
 )
 
 Images = Annotated[list[Path], typer.Argument(metavar="IMAGE", help="Pictures to look at.")]
-Out = Annotated[Path | None, typer.Option(file_okay=False, help="Folder for the results, named after each picture.")]
-Threshold = Annotated[
-    float | None, typer.Option(min=0, max=1, help="Foreground threshold; default: the network's own.")
+Out = Annotated[
+    Path | None,
+    typer.Option(file_okay=False, help="Folder for the results, named after each picture."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object a line instead of tables.")]
+Threshold = Annotated[
+    float | None,
+    typer.Option(min=0, max=1, help="Foreground threshold; default: the network's own."),
+]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object a line instead of tables.")
+]
 Show = Callable[[Path, Job[ResultT], Sequence[Path]], None]
 
 
@@ -65,10 +85,15 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def connect(
     context: typer.Context,
-    url: Annotated[str | None, typer.Option(envvar=URL_VARIABLE, help=f"The service; default {DEFAULT_URL}.")] = None,
+    url: Annotated[
+        str | None, typer.Option(envvar=URL_VARIABLE, help=f"The service; default {DEFAULT_URL}.")
+    ] = None,
     key: Annotated[str | None, typer.Option(envvar=KEY_VARIABLE, help="API key.")] = None,
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and end.")
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and end."
+        ),
     ] = False,
 ) -> None:
     """Find cables, wires, hoses and ropes in pictures, with a running DLO service."""
@@ -82,10 +107,13 @@ def instances(
     context: typer.Context,
     images: Images,
     out: Out = None,
-    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = DEFAULT_METHOD,
+    method: Annotated[
+        InstanceMethod, typer.Option(help="How instances are told apart.")
+    ] = DEFAULT_METHOD,
     threshold: Threshold = None,
     points: Annotated[
-        int | None, typer.Option(min=2, max=2000, help="Centerline points an instance; default: every 5 px.")
+        int | None,
+        typer.Option(min=2, max=2000, help="Centerline points an instance; default: every 5 px."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -125,7 +153,10 @@ def jobs(
 
 
 @app.command()
-def cancel(context: typer.Context, job_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the job.")]) -> None:
+def cancel(
+    context: typer.Context,
+    job_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the job.")],
+) -> None:
     """Cancel a queued or running job."""
     client: Client = context.obj
     print_jobs([client.cancel(job_id)])
@@ -160,7 +191,8 @@ def process(
     show: Show[ResultT],
     masks: bool = False,
 ) -> None:
-    """One job a picture, or a mask where ``masks`` says so; the exit code tells at the end whether all went well."""
+    """One job a picture, or a mask where ``masks`` says so; the exit code tells at the end whether
+    all went well."""
     failed = False
     for image, stem in zip(images, stems(images), strict=True):
         try:

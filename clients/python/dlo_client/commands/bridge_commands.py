@@ -19,9 +19,12 @@ from dlo_client.connection import CONNECTION, Connection
 @app.command("bridge")
 def run_bridge(
     context: typer.Context,
-    settings: Annotated[Path, typer.Argument(metavar="TOML", dir_okay=False, help="Ports, camera, service.")],
+    settings: Annotated[
+        Path, typer.Argument(metavar="TOML", dir_okay=False, help="Ports, camera, service.")
+    ],
 ) -> None:
-    """Let robot controllers and PLCs run recipes over TCP, as text lines or fixed bytes; ends at Ctrl-C."""
+    """Let robot controllers and PLCs run recipes over TCP, as text lines or fixed bytes; ends at
+    Ctrl-C."""
     connection: Connection = context.meta[CONNECTION]
     asyncio.run(_serve(read(settings), connection))
 
@@ -29,5 +32,7 @@ def run_bridge(
 async def _serve(settings: BridgeSettings, connection: Connection) -> None:
     url = connection.url or settings.service.url
     async with AsyncClient(url, connection.key) as client, bridge(settings, client) as ports:
-        print_lines([f"ready: {', '.join(f'{name} on port {port}' for name, port in ports.items())}"])
+        print_lines(
+            [f"ready: {', '.join(f'{name} on port {port}' for name, port in ports.items())}"]
+        )
         await asyncio.Event().wait()

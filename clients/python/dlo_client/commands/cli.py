@@ -1,4 +1,5 @@
-"""The ``dlo`` command's door. Its commands need typer and rich, which are an extra of this package."""
+"""The ``dlo`` command's door. Its commands need typer and rich, which are an extra of this
+package."""
 
 from __future__ import annotations
 

@@ -25,16 +25,24 @@ from dlo_client.errors import describe_fields
 from dlo_client.outcomes import result_of
 
 Drawing = Annotated[
-    Path | None, typer.Option(exists=True, dir_okay=False, help="JSON of the harness drawing: names its branches.")
+    Path | None,
+    typer.Option(
+        exists=True, dir_okay=False, help="JSON of the harness drawing: names its branches."
+    ),
 ]
 Arm = Annotated[
-    list[str] | None, typer.Option(metavar="NAME:X,Y", help="Base of an arm in the picture's plane, px; twice or more.")
+    list[str] | None,
+    typer.Option(
+        metavar="NAME:X,Y", help="Base of an arm in the picture's plane, px; twice or more."
+    ),
 ]
 GripperPx = Annotated[
     float | None,
     typer.Option(min=0.01, max=1e5, help="Room that the gripper needs beside the strand, px."),
 ]
-Masks = Annotated[bool, typer.Option("--masks", help="The pictures are masks: what is not background is DLO.")]
+Masks = Annotated[
+    bool, typer.Option("--masks", help="The pictures are masks: what is not background is DLO.")
+]
 
 
 @app.command()
@@ -53,7 +61,9 @@ def topology(
         threshold=threshold,
         files=[] if out is None else ["overlay"],
     )
-    process(context.obj, request, images, out, print_job_as_json if as_json else print_topology, masks)
+    process(
+        context.obj, request, images, out, print_job_as_json if as_json else print_topology, masks
+    )
 
 
 @app.command()
@@ -74,14 +84,18 @@ def disentangle(
         threshold=threshold,
         files=[] if out is None else ["overlay"],
     )
-    process(context.obj, request, images, out, print_job_as_json if as_json else print_actions, masks)
+    process(
+        context.obj, request, images, out, print_job_as_json if as_json else print_actions, masks
+    )
 
 
 def _drawing(path: Path) -> HarnessDrawing:
     try:
         return HarnessDrawing.model_validate_json(path.read_bytes())
     except ValidationError as error:
-        raise typer.BadParameter(f"{path}: {describe_fields(error)}", param_hint="--drawing") from error
+        raise typer.BadParameter(
+            f"{path}: {describe_fields(error)}", param_hint="--drawing"
+        ) from error
 
 
 def _arm(text: str) -> ArmBase:
@@ -103,18 +117,31 @@ def print_topology(image: Path, job: Job[TopologyResult], saved: Sequence[Path])
     ]
     print_rows(head, ["section", "name", "width px", "length px", "ends"], rows, job, saved)
     if result.match is not None:
-        missing, extra = ", ".join(result.match.missing) or "none", ", ".join(map(str, result.match.extra)) or "none"
-        typer.echo(f"  drawing: missing {missing}; extra sections {extra}; cost {result.match.cost:.2f}")
+        missing, extra = (
+            ", ".join(result.match.missing) or "none",
+            ", ".join(map(str, result.match.extra)) or "none",
+        )
+        typer.echo(
+            f"  drawing: missing {missing}; extra sections {extra}; cost {result.match.cost:.2f}"
+        )
 
 
 def print_actions(image: Path, job: Job[DisentangleResult], saved: Sequence[Path]) -> None:
     result = result_of(job)
     head = f"{image}: {result.width} x {result.height}, {result.message}"
     rows = [
-        [str(a.rank), str(a.crossing), str(a.section), f"{57.2958 * a.turn_rad:.0f}", str(a.crossings_after),
-         f"{a.score:.2f}", a.hold.arm or "", a.pick.arm or ""]
+        [
+            str(a.rank),
+            str(a.crossing),
+            str(a.section),
+            f"{57.2958 * a.turn_rad:.0f}",
+            str(a.crossings_after),
+            f"{a.score:.2f}",
+            a.hold.arm or "",
+            a.pick.arm or "",
+        ]
         for a in result.actions
-    ]  # fmt: skip
+    ]
     columns = ["rank", "crossing", "section", "turn deg", "left", "score", "holds", "moves"]
     print_rows(head, columns, rows, job, saved)
     if result.actions:

@@ -1,4 +1,5 @@
-"""The commands for labels: ``dlo label``, ``label-export``, ``-import``, ``-dataset`` and ``-tracked``."""
+"""The commands for labels: ``dlo label``, ``label-export``, ``-import``, ``-dataset`` and
+``-tracked``."""
 
 from __future__ import annotations
 
@@ -47,29 +48,48 @@ class Frames(StrEnum):
     IN_ORDER = "in-order"
 
 
-Formats = Annotated[list[Format], typer.Option("--format", help="Write labels for this tool too; may be repeated.")]
+Formats = Annotated[
+    list[Format], typer.Option("--format", help="Write labels for this tool too; may be repeated.")
+]
 
 
 @app.command()
 def label(
     context: typer.Context,
     source: Annotated[
-        str, typer.Argument(help="A folder, a glob pattern, a ZIP archive, a list of paths, or a video.")
+        str,
+        typer.Argument(
+            help="A folder, a glob pattern, a ZIP archive, a list of paths, or a video."
+        ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder for the labels; a run that was cut off goes on there.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the labels; a run that was cut off goes on there.")
+    ],
     formats: Formats = [],  # noqa: B006
     at_once: Annotated[int, typer.Option(min=1, max=256, help="Pictures in flight.")] = 8,
-    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = DEFAULT_METHOD,
-    threshold: Annotated[float | None, typer.Option(min=0, max=1, help="Foreground threshold.")] = None,
+    method: Annotated[
+        InstanceMethod, typer.Option(help="How instances are told apart.")
+    ] = DEFAULT_METHOD,
+    threshold: Annotated[
+        float | None, typer.Option(min=0, max=1, help="Foreground threshold.")
+    ] = None,
     retry_failed: Annotated[bool, typer.Option(help="Take up again what failed before.")] = False,
     clip: Annotated[
-        bool, typer.Option("--clip", help="The pictures follow each other: from those that are corrected, as a video.")
+        bool,
+        typer.Option(
+            "--clip",
+            help="The pictures follow each other: from those that are corrected, as a video.",
+        ),
     ] = False,
-    every: Annotated[int, typer.Option(min=1, help="Of a clip, label every n-th picture only.")] = 1,
+    every: Annotated[
+        int, typer.Option(min=1, help="Of a clip, label every n-th picture only.")
+    ] = 1,
 ) -> None:
-    """Label every picture of a source, at batch priority: robots go first. A video, or a folder with --clip, is
-    labelled from its corrected pictures, under the same ids."""
-    request = InstancesRequest(method=method, threshold=threshold, files=[], timeout_s=600, priority="batch")
+    """Label every picture of a source, at batch priority: robots go first. A video, or a folder
+    with --clip, is labelled from its corrected pictures, under the same ids."""
+    request = InstancesRequest(
+        method=method, threshold=threshold, files=[], timeout_s=600, priority="batch"
+    )
     if clip or Path(source).suffix.lower() in VIDEOS:
         _label_clip(context.obj, source, out, request, every, formats)
         return
@@ -80,9 +100,14 @@ def label(
         with shown_progress() as progress:
             try:
                 report = label_pictures(
-                    pictures, out, options, url=connection.url, api_key=connection.key, progress=progress,
+                    pictures,
+                    out,
+                    options,
+                    url=connection.url,
+                    api_key=connection.key,
+                    progress=progress,
                     transport=connection.transport,
-                )  # fmt: skip
+                )
             except BatchStopped as stopped:
                 report = stopped.report
         _print(report.lines())
@@ -108,7 +133,10 @@ def label_export(
     folder: Folder,
     formats: Formats,
     pictures: Annotated[
-        str | None, typer.Option(help="Where the pictures are by now; `yolo` copies them. Default: where they were.")
+        str | None,
+        typer.Option(
+            help="Where the pictures are by now; `yolo` copies them. Default: where they were."
+        ),
     ] = None,
 ) -> None:
     """Write the labels of a folder for other tools; corrections go before the service's own."""
@@ -121,20 +149,31 @@ def label_import(
     folder: Folder,
     file: Annotated[Path, typer.Argument(help="What the tool exported.")],
     tool: Annotated[Tool, typer.Option(help="Which tool.")],
-    classes: Annotated[list[str], typer.Option("--label", help="What a cable is called there; may be repeated.")] = [  # noqa: B006
+    classes: Annotated[
+        list[str], typer.Option("--label", help="What a cable is called there; may be repeated.")
+    ] = [  # noqa: B006
         "dlo"
     ],
-    line_width: Annotated[float, typer.Option(min=1, max=1000, help="Pixels, of lines that name no width.")] = 6.0,
-    frames: Annotated[Frames, typer.Option(help="How frames of a video are found.")] = Frames.BY_NAME,
+    line_width: Annotated[
+        float, typer.Option(min=1, max=1000, help="Pixels, of lines that name no width.")
+    ] = 6.0,
+    frames: Annotated[
+        Frames, typer.Option(help="How frames of a video are found.")
+    ] = Frames.BY_NAME,
 ) -> None:
-    """Take corrections back from a labelling tool and say what they changed, and what was left out."""
+    """Take corrections back from a labelling tool and say what they changed, and what was left
+    out."""
     with readable_labels():
         from dlo_client.labelling.corrections import take_corrections
         from dlo_client.labelling.formats import READERS, Wanted
 
         with LabelStore(folder) as store:
             in_order = frames is Frames.IN_ORDER
-            sizes = {label.name: (label.width, label.height) for label in store.labels()} if tool is Tool.CVAT else {}
+            sizes = (
+                {label.name: (label.width, label.height) for label in store.labels()}
+                if tool is Tool.CVAT
+                else {}
+            )
             wanted = Wanted(frozenset(classes), line_width, sizes, in_order)
             report = take_corrections(store, READERS[tool.value](file, wanted))
             report.save(folder)
@@ -148,14 +187,18 @@ def label_dataset(
     folder: Folder,
     source: Annotated[str, typer.Argument(help="Where the pictures are, as for `dlo label`.")],
     into: Annotated[Path, typer.Argument(help="Folder for the training set.")],
-    everything: Annotated[bool, typer.Option("--all", help="Also labels that nobody corrected.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Also labels that nobody corrected.")
+    ] = False,
 ) -> None:
     """Pictures with corrected labels as a training set that the service's training can mix in."""
     with readable_labels():
         from dlo_client.labelling.training_set import export_training_set
 
         with LabelStore(folder) as store:
-            problems = export_training_set(store, find_pictures(source), into, corrected_only=not everything)
+            problems = export_training_set(
+                store, find_pictures(source), into, corrected_only=not everything
+            )
         _print([f"{name}: {why}" for name, why in problems.items()])
     if problems:
         raise typer.Exit(1)
@@ -164,9 +207,15 @@ def label_dataset(
 @app.command(name="label-tracked")
 def label_tracked(
     context: typer.Context,
-    cameras: Annotated[Path, typer.Argument(help="JSON: a list of {intrinsics, T_world_camera}, one a picture.")],
-    strokes: Annotated[Path, typer.Argument(help="JSON: a list of {points_m, thickness_m, name?}, one a cable.")],
-    images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="The pictures, in the cameras' order.")],
+    cameras: Annotated[
+        Path, typer.Argument(help="JSON: a list of {intrinsics, T_world_camera}, one a picture.")
+    ],
+    strokes: Annotated[
+        Path, typer.Argument(help="JSON: a list of {points_m, thickness_m, name?}, one a cable.")
+    ],
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGE...", help="The pictures, in the cameras' order.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for the labels, as `dlo label` fills it.")],
     tracker: Annotated[
         Path | None, typer.Option(help="JSON: T_world_tracker (4×4), if strokes are in its frame.")
@@ -191,7 +240,9 @@ def label_tracked(
             result = client.run(request, images)
             labels = file_tracked(store, result, picture_names(images))
         for label, view in zip(labels, result.views, strict=True):
-            _print([f"{label.name}: {len(label.instances)} cables, moved by {view.moved_px:.1f} px"])
+            _print(
+                [f"{label.name}: {len(label.instances)} cables, moved by {view.moved_px:.1f} px"]
+            )
         _print([f"warning: {text}" for text in result.warnings])
         _write(out, formats)
 
@@ -215,7 +266,9 @@ def _write(folder: Path, formats: Iterable[Format], source: str | None = None) -
         for name in wanted:
             labels = _best_labels(store)
             if name is Format.YOLO:
-                file = WRITERS[name.value](labels, folder, _pictures(store, source, problems), problems)
+                file = WRITERS[name.value](
+                    labels, folder, _pictures(store, source, problems), problems
+                )
             else:
                 file = WRITERS[name.value](labels, folder)
             _print([f"wrote {file}"])
@@ -224,7 +277,9 @@ def _write(folder: Path, formats: Iterable[Format], source: str | None = None) -
         raise typer.Exit(1)
 
 
-def _pictures(store: LabelStore, source: str | None, problems: dict[str, str]) -> dict[str, SourcePicture] | None:
+def _pictures(
+    store: LabelStore, source: str | None, problems: dict[str, str]
+) -> dict[str, SourcePicture] | None:
     """By name; None where they cannot be found, which is a problem."""
     where = source or store.source()
     try:
@@ -232,7 +287,9 @@ def _pictures(store: LabelStore, source: str | None, problems: dict[str, str]) -
             raise SourceError("it is not known where they are")
         return {picture.name: picture for picture in find_pictures(where, skip=store.folder)}
     except SourceError as error:
-        problems["pictures"] = f"{error}; the labels are written without them, --pictures names their place"
+        problems["pictures"] = (
+            f"{error}; the labels are written without them, --pictures names their place"
+        )
         return None
 
 

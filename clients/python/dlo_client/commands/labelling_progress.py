@@ -1,4 +1,5 @@
-"""How far ``dlo label`` is, on the error stream: a bar on a terminal, elsewhere a line now and then."""
+"""How far ``dlo label`` is, on the error stream: a bar on a terminal, elsewhere a line now and
+then."""
 
 from __future__ import annotations
 
@@ -14,15 +15,19 @@ LINE_EVERY_S = 15.0
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[int, int, int], None]]:
-    """To be called with how many pictures are done, how many of these failed, and how many there are."""
+    """To be called with how many pictures are done, how many of these failed, and how many there
+    are."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield Lines(lambda line: console.print(line, markup=False, highlight=False, soft_wrap=True))
         return
     columns = [
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"), TimeRemainingColumn(elapsed_when_finished=True),
-    ]  # fmt: skip
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    ]
     with Progress(*columns, console=console) as bar:
         yield _Bar(bar)
 
@@ -48,7 +53,11 @@ class Lines:
             return
         self._next = now + self._every_s
         since, before = self._started
-        rate = f", {(done - before) / (now - since):.1f} a second" if done > before and now > since else ""
+        rate = (
+            f", {(done - before) / (now - since):.1f} a second"
+            if done > before and now > since
+            else ""
+        )
         self._print(f"labelling: {done} of {total} pictures, {failed} failed{rate}")
 
 

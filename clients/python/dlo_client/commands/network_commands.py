@@ -11,7 +11,9 @@ from dlo_client.client import Client
 from dlo_client.commands.app import app
 from dlo_client.commands.printing import print_networks, print_versions
 
-models_app = typer.Typer(no_args_is_help=False, help="List the networks of the service, and manage one's own.")
+models_app = typer.Typer(
+    no_args_is_help=False, help="List the networks of the service, and manage one's own."
+)
 app.add_typer(models_app, name="models")
 
 Name = Annotated[str, typer.Argument(help="As in the list.")]
@@ -19,7 +21,8 @@ Name = Annotated[str, typer.Argument(help="As in the list.")]
 
 @models_app.callback(invoke_without_command=True)
 def models(context: typer.Context) -> None:
-    """List the networks of the service, and manage one's own; warm ones are loaded before the first job."""
+    """List the networks of the service, and manage one's own; warm ones are loaded before the first
+    job."""
     if context.invoked_subcommand is None:
         print_networks(_client(context).networks())
 
@@ -34,7 +37,9 @@ def show(context: typer.Context, name: Name) -> None:
 
 @models_app.command()
 def use(
-    context: typer.Context, name: Name, version: Annotated[int, typer.Argument(min=1, help="A newer or an older one.")]
+    context: typer.Context,
+    name: Name,
+    version: Annotated[int, typer.Argument(min=1, help="A newer or an older one.")],
 ) -> None:
     """Let the name stand for another version: from now on requests that name it take that one."""
     print_versions(_client(context).choose_version(name, version))
@@ -58,7 +63,8 @@ def take_in(
     file: Annotated[Path, typer.Argument(dir_okay=False, help="What `export` wrote.")],
     name: Annotated[str | None, typer.Option(help="Default: the name in the file.")] = None,
 ) -> None:
-    """Take in a network from its file, as the next version of its name; a worker checks it first."""
+    """Take in a network from its file, as the next version of its name; a worker checks it
+    first."""
     network = _client(context).import_network(file, name)
     print_networks([network])
     print_versions(network)

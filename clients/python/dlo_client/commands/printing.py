@@ -31,7 +31,9 @@ _ORDER_UNKNOWN = 0.5
 def print_instances(image: Path, job: Job[InstancesResult], saved: Sequence[Path]) -> None:
     result = result_of(job)
     out = _console()
-    found = f"{_count(len(result.instances), 'instance')}, {_count(len(result.crossings), 'crossing')}"
+    found = (
+        f"{_count(len(result.instances), 'instance')}, {_count(len(result.crossings), 'crossing')}"
+    )
     _line(out, f"{image}: {result.width} x {result.height}, {found}")
     if result.instances:
         out.print(_instance_table(result.instances))
@@ -50,7 +52,11 @@ def print_segment(image: Path, job: Job[SegmentResult], saved: Sequence[Path]) -
 
 def print_job_as_json(image: Path, job: Job[Any], saved: Sequence[Path]) -> None:
     """One line: ``{"image": path, "saved": [paths], "job": the job as the API gives it}``."""
-    record = {"image": str(image), "saved": [str(path) for path in saved], "job": job.model_dump(mode="json")}
+    record = {
+        "image": str(image),
+        "saved": [str(path) for path in saved],
+        "job": job.model_dump(mode="json"),
+    }
     print(json.dumps(record))
 
 
@@ -70,7 +76,9 @@ def print_jobs(jobs: Iterable[AnyJob]) -> None:
 
 
 def print_networks(networks: Iterable[NetworkInfo]) -> None:
-    table = _table(["name", "version", "task", "default", "warm", "MB", "sha256", "from", "metrics"], right=[5])
+    table = _table(
+        ["name", "version", "task", "default", "warm", "MB", "sha256", "from", "metrics"], right=[5]
+    )
     for network in networks:
         table.add_row(
             network.name,
@@ -107,7 +115,11 @@ def print_lines(lines: Iterable[str]) -> None:
 
 
 def print_rows(
-    head: str, columns: Sequence[str], rows: Sequence[Sequence[str]], job: Job[Any], saved: Sequence[Path]
+    head: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    job: Job[Any],
+    saved: Sequence[Path],
 ) -> None:
     """A line, a table if there are rows, then what the job's steps took and what was saved."""
     out = _console()

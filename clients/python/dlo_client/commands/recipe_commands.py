@@ -1,4 +1,5 @@
-"""``dlo recipes``, ``recipe-store``, ``recipe-run``, ``camera-store``: what a cell runs by number."""
+"""``dlo recipes``, ``recipe-store``, ``recipe-run``, ``camera-store``: what a cell runs by
+number."""
 
 from __future__ import annotations
 
@@ -42,14 +43,19 @@ def recipe_store(
     context: typer.Context,
     number: Number,
     recipe: Annotated[
-        Path | None, typer.Argument(metavar="[JSON]", dir_okay=False, help="name, request, camera, output.")
+        Path | None,
+        typer.Argument(metavar="[JSON]", dir_okay=False, help="name, request, camera, output."),
     ] = None,
-    job: Annotated[str | None, typer.Option(metavar="ID", help="Of a job that it repeats, instead of JSON.")] = None,
+    job: Annotated[
+        str | None, typer.Option(metavar="ID", help="Of a job that it repeats, instead of JSON.")
+    ] = None,
 ) -> None:
     """Store a recipe; the next version if there is one."""
     client: Client = context.obj
     if (recipe is None) == (job is None):
-        raise typer.BadParameter("give the recipe's JSON or --job, one of the two", param_hint="JSON")
+        raise typer.BadParameter(
+            "give the recipe's JSON or --job, one of the two", param_hint="JSON"
+        )
     if recipe is not None:
         body = RecipeBody.model_validate_json(recipe.read_text(encoding="utf-8"))
     else:
@@ -63,7 +69,10 @@ def camera_store(
     context: typer.Context,
     name: Annotated[str, typer.Argument(help="What recipes call it.")],
     calibration: Annotated[
-        Path, typer.Argument(metavar="FILE", dir_okay=False, help="JSON, or YAML of ROS, OpenCV or Kalibr.")
+        Path,
+        typer.Argument(
+            metavar="FILE", dir_okay=False, help="JSON, or YAML of ROS, OpenCV or Kalibr."
+        ),
     ],
 ) -> None:
     """Store a calibration; a YAML file brings the intrinsics and keeps the poses."""
@@ -71,7 +80,9 @@ def camera_store(
     if calibration.suffix.lower() in _YAML:
         stored = client.store_camera(name, calibration)
     else:
-        stored = client.store_camera(name, CameraBody.model_validate_json(calibration.read_text(encoding="utf-8")))
+        stored = client.store_camera(
+            name, CameraBody.model_validate_json(calibration.read_text(encoding="utf-8"))
+        )
     print_lines([f"camera {stored.name}, version {stored.version}"])
 
 

@@ -1,4 +1,5 @@
-"""``dlo reconstruct`` and ``dlo scan``: the 3D shape of a cable, from pictures or with a camera on an arm."""
+"""``dlo reconstruct`` and ``dlo scan``: the 3D shape of a cable, from pictures or with a camera on
+an arm."""
 
 from __future__ import annotations
 
@@ -27,12 +28,19 @@ _VIEWS: TypeAdapter[list[CameraView]] = TypeAdapter(list[CameraView])
 @app.command()
 def reconstruct(
     context: typer.Context,
-    cameras: Annotated[Path, typer.Argument(help="JSON: a list of {intrinsics, T_world_camera}, one a picture.")],
-    images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="The pictures, in the same order.")],
+    cameras: Annotated[
+        Path, typer.Argument(help="JSON: a list of {intrinsics, T_world_camera}, one a picture.")
+    ],
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGE...", help="The pictures, in the same order.")
+    ],
     out: Out = None,
-    method: Annotated[ReconstructMethod, typer.Option(help="spline_bundle, or the published one.")] = "spline_bundle",
+    method: Annotated[
+        ReconstructMethod, typer.Option(help="spline_bundle, or the published one.")
+    ] = "spline_bundle",
     target: Annotated[
-        tuple[int, float, float] | None, typer.Option(help="View (from 0), x and y of a pixel on the cable.")
+        tuple[int, float, float] | None,
+        typer.Option(help="View (from 0), x and y of a pixel on the cable."),
     ] = None,
 ) -> None:
     """The 3D curve of a cable in pictures from known poses."""
@@ -48,7 +56,9 @@ def reconstruct(
         print(f"  warning: {warning}")
     if out is not None:
         saved = save(client, job, out, cameras.stem)
-        saved.append(_picture(out / f"{cameras.stem}.svg", result.curve, [v.T_world_camera for v in views]))
+        saved.append(
+            _picture(out / f"{cameras.stem}.svg", result.curve, [v.T_world_camera for v in views])
+        )
         for path in saved:
             print(f"  saved {path}")
 
@@ -58,13 +68,19 @@ def scan(
     context: typer.Context,
     arm: Annotated[
         str,
-        typer.Option(help="module:name of a function without arguments that gives a CameraOnArm; looked for here too."),
+        typer.Option(
+            help="module:name of a function without arguments that gives a CameraOnArm; looked for here too."
+        ),
     ],
     out: Annotated[Path, typer.Option(file_okay=False, help="Folder for scan.svg and scan.json.")],
     views: Annotated[int, typer.Option(min=2, max=16, help="Pictures a section.")] = 3,
-    optimise: Annotated[Optimise, typer.Option(help="What the service may choose: baseline, distance.")] = "bz",
+    optimise: Annotated[
+        Optimise, typer.Option(help="What the service may choose: baseline, distance.")
+    ] = "bz",
     overlap: Annotated[float, typer.Option(min=0.1, max=0.9)] = 0.5,
-    nearest_m: Annotated[float, typer.Option(min=0.02, help="The camera comes no nearer to the cable.")] = 0.12,
+    nearest_m: Annotated[
+        float, typer.Option(min=0.02, help="The camera comes no nearer to the cable.")
+    ] = 0.12,
 ) -> None:
     """Follow a cable from the middle to both ends and put the sections together.
 

@@ -1,4 +1,5 @@
-"""``dlo record`` and ``dlo replay``: a cell's requests in a folder, and the folder on another version or network."""
+"""``dlo record`` and ``dlo replay``: a cell's requests in a folder, and the folder on another
+version or network."""
 
 from __future__ import annotations
 
@@ -15,7 +16,14 @@ from dlo_client.commands.labelling_commands import readable_labels
 from dlo_client.commands.printing import print_error, print_lines
 from dlo_client.contracts import AnyRequest, JobRequest
 from dlo_client.errors import JobFailed
-from dlo_client.recording import Entry, Outcome, Recorder, RecordingError, note_outcome, read_recording
+from dlo_client.recording import (
+    Entry,
+    Outcome,
+    Recorder,
+    RecordingError,
+    note_outcome,
+    read_recording,
+)
 from dlo_client.replay import replay as replay_recording
 
 Folder = Annotated[Path, typer.Argument(file_okay=False, help="Of the recording.")]
@@ -26,10 +34,15 @@ def record(
     context: typer.Context,
     folder: Folder,
     images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="A request each.")],
-    request: Annotated[str, typer.Option(help="JSON of the request, or @FILE.")] = '{"kind": "instances"}',
-    outcome: Annotated[str | None, typer.Option(help="good or bad: whether the cell could use the answers.")] = None,
+    request: Annotated[
+        str, typer.Option(help="JSON of the request, or @FILE.")
+    ] = '{"kind": "instances"}',
+    outcome: Annotated[
+        str | None, typer.Option(help="good or bad: whether the cell could use the answers.")
+    ] = None,
 ) -> None:
-    """Run a request for every picture and keep requests, pictures and answers in a folder, for `dlo replay`."""
+    """Run a request for every picture and keep requests, pictures and answers in a folder, for `dlo
+    replay`."""
     client: Client = context.obj
     with readable_labels():
         if outcome not in (None, "good", "bad"):
@@ -56,7 +69,9 @@ def record(
 def outcome(
     folder: Folder,
     entry: Annotated[str, typer.Argument(help="As `dlo record` printed it.")],
-    what: Annotated[str, typer.Argument(help="good or bad: whether the cell could use the answer.")],
+    what: Annotated[
+        str, typer.Argument(help="good or bad: whether the cell could use the answer.")
+    ],
     note: Annotated[str | None, typer.Option(help="Why.")] = None,
 ) -> None:
     """Note what became of a recorded answer."""
@@ -72,11 +87,18 @@ def outcome(
 def replay(
     context: typer.Context,
     folder: Folder,
-    model: Annotated[str | None, typer.Option(help="Network in place of the one that was asked for.")] = None,
-    effort: Annotated[str | None, typer.Option(help="fast, normal or thorough instead of what was asked.")] = None,
-    report: Annotated[Path | None, typer.Option(dir_okay=False, help="JSON file for the report.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Network in place of the one that was asked for.")
+    ] = None,
+    effort: Annotated[
+        str | None, typer.Option(help="fast, normal or thorough instead of what was asked.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(dir_okay=False, help="JSON file for the report.")
+    ] = None,
 ) -> None:
-    """Send a recording again and report what changed, what is at risk, what may be mended, and the speed.
+    """Send a recording again and report what changed, what is at risk, what may be mended, and the
+    speed.
 
     Exit code 1 when an answer that the cell could use is another one now, or fails.
     """
@@ -86,7 +108,11 @@ def replay(
         with typer.progressbar(length=len(entries), label="replaying") as bar:
             try:
                 found = replay_recording(
-                    client, folder, entries, {"model": model, "effort": effort}, lambda _: bar.update(1)
+                    client,
+                    folder,
+                    entries,
+                    {"model": model, "effort": effort},
+                    lambda _: bar.update(1),
                 )
             except RecordingError as error:
                 raise ValueError(str(error)) from error

@@ -1,4 +1,5 @@
-"""``dlo review``: the pictures that the service was least sure of, into a folder and to the corrector."""
+"""``dlo review``: the pictures that the service was least sure of, into a folder and to the
+corrector."""
 
 from __future__ import annotations
 
@@ -16,7 +17,13 @@ from dlo_client.connection import CONNECTION, Connection, base_url
 from dlo_client.labelling.store import write_whole
 
 _CORRECTOR = "viewer/label.html"
-_SIGNATURES = {b"\x89PNG": ".png", b"\xff\xd8": ".jpg", b"RIFF": ".webp", b"BM": ".bmp", b"GIF8": ".gif"}
+_SIGNATURES = {
+    b"\x89PNG": ".png",
+    b"\xff\xd8": ".jpg",
+    b"RIFF": ".webp",
+    b"BM": ".bmp",
+    b"GIF8": ".gif",
+}
 
 
 @app.command()
@@ -29,8 +36,9 @@ def review(
 ) -> None:
     """Fetch the pictures that the service was least sure of and open the page that corrects them.
 
-    The service keeps those of requests that allow it (`keep_if_unsure`). Drop them on the page, correct, save the
-    labels; then `dlo label OUT --out labels`, `dlo label-import labels FILE --tool json` and `dlo adapt labels`.
+    The service keeps those of requests that allow it (`keep_if_unsure`). Drop them on the page,
+    correct, save the labels; then `dlo label OUT --out labels`, `dlo label-import labels FILE
+    --tool json` and `dlo adapt labels`.
     """
     client: Client = context.obj
     connection: Connection = context.meta[CONNECTION]
@@ -44,7 +52,9 @@ def review(
             if not keep:
                 client.drop_unsure(picture)
     if not found:
-        print_lines(["nothing to review: no request allowed its picture to be kept, or all were sure"])
+        print_lines(
+            ["nothing to review: no request allowed its picture to be kept, or all were sure"]
+        )
         return
     address = base_url(connection.url).join(f"/{_CORRECTOR}")
     print_lines([f"correct them at {address}"])

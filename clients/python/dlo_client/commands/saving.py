@@ -1,4 +1,5 @@
-"""What a job leaves in a folder: ``<picture>.result.json`` and ``<picture>.<file>`` for each of its files."""
+"""What a job leaves in a folder: ``<picture>.result.json`` and ``<picture>.<file>`` for each of its
+files."""
 
 from __future__ import annotations
 

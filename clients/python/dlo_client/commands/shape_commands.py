@@ -18,12 +18,22 @@ from dlo_client.shape_control import ShapeController
 @app.command()
 def shape(
     context: typer.Context,
-    target: Annotated[Literal["U", "A", "S", "I"], typer.Argument(help="Shape to reach, from a straight line.")],
-    out: Annotated[Path | None, typer.Option(file_okay=False, help="Folder for task.gif and task.png.")] = None,
-    length: Annotated[float, typer.Option(min=0.05, max=2, help="Of the simulated rope, meters.")] = 0.45,
-    stiffness: Annotated[float, typer.Option(min=0, max=1, help="Of the simulated rope: 0 a chain, 1 a rod.")] = 0.3,
+    target: Annotated[
+        Literal["U", "A", "S", "I"], typer.Argument(help="Shape to reach, from a straight line.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(file_okay=False, help="Folder for task.gif and task.png.")
+    ] = None,
+    length: Annotated[
+        float, typer.Option(min=0.05, max=2, help="Of the simulated rope, meters.")
+    ] = 0.45,
+    stiffness: Annotated[
+        float, typer.Option(min=0, max=1, help="Of the simulated rope: 0 a chain, 1 a rod.")
+    ] = 0.3,
     mass: Annotated[float, typer.Option(min=0.001, max=10, help="Kilograms.")] = 0.05,
-    threshold: Annotated[float, typer.Option(min=1e-4, max=1, help="Mean distance to reach, meters.")] = 0.01,
+    threshold: Annotated[
+        float, typer.Option(min=1e-4, max=1, help="Mean distance to reach, meters.")
+    ] = 0.01,
     max_actions: Annotated[int, typer.Option(min=1, max=100)] = 10,
     horizon: Annotated[int, typer.Option(min=1, max=4, help="Actions looked ahead.")] = 2,
 ) -> None:
@@ -32,7 +42,13 @@ def shape(
     table = SimulatedTable(length, stiffness=stiffness)
     goal = target_shape(target, length)
     controller = ShapeController(
-        client, table, DloObject(mass_kg=mass), goal, threshold, max_actions=max_actions, horizon=horizon
+        client,
+        table,
+        DloObject(mass_kg=mass),
+        goal,
+        threshold,
+        max_actions=max_actions,
+        horizon=horizon,
     )
     outcome = controller.run()
     lines = ["action  edge   dx mm   dy mm  turn deg  predicted mm  reached mm    k_b    k_d"]
@@ -44,7 +60,9 @@ def shape(
             f"  {1e3 * done.error_after_m:12.1f}  {1e3 * step.error_m:10.1f}  {used.k_b:5.3f}  {used.k_d:5.1f}"
         )
     verdict = "reached" if outcome.reached else f"not reached: {outcome.reason}"
-    lines.append(f"{target}: {verdict} after {len(outcome.steps)} actions, {1e3 * outcome.errors_m[-1]:.1f} mm")
+    lines.append(
+        f"{target}: {verdict} after {len(outcome.steps)} actions, {1e3 * outcome.errors_m[-1]:.1f} mm"
+    )
     if out is not None:
         from dlo_client.demo.shape_drawing import animate, plot
 

@@ -23,28 +23,43 @@ if TYPE_CHECKING:
 
 _NEEDS_EXTRA = 'dlo track needs the extra: pip install "dlo-client[label]" (not found: {name})'
 
-Source = Annotated[str, typer.Argument(metavar="VIDEO|FOLDER", help="A video file, a folder, or a pattern.")]
+Source = Annotated[
+    str, typer.Argument(metavar="VIDEO|FOLDER", help="A video file, a folder, or a pattern.")
+]
 
 
 @app.command()
 def track(
     context: typer.Context,
     source: Source,
-    out: Annotated[Path, typer.Option(file_okay=False, help="Folder for track.jsonl and overlay.mp4.")],
+    out: Annotated[
+        Path, typer.Option(file_okay=False, help="Folder for track.jsonl and overlay.mp4.")
+    ],
     every: Annotated[int, typer.Option(min=1, help="Look at every n-th picture only.")] = 1,
-    method: Annotated[InstanceMethod, typer.Option(help="How instances are told apart.")] = DEFAULT_METHOD,
-    model: Annotated[str | None, typer.Option(help="Foreground network; default the best one.")] = None,
-    effort: Annotated[Literal["fast", "normal", "thorough"], typer.Option(help="How hard cables are looked for.")] = (
-        "normal"
-    ),
-    threshold: Annotated[float | None, typer.Option(min=0, max=1, help="Foreground threshold.")] = None,
+    method: Annotated[
+        InstanceMethod, typer.Option(help="How instances are told apart.")
+    ] = DEFAULT_METHOD,
+    model: Annotated[
+        str | None, typer.Option(help="Foreground network; default the best one.")
+    ] = None,
+    effort: Annotated[
+        Literal["fast", "normal", "thorough"], typer.Option(help="How hard cables are looked for.")
+    ] = ("normal"),
+    threshold: Annotated[
+        float | None, typer.Option(min=0, max=1, help="Foreground threshold.")
+    ] = None,
     masks: Annotated[bool, typer.Option("--masks", help="The pictures are masks.")] = False,
     video: Annotated[bool, typer.Option(help="Write overlay.mp4.")] = True,
     live: Annotated[
-        bool, typer.Option("--live", help="Show the pictures as fast as a camera would; what is too slow is left out.")
+        bool,
+        typer.Option(
+            "--live",
+            help="Show the pictures as fast as a camera would; what is too slow is left out.",
+        ),
     ] = False,
 ) -> None:
-    """Follow every cable through a video: track.jsonl has a line a frame, overlay.mp4 shows the ids."""
+    """Follow every cable through a video: track.jsonl has a line a frame, overlay.mp4 shows the
+    ids."""
     if live and masks:
         raise typer.BadParameter("a stream takes pictures: leave out --live or --masks")
     try:
@@ -53,7 +68,9 @@ def track(
         print_error(_NEEDS_EXTRA.format(name=error.name))
         raise typer.Exit(1) from error
     client: Client = context.obj
-    options = TrackOptions(method=method, model=model, effort=effort, threshold=threshold, timeout_s=60)
+    options = TrackOptions(
+        method=method, model=model, effort=effort, threshold=threshold, timeout_s=60
+    )
     pictures, rate = shots(source, every)
     out.mkdir(parents=True, exist_ok=True)
     states: Counter[str] = Counter()
@@ -63,7 +80,9 @@ def track(
         (out / "track.jsonl").open("w", encoding="utf-8") as lines,
         Film(out / "overlay.mp4", rate) if video else nullcontext() as film,
     ):
-        answers = _live(followed, pictures, rate) if live else _one_by_one(followed, pictures, masks)
+        answers = (
+            _live(followed, pictures, rate) if live else _one_by_one(followed, pictures, masks)
+        )
         for shot, last in answers:
             lines.write(last.model_dump_json() + "\n")
             states.update(cable.state for cable in last.cables)
@@ -72,19 +91,25 @@ def track(
     _report(last, states, out)
 
 
-def _one_by_one(followed: Track, pictures: Iterable[Shot], masks: bool) -> Iterator[tuple[Shot, FrameResult]]:
+def _one_by_one(
+    followed: Track, pictures: Iterable[Shot], masks: bool
+) -> Iterator[tuple[Shot, FrameResult]]:
     for shot in pictures:
         picture = {"mask": shot.data} if masks else {"image": shot.data}
         yield shot, followed.frame(**picture, time_s=shot.time_s)
 
 
-def _live(followed: Track, pictures: Iterable[Shot], rate: float) -> Iterator[tuple[Shot, FrameResult]]:
+def _live(
+    followed: Track, pictures: Iterable[Shot], rate: float
+) -> Iterator[tuple[Shot, FrameResult]]:
     """Pictures, ``rate`` a second, and their answers; some have none."""
     shown: dict[int, Shot] = {}
     with followed.stream() as stream:
         begun = time.monotonic()
         for k, shot in enumerate(pictures):
-            while (frame := stream.answer(timeout_s=max(begun + k / rate - time.monotonic(), 0.0))) is not None:
+            while (
+                frame := stream.answer(timeout_s=max(begun + k / rate - time.monotonic(), 0.0))
+            ) is not None:
                 yield _matched(shown, frame)
             shown[stream.show(shot.data, time_s=k / rate)] = shot
         for frame in stream:
@@ -105,5 +130,7 @@ def _report(last: FrameResult | None, states: Counter[str], out: Path) -> None:
         print_error("there are no pictures in it")
         raise typer.Exit(1)
     counts = ", ".join(f"{state} {count}" for state, count in sorted(states.items())) or "none"
-    typer.echo(f"{last.frame} frames, {last.track.next_id - 1} cables in all; cables by state: {counts}")
+    typer.echo(
+        f"{last.frame} frames, {last.track.next_id - 1} cables in all; cables by state: {counts}"
+    )
     typer.echo(f"  {out / 'track.jsonl'}")

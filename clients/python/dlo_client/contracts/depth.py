@@ -32,9 +32,10 @@ class DepthGiven(Contract):
         "of a point cloud follow from its points",
     )
     T_world_camera: Pose | None = Field(
-        default=None, description="with `depth`: camera (z forward, y down, meters) to world; default: answers are in "
-        "the camera's frame"
-    )  # fmt: skip
+        default=None,
+        description="with `depth`: camera (z forward, y down, meters) to world; default: answers are in "
+        "the camera's frame",
+    )
 
 
 class TablePlane(Reply):
@@ -47,12 +48,15 @@ class TablePlane(Reply):
 
 
 class MetricCenterline(Reply):
-    """What an instance or a section gains by depth; None where there is none, or too little along it."""
+    """What an instance or a section gains by depth; None where there is none, or too little along
+    it."""
 
     curve_m: list[Point3] | None = Field(
         default=None, description="the centerline's points in meters, one for each of its pixels"
     )
-    radius_m: _Positive | None = Field(default=None, description="typical, from the width in the picture")
+    radius_m: _Positive | None = Field(
+        default=None, description="typical, from the width in the picture"
+    )
     sigma_m: list[_Positive] | None = Field(
         default=None, description="one a point: standard deviation in its worst direction, meters"
     )

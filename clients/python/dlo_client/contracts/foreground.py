@@ -1,4 +1,5 @@
-"""How the foreground of a picture is to be found: by which network, how hard, and what is known of the place."""
+"""How the foreground of a picture is to be found: by which network, how hard, and what is known of
+the place."""
 
 from __future__ import annotations
 
@@ -26,8 +27,12 @@ Polygon = Annotated[list[Point], Field(min_length=3, max_length=500)]
 class Regions(Contract):
     """Polygons in pixels of the upright picture: where cables can be, and where they never are."""
 
-    only: list[Polygon] = Field(default_factory=list, max_length=50, description="pixels; cables are nowhere else")
-    never: list[Polygon] = Field(default_factory=list, max_length=50, description="pixels; there are no cables there")
+    only: list[Polygon] = Field(
+        default_factory=list, max_length=50, description="pixels; cables are nowhere else"
+    )
+    never: list[Polygon] = Field(
+        default_factory=list, max_length=50, description="pixels; there are no cables there"
+    )
 
     @model_validator(mode="after")
     def _some(self) -> Regions:
@@ -40,7 +45,8 @@ class ForegroundOptions(Contract):
     """Fields of every request that takes pictures."""
 
     model: ModelName | None = Field(
-        default=None, description="foreground network, a name in /v1/models or `name@version`; default the best one"
+        default=None,
+        description="foreground network, a name in /v1/models or `name@version`; default the best one",
     )
     default_model: ModelName | None = Field(
         default=None,
@@ -53,7 +59,9 @@ class ForegroundOptions(Contract):
         max_length=16,
         description="pictures of the empty place by the same camera, of the picture's size; with `views` one a view",
     )
-    regions: Regions | None = Field(default=None, description="where cables can be; with `views` in every picture")
+    regions: Regions | None = Field(
+        default=None, description="where cables can be; with `views` in every picture"
+    )
 
     @property
     def of_a_network(self) -> str | None:
@@ -64,17 +72,25 @@ class ForegroundOptions(Contract):
 class ReferenceUsed(Reply):
     """What the pictures of the empty place were worth for one picture."""
 
-    used: bool = Field(description="off: they could not be brought to the picture; then they changed nothing")
-    agreement: Probability = Field(description="share of the picture that looks as in the reference")
+    used: bool = Field(
+        description="off: they could not be brought to the picture; then they changed nothing"
+    )
+    agreement: Probability = Field(
+        description="share of the picture that looks as in the reference"
+    )
     relied: Probability = Field(
         description="how much of the answer rests on it: mean change of probability where the network or the answer "
         "sees cable"
     )
-    shift_px: float = Field(ge=0, description="how far the camera had moved, in the middle of the picture")
+    shift_px: float = Field(
+        ge=0, description="how far the camera had moved, in the middle of the picture"
+    )
     reason: str | None = Field(default=None, description="why they were not used")
 
 
 ReferencesUsed = Annotated[
     list[ReferenceUsed],
-    Field(description="what the request's `reference` was worth, one a picture; none when there was no reference"),
+    Field(
+        description="what the request's `reference` was worth, one a picture; none when there was no reference"
+    ),
 ]

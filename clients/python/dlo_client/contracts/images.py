@@ -1,4 +1,5 @@
-"""How a picture is named in a request. Pixel convention: see :data:`dlo_client.contracts.base.Point`.
+"""How a picture is named in a request. Pixel convention: see
+:data:`dlo_client.contracts.base.Point`.
 
 A picture whose EXIF data asks for a rotation is turned upright before anything else happens to it:
 sizes and coordinates in every answer are those of the upright picture.
@@ -12,7 +13,9 @@ from pydantic import Field
 
 from dlo_client.contracts.base import Contract, Reply, Taken
 
-BlobId = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the bytes, lower-case hex")]
+BlobId = Annotated[
+    str, Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the bytes, lower-case hex")
+]
 
 
 class ImageRef(Taken):
@@ -40,7 +43,8 @@ PictureWarnings = Annotated[
 
 
 class ImageInfo(Reply):
-    """What the service knows of an uploaded picture; ``width`` and ``height`` of the upright picture."""
+    """What the service knows of an uploaded picture; ``width`` and ``height`` of the upright
+    picture."""
 
     id: BlobId
     sha256: BlobId

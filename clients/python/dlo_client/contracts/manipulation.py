@@ -1,7 +1,8 @@
 """Kinds of thesis chapter 5: where to grasp a DLO and where to place it, and what it is made of.
 
-Lengths are meters on the table, in one right-handed frame that the client chooses; angles are radians, counted from
-x to y. Points of a DLO are ordered from one end to the other; edge k joins points k and k + 1.
+Lengths are meters on the table, in one right-handed frame that the client chooses; angles are
+radians, counted from x to y. Points of a DLO are ordered from one end to the other; edge k joins
+points k and k + 1.
 """
 
 from __future__ import annotations
@@ -42,16 +43,21 @@ def _is_a_line(points: list[Point2]) -> list[Point2]:
         raise ValueError("the points all lie at one place: a DLO is longer than 1 mm")
     if length > LONGEST_M:
         unit = in_another_unit(length)
-        raise ValueError(f"is {length:.4g} m long, a DLO on a table at most {LONGEST_M:g} m: are these {unit}?")
+        raise ValueError(
+            f"is {length:.4g} m long, a DLO on a table at most {LONGEST_M:g} m: are these {unit}?"
+        )
     return points
 
 
-Shape = Annotated[list[Point2], Field(min_length=2, max_length=2000), AfterValidator(_is_a_line), Numbers]
+Shape = Annotated[
+    list[Point2], Field(min_length=2, max_length=2000), AfterValidator(_is_a_line), Numbers
+]
 """A DLO on the table, end to end; any number of points."""
 
 
 def _check_length(name: str, length_m: float, other_m: float) -> None:
-    """Raises ValueError for the length of another DLO than the one that is ``other_m`` long, or in another unit."""
+    """Raises ValueError for the length of another DLO than the one that is ``other_m`` long, or in
+    another unit."""
     ratio = length_m / other_m
     if not 1 / MOST_STRETCH <= ratio <= MOST_STRETCH:
         text = f"{ratio:.3g} times as long as the DLO is elsewhere in the request: is one of both in another unit?"
@@ -59,14 +65,18 @@ def _check_length(name: str, length_m: float, other_m: float) -> None:
 
 
 class DloObject(Contract):
-    """What is known of the DLO: its mass, and its length if it is not to be taken from its state."""
+    """What is known of the DLO: its mass, and its length if it is not to be taken from its
+    state."""
 
     mass_kg: float = Field(gt=0, le=10, description="of the whole DLO")
     length_m: float | None = Field(
         default=None, ge=LEAST_LENGTH_M, le=LONGEST_M, description="default: that of its state"
     )
     diameter_m: float | None = Field(
-        default=None, gt=0, le=0.2, description="meters, for contact with `fixtures`; default a hundredth of its length"
+        default=None,
+        gt=0,
+        le=0.2,
+        description="meters, for contact with `fixtures`; default a hundredth of its length",
     )
 
 
@@ -74,13 +84,15 @@ _Shift = Annotated[float, Field(ge=-LONGEST_M, le=LONGEST_M)]
 
 
 class MoveAction(Taken):
-    """Grip the middle of an edge, move it by dx, dy, turn it about its middle by dtheta, let go. An action that
-    ``plan_shape`` answered fits."""
+    """Grip the middle of an edge, move it by dx, dy, turn it about its middle by dtheta, let go. An
+    action that ``plan_shape`` answered fits."""
 
     edge: int = Field(ge=0, lt=2000, description="joins points `edge` and `edge` + 1 of the DLO")
     dx_m: _Shift = Field(description="of the edge's middle")
     dy_m: _Shift = Field(description="of the edge's middle")
-    dtheta_rad: float = Field(ge=-3.15, le=3.15, description="turn of the edge about its middle, from x to y")
+    dtheta_rad: float = Field(
+        ge=-3.15, le=3.15, description="turn of the edge about its middle, from x to y"
+    )
 
 
 class Experience(Contract):
@@ -97,7 +109,8 @@ class Experience(Contract):
 
 
 class RopeParameters(Taken):
-    """Bending k_b (N m/rad a joint) and damping k_d (N s/m a node) of the model of 16 nodes (eq. 5.1 to 5.3).
+    """Bending k_b (N m/rad a joint) and damping k_d (N s/m a node) of the model of 16 nodes (eq.
+    5.1 to 5.3).
 
     Those that ``plan_shape`` used or ``estimate_parameters`` found fit.
     """
@@ -109,22 +122,32 @@ class RopeParameters(Taken):
 class PlanLimits(Contract):
     """What an action has to keep to; what is left out does not bind."""
 
-    workspace_m: tuple[Point2, Point2] | None = Field(default=None, description="lowest and highest x, y for all")
+    workspace_m: tuple[Point2, Point2] | None = Field(
+        default=None, description="lowest and highest x, y for all"
+    )
     keep_out_m: list[Annotated[list[Point2], Field(min_length=3, max_length=64)]] = Field(
-        default_factory=list, max_length=32, description="polygons that neither gripper nor DLO may enter"
+        default_factory=list,
+        max_length=32,
+        description="polygons that neither gripper nor DLO may enter",
     )
     base_xy_m: Point2 | None = Field(default=None, description="foot of the robot, for its reach")
     reach_m: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]] | None = Field(
         default=None, description="least and largest distance of pick and place to the base"
     )
     max_displacement_m: float | None = Field(
-        default=None, gt=0, le=LONGEST_M,
+        default=None,
+        gt=0,
+        le=LONGEST_M,
         description="along x and along y; default and at most 0.1 for DLOs of 0.15 to 0.5 m. For a shorter one in "
         "proportion less; for a longer one more may be asked for, in proportion",
-    )  # fmt: skip
-    max_rotation_rad: float | None = Field(default=None, ge=0, le=7, description="default and at most 0.785")
+    )
+    max_rotation_rad: float | None = Field(
+        default=None, ge=0, le=7, description="default and at most 0.785"
+    )
     no_grasp_edges: list[Annotated[int, Field(ge=0, lt=2000)]] = Field(
-        default_factory=list, max_length=2000, description="edges of the state that may not be gripped, from 0"
+        default_factory=list,
+        max_length=2000,
+        description="edges of the state that may not be gripped, from 0",
     )
 
     @model_validator(mode="after")
@@ -141,7 +164,9 @@ class PlanLimits(Contract):
 class PlanGripper(Contract):
     """The room that a gripper takes."""
 
-    width_m: float = Field(ge=0, le=1, description="meters, of a circle about the place that it grips")
+    width_m: float = Field(
+        ge=0, le=1, description="meters, of a circle about the place that it grips"
+    )
 
 
 class GripPose(Reply):
@@ -166,18 +191,20 @@ class PlannedAction(Reply):
     error_at_end_m: float = Field(description="the same after the whole horizon")
     converged: bool = Field(description="the optimizer came to rest")
     probability: float | None = Field(
-        default=None, ge=0, le=1,
+        default=None,
+        ge=0,
+        le=1,
         description="probability that it brings at least half of what is expected; null among `fixtures`",
-    )  # fmt: skip
+    )
     checks: list[PlanCheck] = Field(description="every limit and whether it is kept")
 
 
 class PlanCheck(Reply):
     """A limit that was checked; a proposed action has passed them all."""
 
-    name: Literal["displacement", "rotation", "workspace", "reach", "keep_out", "grasp", "fixtures"] = Field(
-        description="of the limit"
-    )
+    name: Literal[
+        "displacement", "rotation", "workspace", "reach", "keep_out", "grasp", "fixtures"
+    ] = Field(description="of the limit")
     passed: bool = Field(description="whether the action keeps it")
 
 
@@ -186,26 +213,39 @@ StuckReason = Literal["springs_back", "unlike_any_model", "limits", "local_optim
 
 
 class PlanStatus(Reply):
-    """``ok``: there is an action. ``done``: the state is the target already. ``stuck``: no sequence of actions is
-    expected to bring the DLO nearer, or those of the history brought nothing; `reason` is the probable one.
-    ``no_action``: every action breaks a limit. ``target_outside``: the target itself breaks one.
+    """``ok``: there is an action. ``done``: the state is the target already. ``stuck``: no sequence
+    of actions is expected to bring the DLO nearer, or those of the history brought nothing;
+    `reason` is the probable one. ``no_action``: every action breaks a limit. ``target_outside``:
+    the target itself breaks one.
 
-    Reasons: ``springs_back``: friction does not hold the DLO in the target's shape. ``unlike_any_model``: the DLO
-    does not move as any known model. ``limits``: what would help breaks a limit. ``local_optimum``: none of these.
+    Reasons: ``springs_back``: friction does not hold the DLO in the target's shape.
+    ``unlike_any_model``: the DLO does not move as any known model. ``limits``: what would help
+    breaks a limit. ``local_optimum``: none of these.
     """
 
     code: PlanCode = Field(description="for programs")
     message: str = Field(description="the code in words")
-    reason: StuckReason | None = Field(default=None, description="why the plan is `stuck`; else null")
+    reason: StuckReason | None = Field(
+        default=None, description="why the plan is `stuck`; else null"
+    )
 
 
 class PlanWarning(Reply):
     """Something that makes the answer less sure; ``field`` is what it is about."""
 
     code: Literal[
-        "mass_untrained", "length_untrained", "lengths_differ", "self_crossing", "history_contradicts",
-        "parameters_untrained", "limits_reduced", "other_dlo", "picture", "springs_back", "unlike_any_model",
-    ] = Field(description="for programs")  # fmt: skip
+        "mass_untrained",
+        "length_untrained",
+        "lengths_differ",
+        "self_crossing",
+        "history_contradicts",
+        "parameters_untrained",
+        "limits_reduced",
+        "other_dlo",
+        "picture",
+        "springs_back",
+        "unlike_any_model",
+    ] = Field(description="for programs")
     field: str = Field(description="of the request, that it is about")
     message: str = Field(description="the code in words")
 
@@ -213,8 +253,12 @@ class PlanWarning(Reply):
 class Friction(Reply):
     """What holds the DLO on the table, and with dry friction how stiff it is over that."""
 
-    friction: Literal["viscous", "dry"] = Field(default="viscous", description="of the table, the more probable kind")
-    friction_probability: float = Field(default=1.0, ge=0, le=1, description="probability of that kind, 0 to 1")
+    friction: Literal["viscous", "dry"] = Field(
+        default="viscous", description="of the table, the more probable kind"
+    )
+    friction_probability: float = Field(
+        default=1.0, ge=0, le=1, description="probability of that kind, 0 to 1"
+    )
     stiffness_m: float | None = Field(
         default=None,
         description="with dry friction: bending moment of a joint a rad over the friction force of a node, of 16",
@@ -222,10 +266,12 @@ class Friction(Reply):
 
 
 class UsedParameters(Friction):
-    """``k_b`` and ``k_d`` that were planned with, and where they come from; ``sigma`` are the standard deviations of
-    their natural logarithms. Slow motions show the ratio k_b / k_d far better than either.
+    """``k_b`` and ``k_d`` that were planned with, and where they come from; ``sigma`` are the
+    standard deviations of their natural logarithms. Slow motions show the ratio k_b / k_d far
+    better than either.
 
-    ``dry`` friction is planned with where it explains the history better than the network's viscous friction.
+    ``dry`` friction is planned with where it explains the history better than the network's viscous
+    friction.
     """
 
     k_b: float = Field(description="bending, N m/rad a joint")
@@ -233,7 +279,9 @@ class UsedParameters(Friction):
     sigma: tuple[float, float] | None = Field(
         default=None, description="standard deviations of the natural logarithms of k_b and k_d"
     )
-    source: Literal["request", "history", "mid_range"] = Field(description="where the parameters come from")
+    source: Literal["request", "history", "mid_range"] = Field(
+        description="where the parameters come from"
+    )
 
 
 class PlanShapeResult(Reply):
@@ -241,7 +289,9 @@ class PlanShapeResult(Reply):
     status: PlanStatus = Field(description="what was planned, or why nothing was")
     action: PlannedAction | None = Field(description="the best action; null when none helps")
     alternatives: list[PlannedAction] = Field(description="other edges, best first")
-    state_m: list[tuple[float, float]] = Field(description="as given, or as seen in the picture, in the target's order")
+    state_m: list[tuple[float, float]] = Field(
+        description="as given, or as seen in the picture, in the target's order"
+    )
     target_m: list[tuple[float, float]] = Field(
         default_factory=list, description="the shape that is aimed at: as given, or of the route"
     )
@@ -250,9 +300,12 @@ class PlanShapeResult(Reply):
         description="mean distance of the state to the target; among `fixtures` the mean way around them"
     )
     error_after_m: float | None = Field(description="the same after the planned actions")
-    converged: bool = Field(description="the state is within the tolerance of the target, or on the route")
+    converged: bool = Field(
+        description="the state is within the tolerance of the target, or on the route"
+    )
     stops_left: list[int] = Field(
-        default_factory=list, description="indices of the route's stops at which the state is not as it should be"
+        default_factory=list,
+        description="indices of the route's stops at which the state is not as it should be",
     )
     parameters: UsedParameters = Field(description="what the DLO was taken to be made of")
     valid_for_s: float = Field(description="counted from the job's `ended_at`; then look again")
@@ -264,32 +317,43 @@ class PlanShapeResult(Reply):
 class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
     """State and target to the pick-and-place that brings the DLO closest to the target.
 
-    The state is given as points, or as a picture of the table with the homography that takes its pixels to the table;
-    then the service finds the DLO, and the target decides which of its ends is which.
+    The state is given as points, or as a picture of the table with the homography that takes its
+    pixels to the table; then the service finds the DLO, and the target decides which of its ends is
+    which.
     """
 
     kind: Literal["plan_shape"] = Field(default="plan_shape", description="of the job")
     state_m: Shape | None = Field(
-        default=None, description="the DLO as it is now, end to end, meters on the table; or an `image`"
+        default=None,
+        description="the DLO as it is now, end to end, meters on the table; or an `image`",
     )
-    image: ImageSource | None = Field(default=None, description="instead of state_m; or an `image` part")
+    image: ImageSource | None = Field(
+        default=None, description="instead of state_m; or an `image` part"
+    )
     homography: Annotated[tuple[Row3, Row3, Row3] | None, Numbers] = Field(
-        default=None, description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters"
+        default=None,
+        description="3 × 3, row by row: (x, y, 1) px to (X, Y, W), the table is (X, Y) / W in meters",
     )
     target_m: Shape | None = Field(
         default=None, description="the DLO as it should be, the same end first; or a `route`"
     )
     fixtures: list[Fixture] = Field(
-        default_factory=list, max_length=32, description="pegs, clips and edges that stand on the table"
+        default_factory=list,
+        max_length=32,
+        description="pegs, clips and edges that stand on the table",
     )
     route: Route | None = Field(
-        default=None, description="instead of target_m: around which pegs and through which clips the DLO should go"
+        default=None,
+        description="instead of target_m: around which pegs and through which clips the DLO should go",
     )
     gripper: PlanGripper | None = Field(
-        default=None, description="its room is kept out of `limits.keep_out_m` and `fixtures`; default: none"
+        default=None,
+        description="its room is kept out of `limits.keep_out_m` and `fixtures`; default: none",
     )
     object: DloObject = Field(description="what is known of the DLO")
-    parameters: RopeParameters | None = Field(default=None, description="default: estimated from the history")
+    parameters: RopeParameters | None = Field(
+        default=None, description="default: estimated from the history"
+    )
     history: list[Experience] = Field(
         default_factory=list,
         max_length=100,
@@ -302,13 +366,26 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
         description="how many of the last items of `history` aimed at this target: `stuck` where they brought nothing",
     )
     horizon: int = Field(
-        default=2, ge=1, le=4, description="how many actions are looked ahead, where one alone brings little"
+        default=2,
+        ge=1,
+        le=4,
+        description="how many actions are looked ahead, where one alone brings little",
     )
-    limits: PlanLimits = Field(default_factory=PlanLimits, description="what the robot and the table allow")
-    tolerance_m: float = Field(default=0.01, gt=0, le=1, description="mean distance at which the target is reached")
-    scale_target: bool = Field(default=False, description="give the target the state's length, about its middle")
-    alternatives: int = Field(default=3, ge=0, le=14, description="how many further actions to list")
-    valid_for_s: float = Field(default=10.0, gt=0, le=3600, description="how long the DLO stays as it was seen")
+    limits: PlanLimits = Field(
+        default_factory=PlanLimits, description="what the robot and the table allow"
+    )
+    tolerance_m: float = Field(
+        default=0.01, gt=0, le=1, description="mean distance at which the target is reached"
+    )
+    scale_target: bool = Field(
+        default=False, description="give the target the state's length, about its middle"
+    )
+    alternatives: int = Field(
+        default=3, ge=0, le=14, description="how many further actions to list"
+    )
+    valid_for_s: float = Field(
+        default=10.0, gt=0, le=3600, description="how long the DLO stays as it was seen"
+    )
 
     @property
     def needs_picture(self) -> bool:
@@ -337,7 +414,9 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
             _check_length("target_m", length_of(self.target_m), length)
         length = length or (length_of(self.target_m) if self.target_m else None)
         for item in self.history:
-            _check_length("history", length_of(item.before), length or length_of(self.history[0].before))
+            _check_length(
+                "history", length_of(item.before), length or length_of(self.history[0].before)
+            )
         return self
 
     @model_validator(mode="after")
@@ -348,7 +427,9 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
         if self.scale_target:
             raise ValueError("`scale_target` has no meaning beside a route")
         if self.state_m is None and self.route.start_m is None:
-            raise ValueError("`route.start_m` is needed with a picture: it decides which end of the DLO is which")
+            raise ValueError(
+                "`route.start_m` is needed with a picture: it decides which end of the DLO is which"
+            )
         check_route(self.route, self.fixtures)
         limits = self.limits
         base = (limits.base_xy_m, limits.reach_m) if limits.base_xy_m and limits.reach_m else None
@@ -357,11 +438,17 @@ class PlanShapeRequest(ForegroundOptions, JobRequest[PlanShapeResult]):
 
 
 class EstimateParametersResult(Friction):
-    kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="kind of the job")
+    kind: Literal["estimate_parameters"] = Field(
+        default="estimate_parameters", description="kind of the job"
+    )
     k_b: float = Field(description="bending, N m/rad a joint, as `plan_shape` takes it")
     k_d: float = Field(description="damping, N s/m a node, as `plan_shape` takes it")
-    sigma: tuple[float, float] = Field(description="standard deviations of the natural logarithms of k_b and k_d")
-    ratio_sigma: float = Field(description="the same of the logarithm of k_b / k_d, which is what slow motions show")
+    sigma: tuple[float, float] = Field(
+        description="standard deviations of the natural logarithms of k_b and k_d"
+    )
+    ratio_sigma: float = Field(
+        description="the same of the logarithm of k_b / k_d, which is what slow motions show"
+    )
     loss_m: float = Field(description="mean distance of a point that is left with these parameters")
     loss_mid_range_m: float = Field(description="the same with the middle of the trained range")
     sample_errors_m: list[float] = Field(description="one for each item of the history")
@@ -372,8 +459,12 @@ class EstimateParametersResult(Friction):
 class EstimateParametersRequest(JobRequest[EstimateParametersResult]):
     """Actions and what they did to the parameters that explain it best (eq. 5.10)."""
 
-    kind: Literal["estimate_parameters"] = Field(default="estimate_parameters", description="of the job")
-    history: list[Experience] = Field(min_length=1, max_length=100, description="actions and what they did")
+    kind: Literal["estimate_parameters"] = Field(
+        default="estimate_parameters", description="of the job"
+    )
+    history: list[Experience] = Field(
+        min_length=1, max_length=100, description="actions and what they did"
+    )
     object: DloObject = Field(description="what is known of the DLO")
 
     @model_validator(mode="after")

@@ -1,4 +1,5 @@
-"""Networks as data: what is known of one, the file that it travels in, and the job that takes one in."""
+"""Networks as data: what is known of one, the file that it travels in, and the job that takes one
+in."""
 
 from __future__ import annotations
 
@@ -26,13 +27,18 @@ class NetworkVersion(Reply):
     version: int = Field(ge=1, description="counted from 1 on, never given twice")
     sha256: BlobId = Field(description="of its ONNX file")
     created_at: datetime = Field(description="when it was stored")
-    parent: str | None = Field(default=None, description="the network that it was trained from, as `name@version`")
+    parent: str | None = Field(
+        default=None, description="the network that it was trained from, as `name@version`"
+    )
     origin: str = Field(description="how it was made")
-    metrics: dict[str, float] = Field(default_factory=dict, description="measured by the one who trained it, by name")
+    metrics: dict[str, float] = Field(
+        default_factory=dict, description="measured by the one who trained it, by name"
+    )
 
 
 class NetworkInfo(Reply):
-    """A network that a request may name, or that the service uses by itself, as ``GET /v1/models`` shows it."""
+    """A network that a request may name, or that the service uses by itself, as ``GET /v1/models``
+    shows it."""
 
     name: str = Field(description="what a request's `model` names; `name@2` is its second version")
     version: str = Field(description="of the network: the one that its name stands for")
@@ -48,12 +54,19 @@ class NetworkInfo(Reply):
     input: str = Field(description="layout, size and normalization in words")
     origin: str = Field(description="how it was made")
     license: str = Field(description="of its weights")
-    metrics: dict[str, float] = Field(default_factory=dict, description="measured by the one who trained it, by name")
-    shipped: bool = Field(default=True, description="part of this release; others were adapted or brought here")
-    owner: str = Field(default="", description="name of the API key that stored it; it and admins may change it")
+    metrics: dict[str, float] = Field(
+        default_factory=dict, description="measured by the one who trained it, by name"
+    )
+    shipped: bool = Field(
+        default=True, description="part of this release; others were adapted or brought here"
+    )
+    owner: str = Field(
+        default="", description="name of the API key that stored it; it and admins may change it"
+    )
     parent: str | None = Field(default=None, description="the network that it was trained from")
     versions: list[NetworkVersion] = Field(
-        default_factory=list, description="all that are kept, oldest first; none of a shipped network"
+        default_factory=list,
+        description="all that are kept, oldest first; none of a shipped network",
     )
 
 
@@ -61,7 +74,9 @@ class Preprocess(Contract):
     """How a foreground network is fed, and how its answer becomes a mask."""
 
     long_side: int = Field(ge=32, le=4096, description="pixels; larger pictures are reduced to it")
-    most_enlarged: float = Field(default=1.0, ge=1, le=4, description="times that a smaller picture is enlarged to it")
+    most_enlarged: float = Field(
+        default=1.0, ge=1, le=4, description="times that a smaller picture is enlarged to it"
+    )
     multiple: int = Field(ge=1, le=256, description="sides are filled up to multiples of it")
     mean: tuple[float, float, float] = Field(description="of (x / 255 - mean) / std")
     std: tuple[float, float, float] = Field(description="of (x / 255 - mean) / std")
@@ -79,13 +94,17 @@ class NetworkCard(Reply):
     architecture: Annotated[str, Field(pattern=r"^[a-z0-9_]{1,40}$")] = Field(
         description="its kind, by the name under which it can be trained further; `unknown` if it cannot"
     )
-    parent: str | None = Field(default=None, max_length=80, description="trained from, as `name@version`")
+    parent: str | None = Field(
+        default=None, max_length=80, description="trained from, as `name@version`"
+    )
     sha256: BlobId = Field(description="of `network.onnx`")
     parameters: int = Field(ge=1, le=1_000_000_000, description="how many numbers were trained")
     origin: str = Field(max_length=500, description="how it was made")
     license: str = Field(default="unknown", max_length=100, description="of its weights")
     preprocess: Preprocess = Field(description="how it is fed")
-    metrics: dict[str, float] = Field(default_factory=dict, max_length=50, description="measured, by name")
+    metrics: dict[str, float] = Field(
+        default_factory=dict, max_length=50, description="measured, by name"
+    )
     created_at: datetime = Field(description="when it was made")
 
 
@@ -95,10 +114,11 @@ class ImportNetworkResult(Reply):
 
 
 class ImportNetworkRequest(JobRequest[ImportNetworkResult]):
-    """Take in a network from its file: it is checked by a worker, then stored as a new version of its name.
+    """Take in a network from its file: it is checked by a worker, then stored as a new version of
+    its name.
 
-    ``POST /v1/models`` makes this job. The first version of a name is what the name stands for; a further one is not,
-    until ``PUT /v1/models/{name}`` asks for it.
+    ``POST /v1/models`` makes this job. The first version of a name is what the name stands for; a
+    further one is not, until ``PUT /v1/models/{name}`` asks for it.
     """
 
     kind: Literal["import_network"] = Field(default="import_network", description="of the job")

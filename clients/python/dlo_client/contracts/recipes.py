@@ -1,4 +1,5 @@
-"""Recipes: numbered, versioned requests that a controller runs with pictures alone; cameras: stored calibrations."""
+"""Recipes: numbered, versioned requests that a controller runs with pictures alone; cameras: stored
+calibrations."""
 
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ LARGEST_NUMBER = 65_535
 MOST_PICTURES = 64
 CAMERA_NAME = r"^[a-z0-9][a-z0-9_.-]{0,63}$"
 
-FlangePose = Annotated[list[Annotated[float, Field(ge=-1e7, le=1e7)]], Field(min_length=6, max_length=7), Numbers]
+FlangePose = Annotated[
+    list[Annotated[float, Field(ge=-1e7, le=1e7)]], Field(min_length=6, max_length=7), Numbers
+]
 """x, y, z and the rotation, in the unit and convention of the recipe's ``output``."""
 
 
@@ -27,7 +30,8 @@ class Sample(Contract):
 
     image: ImageRef = Field(description="uploaded before; kept as long as the recipe")
     flange: FlangePose | None = Field(
-        default=None, description="x, y, z, rotation of the flange, in the unit of `output`; for a camera on the arm"
+        default=None,
+        description="x, y, z, rotation of the flange, in the unit of `output`; for a camera on the arm",
     )
 
 
@@ -39,10 +43,16 @@ class RecipeBody(Contract):
         description="a request of any `kind` without its pictures; `views` may leave out intrinsics and poses "
         "where `camera` is named"
     )
-    camera: str | None = Field(default=None, pattern=CAMERA_NAME, description="name of a stored camera")
-    output: OutputFrame | None = Field(default=None, description="how places are stated; default: no robot poses")
+    camera: str | None = Field(
+        default=None, pattern=CAMERA_NAME, description="name of a stored camera"
+    )
+    output: OutputFrame | None = Field(
+        default=None, description="how places are stated; default: no robot poses"
+    )
     samples: list[Sample] = Field(
-        default_factory=list, max_length=MOST_PICTURES, description="pictures for a dry run, kept with the recipe"
+        default_factory=list,
+        max_length=MOST_PICTURES,
+        description="pictures for a dry run, kept with the recipe",
     )
 
     @model_validator(mode="after")
@@ -55,11 +65,15 @@ class RecipeBody(Contract):
 class Recipe(Reply):
     """A stored recipe; versions of one number count up from 1 and do not change."""
 
-    number: int = Field(ge=0, le=LARGEST_NUMBER, description="the number that controllers call it by")
+    number: int = Field(
+        ge=0, le=LARGEST_NUMBER, description="the number that controllers call it by"
+    )
     version: int = Field(ge=1, description="counts up with every change")
     name: str = Field(description="for people")
     created_at: datetime = Field(description="of this version")
-    author: str = Field(default="", description="name of the API key that stored it; empty without keys")
+    author: str = Field(
+        default="", description="name of the API key that stored it; empty without keys"
+    )
     request: dict[str, Any] = Field(description="the request without its pictures")
     camera: str | None = Field(default=None, description="name of a stored camera")
     output: OutputFrame | None = Field(default=None, description="how places are stated")
@@ -89,9 +103,12 @@ class RunInput(Contract):
 
 
 class CameraBody(Contract):
-    """A calibration: ``PUT /v1/cameras/{name}``. Give the pose in the world, or on the flange; or neither."""
+    """A calibration: ``PUT /v1/cameras/{name}``. Give the pose in the world, or on the flange; or
+    neither."""
 
-    intrinsics: AnyIntrinsics = Field(description="PinholeIntrinsics, or a ROS CameraInfo as it is published")
+    intrinsics: AnyIntrinsics = Field(
+        description="PinholeIntrinsics, or a ROS CameraInfo as it is published"
+    )
     T_world_camera: Pose | None = Field(
         default=None, description="4 × 4, row by row, meters: of a camera that stands still"
     )
@@ -99,20 +116,31 @@ class CameraBody(Contract):
         default=None, description="4 × 4, row by row, meters: of a camera on the robot's flange"
     )
     T_flange_tool: Pose | None = Field(
-        default=None, description="4 × 4, row by row, meters: the gripper; poses are then the flange's"
+        default=None,
+        description="4 × 4, row by row, meters: the gripper; poses are then the flange's",
     )
-    plane: Plane = Field(default_factory=Plane, description="the surface that the DLOs are on; default z = 0")
+    plane: Plane = Field(
+        default_factory=Plane, description="the surface that the DLOs are on; default z = 0"
+    )
     sigma_m: float | None = Field(
-        default=None, ge=0, le=1, description="standard deviation of the hand-eye translation, meters"
+        default=None,
+        ge=0,
+        le=1,
+        description="standard deviation of the hand-eye translation, meters",
     )
     sigma_rad: float | None = Field(
-        default=None, ge=0, le=3.2, description="standard deviation of the hand-eye rotation, radians"
+        default=None,
+        ge=0,
+        le=3.2,
+        description="standard deviation of the hand-eye rotation, radians",
     )
 
     @model_validator(mode="after")
     def _one_mount(self) -> CameraBody:
         if self.T_world_camera is not None and self.T_flange_camera is not None:
-            raise ValueError("`T_flange_camera` and T_world_camera: a camera is on the flange, or stands still")
+            raise ValueError(
+                "`T_flange_camera` and T_world_camera: a camera is on the flange, or stands still"
+            )
         return self
 
 
@@ -122,5 +150,7 @@ class StoredCamera(Reply):
     name: str = Field(description="what recipes call it")
     version: int = Field(ge=1, description="counts up with every change")
     created_at: datetime = Field(description="of this version")
-    author: str = Field(default="", description="name of the API key that stored it; empty without keys")
+    author: str = Field(
+        default="", description="name of the API key that stored it; empty without keys"
+    )
     camera: CameraBody = Field(description="the calibration")

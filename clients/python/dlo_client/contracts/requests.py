@@ -33,7 +33,12 @@ from dlo_client.contracts.reconstruction import (
     ReconstructResult,
 )
 from dlo_client.contracts.submission import JobRequest, ModelUsed
-from dlo_client.contracts.topology import DisentangleRequest, DisentangleResult, TopologyRequest, TopologyResult
+from dlo_client.contracts.topology import (
+    DisentangleRequest,
+    DisentangleResult,
+    TopologyRequest,
+    TopologyResult,
+)
 from dlo_client.contracts.tracking import CableCrossing, TimeSeconds, TrackedCable, TrackState
 
 
@@ -43,7 +48,8 @@ class NoopResult(Reply):
 
 
 class NoopRequest(JobRequest[NoopResult]):
-    """Holds a worker for ``hold_s`` and does nothing: to measure the path and rehearse time-outs."""
+    """Holds a worker for ``hold_s`` and does nothing: to measure the path and rehearse
+    time-outs."""
 
     kind: Literal["noop"] = Field(default="noop", description="of the job")
     hold_s: float = Field(default=0.0, ge=0, le=60, description="seconds to hold the worker")
@@ -64,7 +70,9 @@ class SegmentRequest(ForegroundOptions, JobRequest[SegmentResult]):
     """Picture to foreground probability."""
 
     kind: Literal["segment"] = Field(default="segment", description="of the job")
-    image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
+    image: ImageSource | None = Field(
+        default=None, description="may be left out when an `image` part fills it"
+    )
     threshold: Probability | None = Field(default=None, description="default: the network's own")
 
 
@@ -83,9 +91,12 @@ class InstancesResult(Reply):
         default=None, description="with `previous`: every cable by its lasting id"
     )
     cable_crossings: list[CableCrossing] | None = Field(
-        default=None, description="with `previous`: where these cables cross, from all frames so far"
+        default=None,
+        description="with `previous`: where these cables cross, from all frames so far",
     )
-    track: TrackState | None = Field(default=None, description="with `previous`: that of the next picture")
+    track: TrackState | None = Field(
+        default=None, description="with `previous`: that of the next picture"
+    )
     table: TablePlane | None = Field(default=None, description="with `depth`, if there is one")
     status: SceneStatus = Field(description="whether the answer can be relied on")
     reference: ReferencesUsed = Field(default_factory=list)
@@ -96,18 +107,25 @@ class InstancesResult(Reply):
 class InstancesRequest(DepthGiven, ForegroundOptions, JobRequest[InstancesResult]):
     """Picture, foreground mask or depth to DLO instances.
 
-    With ``image`` alone the foreground network makes the mask, unless the picture is one (two values) and no
-    ``model`` is named. With ``mask`` (what is not background is DLO: white, 1, 2, red) no network looks at the
-    foreground; an ``image`` beside it, of the same size, decides the order at crossings. With ``depth`` and its
-    ``intrinsics`` the foreground comes from height and color together, or from height alone; the order at crossings
-    too, and every instance has its curve in meters.
+    With ``image`` alone the foreground network makes the mask, unless the picture is one (two
+    values) and no ``model`` is named. With ``mask`` (what is not background is DLO: white, 1, 2,
+    red) no network looks at the foreground; an ``image`` beside it, of the same size, decides the
+    order at crossings. With ``depth`` and its ``intrinsics`` the foreground comes from height and
+    color together, or from height alone; the order at crossings too, and every instance has its
+    curve in meters.
     """
 
     kind: Literal["instances"] = Field(default="instances", description="of the job")
-    image: ImageSource | None = Field(default=None, description="may be left out when an `image` part fills it")
+    image: ImageSource | None = Field(
+        default=None, description="may be left out when an `image` part fills it"
+    )
     mask: ImageSource | None = Field(default=None, description="or a `mask` part")
-    method: InstanceMethod = Field(default=DEFAULT_METHOD, description="how instances are told apart")
-    threshold: Probability | None = Field(default=None, description="default: the network's own; 0.5 for a mask")
+    method: InstanceMethod = Field(
+        default=DEFAULT_METHOD, description="how instances are told apart"
+    )
+    threshold: Probability | None = Field(
+        default=None, description="default: the network's own; 0.5 for a mask"
+    )
     params: MethodParams | None = Field(default=None, description="those of `method`")
     keep_if_unsure: bool = Field(
         default=False,
@@ -122,7 +140,8 @@ class InstancesRequest(DepthGiven, ForegroundOptions, JobRequest[InstancesResult
         description="to follow cables over pictures: the `track` of the last one's result, `{}` for the first",
     )
     time_s: TimeSeconds | None = Field(
-        default=None, description="when the picture was taken, with `previous`; default: pictures are equally far apart"
+        default=None,
+        description="when the picture was taken, with `previous`; default: pictures are equally far apart",
     )
     files: list[InstanceFile] = Field(
         default=["instances", "overlay"],
@@ -138,12 +157,18 @@ class InstancesRequest(DepthGiven, ForegroundOptions, JobRequest[InstancesResult
         if isinstance(params, dict):
             method = data.get("method", params.get("method", DEFAULT_METHOD))
             return {**data, "method": method, "params": {"method": method, **params}}
-        return data if params is None else {"method": getattr(params, "method", DEFAULT_METHOD), **data}
+        return (
+            data
+            if params is None
+            else {"method": getattr(params, "method", DEFAULT_METHOD), **data}
+        )
 
     @model_validator(mode="after")
     def _one_method(self) -> InstancesRequest:
         if self.params is not None and self.params.method != self.method:
-            raise ValueError(f"`params` are those of {self.params.method}, the method is {self.method}")
+            raise ValueError(
+                f"`params` are those of {self.params.method}, the method is {self.method}"
+            )
         return self
 
     @model_validator(mode="after")
@@ -161,7 +186,9 @@ class InstancesRequest(DepthGiven, ForegroundOptions, JobRequest[InstancesResult
     @model_validator(mode="after")
     def _one_foreground(self) -> InstancesRequest:
         if self.mask is not None and self.of_a_network:
-            raise ValueError(f"`{self.of_a_network}` has no meaning beside `mask`: the mask is the foreground")
+            raise ValueError(
+                f"`{self.of_a_network}` has no meaning beside `mask`: the mask is the foreground"
+            )
         return self
 
 

@@ -16,8 +16,12 @@ Queue = Literal["interactive", "batch", "training"]
 class JobRequest(Contract, Generic[ResultT]):
     """What every request may carry; ``ResultT`` is what its job comes back with."""
 
-    priority: Priority = Field(default="interactive", description="`interactive` jobs go before `batch` ones")
-    timeout_s: float = Field(default=60.0, gt=0, le=3600, description="from acceptance to the end of the job")
+    priority: Priority = Field(
+        default="interactive", description="`interactive` jobs go before `batch` ones"
+    )
+    timeout_s: float = Field(
+        default=60.0, gt=0, le=3600, description="from acceptance to the end of the job"
+    )
     label: str | None = Field(default=None, max_length=200, description="echoed in the job")
     webhook_url: str | None = Field(
         default=None,
@@ -26,13 +30,16 @@ class JobRequest(Contract, Generic[ResultT]):
         description="the ended job is POSTed there, signed; its host must be one that the service allows",
     )
     output: Output | None = Field(
-        default=None, description="states the places of the answer as robot poses, in the job's `poses`"
+        default=None,
+        description="states the places of the answer as robot poses, in the job's `poses`",
     )
 
     @model_validator(mode="after")
     def _output_fits(self) -> Self:
         if self.output is not None:
-            self.output.check_fits(str(getattr(self, "kind", "")), in_space=getattr(self, "depth", None) is not None)
+            self.output.check_fits(
+                str(getattr(self, "kind", "")), in_space=getattr(self, "depth", None) is not None
+            )
         return self
 
     @property

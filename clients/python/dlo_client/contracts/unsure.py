@@ -14,7 +14,9 @@ class UnsurePicture(Reply):
     """One of them."""
 
     id: BlobId
-    certainty: Probability = Field(description="lowest score of its instances and crossings; 0 where nothing was found")
+    certainty: Probability = Field(
+        description="lowest score of its instances and crossings; 0 where nothing was found"
+    )
     doubt: str = Field(description="what the certainty comes from, in words")
     bytes: int = Field(ge=0, description="size of the picture, bytes")
     seen_at: datetime = Field(description="when a job looked at it")

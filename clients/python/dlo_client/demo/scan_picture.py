@@ -37,8 +37,8 @@ class _Panel:
 
 
 def svg(curve: Curve3D, cameras: Sequence[Pose] = ()) -> str:
-    """The curve from above and from the side, its longer direction to the right; two-sigma ellipses, enlarged so that
-    they show; cameras as wedges."""
+    """The curve from above and from the side, its longer direction to the right; two-sigma
+    ellipses, enlarged so that they show; cameras as wedges."""
     everything = [*curve.points_m, *(tuple(row[3] for row in pose[:3]) for pose in cameras)]
     long, other = (0, 1) if _span(everything, 0) >= _span(everything, 1) else (1, 0)
     across: _Axis = (other, 1.0 if long == 0 else -1.0)  # no mirror: y to the right has x downward
@@ -78,10 +78,14 @@ def _wedge(pose: Pose, panel: _Panel) -> str:
     corners = []
     for u, v in ((-0.5, -0.4), (0.5, -0.4), (0.5, 0.4), (-0.5, 0.4)):
         local = (0.03 * u, 0.03 * v, 0.03)
-        corners.append([row[3] + sum(r * x for r, x in zip(row, local, strict=False)) for row in pose[:3]])
+        corners.append(
+            [row[3] + sum(r * x for r, x in zip(row, local, strict=False)) for row in pose[:3]]
+        )
     center = panel.at([row[3] for row in pose[:3]])
     lines = [(center, panel.at(c)) for c in corners]
-    lines += [(panel.at(c), panel.at(d)) for c, d in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    lines += [
+        (panel.at(c), panel.at(d)) for c, d in zip(corners, [*corners[1:], corners[0]], strict=True)
+    ]
     path = " ".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
     return f'<path d="{path}" class="k"/>'
 

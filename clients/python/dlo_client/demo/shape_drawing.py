@@ -1,4 +1,5 @@
-"""Pictures of a shape control task: an animation of the rope, and error and parameters over the actions (Fig. 5.7).
+"""Pictures of a shape control task: an animation of the rope, and error and parameters over the
+actions (Fig. 5.7).
 
 Needs Pillow (the ``cli`` extra).
 """
@@ -24,7 +25,9 @@ def animate(frames: Sequence[Points], target: Points, path: Path) -> None:
     """A GIF of the rope moving over the outline of the target; at most about 200 pictures."""
     kept = [*frames[:: max(1, len(frames) // 200)], frames[-1]]
     low_x, low_y, high_x, high_y = extent([*kept, target])
-    scale = min((_SIZE[0] - 40) / max(high_x - low_x, 1e-6), (_SIZE[1] - 40) / max(high_y - low_y, 1e-6))
+    scale = min(
+        (_SIZE[0] - 40) / max(high_x - low_x, 1e-6), (_SIZE[1] - 40) / max(high_y - low_y, 1e-6)
+    )
     middle = ((low_x + high_x) / 2, (low_y + high_y) / 2)
 
     def to_pixels(points: Points) -> list[tuple[float, float]]:
@@ -41,7 +44,11 @@ def animate(frames: Sequence[Points], target: Points, path: Path) -> None:
             draw.ellipse((x - 4, y - 4, x + 4, y + 4), fill=_INK)
         pictures.append(picture)
     pictures[0].save(
-        path, save_all=True, append_images=pictures[1:], duration=[50] * (len(pictures) - 1) + [2000], loop=0
+        path,
+        save_all=True,
+        append_images=pictures[1:],
+        duration=[50] * (len(pictures) - 1) + [2000],
+        loop=0,
     )
 
 
@@ -60,7 +67,9 @@ def plot(outcome: ShapeOutcome, threshold_m: float, path: Path) -> None:
     picture.save(path)
 
 
-def _panel(draw: ImageDraw.ImageDraw, top: int, title: str, values: Sequence[float], line: float | None) -> None:
+def _panel(
+    draw: ImageDraw.ImageDraw, top: int, title: str, values: Sequence[float], line: float | None
+) -> None:
     highest = _round_up(max([*values, line or 0.0, 1e-9]))
     left, right, base = _MARGIN, _PANEL[0] - 16, top + _PANEL[1] - 28
 

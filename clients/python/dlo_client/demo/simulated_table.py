@@ -1,8 +1,9 @@
-"""A robot that is not there: a rope on a rough table, for trying the shape controller without a cell.
+"""A robot that is not there: a rope on a rough table, for trying the shape controller without a
+cell.
 
-It is another model than the one the service has learnt: nothing moves unless it is pulled (friction holds it), edges
-keep their length, and stiffness straightens the rope near what moves. Positions are corrected edge by edge, many times
-a small step of the gripper (position based dynamics).
+It is another model than the one the service has learnt: nothing moves unless it is pulled (friction
+holds it), edges keep their length, and stiffness straightens the rope near what moves. Positions
+are corrected edge by edge, many times a small step of the gripper (position based dynamics).
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ class SimulatedTable:
     def __init__(self, length_m: float = 0.45, points: int = 16, stiffness: float = 0.3) -> None:
         self._edge = length_m / (points - 1)
         self._stiffness = stiffness
-        self._points: list[Point] = [[(k - (points - 1) / 2) * self._edge, 0.0] for k in range(points)]
+        self._points: list[Point] = [
+            [(k - (points - 1) / 2) * self._edge, 0.0] for k in range(points)
+        ]
         self.frames: list[list[tuple[float, float]]] = [self.observe()]
         """The rope after every small step of the gripper, for an animation."""
 
@@ -72,7 +75,8 @@ class SimulatedTable:
 
 
 def target_shape(name: str, length_m: float = 0.45, points: int = 16) -> list[tuple[float, float]]:
-    """The thesis's targets (5.7.2): ``U``, ``A`` (bent more in its middle), ``S``, or ``I`` (straight, turned by 90°).
+    """The thesis's targets (5.7.2): ``U``, ``A`` (bent more in its middle), ``S``, or ``I``
+    (straight, turned by 90°).
 
     Raises ValueError for another name.
     """

@@ -1,7 +1,8 @@
 """Labels by the thousand: every picture of a folder, an archive or a list, labelled by the service.
 
-``label_pictures`` does the work and may be killed at any moment: what it has labelled stays, and the same call goes
-on. ``formats`` writes the labels for other tools and reads their corrections back (needs ``dlo-client[label]``).
+``label_pictures`` does the work and may be killed at any moment: what it has labelled stays, and
+the same call goes on. ``formats`` writes the labels for other tools and reads their corrections
+back (needs ``dlo-client[label]``).
 """
 
 from dlo_client.labelling.batch import BatchStopped, LabelOptions, label_pictures

@@ -1,4 +1,5 @@
-"""Labels in any form as the archive that an ``adapt`` job learns from. Needs ``dlo-client[label]``."""
+"""Labels in any form as the archive that an ``adapt`` job learns from. Needs
+``dlo-client[label]``."""
 
 from __future__ import annotations
 
@@ -17,7 +18,14 @@ from dlo_client.labelling.formats.pixels import decode
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.matching import Pictures
 from dlo_client.labelling.sources import PictureUnreadable, SourcePicture, find_pictures, read_still
-from dlo_client.labelling.store import CORRECTED, Entry, LabelStore, StoreError, corrected_file, read_label
+from dlo_client.labelling.store import (
+    CORRECTED,
+    Entry,
+    LabelStore,
+    StoreError,
+    corrected_file,
+    read_label,
+)
 from dlo_client.labelling.upright import upright
 
 _LONGEST_PX = 1920
@@ -27,8 +35,8 @@ _QUALITY = 95
 
 @dataclass
 class Packed:
-    """``archive``: ZIP of ``NAME.jpg`` and ``NAME_ids.png``; ``names`` of its pictures; ``problems``: name → why a
-    label is not."""
+    """``archive``: ZIP of ``NAME.jpg`` and ``NAME_ids.png``; ``names`` of its pictures;
+    ``problems``: name → why a label is not."""
 
     archive: bytes = b""
     names: list[str] = field(default_factory=list)
@@ -59,7 +67,9 @@ def pack_foreign(file: Path, tool: str, pictures: str, wanted: Wanted) -> Packed
     """The labels that another tool exported. Raises FormatError, SourceError."""
     imported = READERS[tool](file, wanted)
     found = {picture.name: picture for picture in find_pictures(pictures)}
-    entries = {name: Entry(name, "done", sha256=_digest(picture)) for name, picture in found.items()}
+    entries = {
+        name: Entry(name, "done", sha256=_digest(picture)) for name, picture in found.items()
+    }
     by_name = Pictures(entries)
     problems, named = imported.problems | imported.not_annotated, []
     for label in imported.labels:
@@ -76,7 +86,8 @@ def pack_foreign(file: Path, tool: str, pictures: str, wanted: Wanted) -> Packed
 
 
 def pack(labels: Iterable[PictureLabel], pictures: dict[str, SourcePicture]) -> Packed:
-    """Every label with its picture, by name; one whose picture is gone, or of another size, is named and left out."""
+    """Every label with its picture, by name; one whose picture is gone, or of another size, is
+    named and left out."""
     packed, out = Packed(), io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
         for label in labels:
@@ -103,7 +114,10 @@ def _pair(label: PictureLabel, source: SourcePicture | None) -> tuple[Image.Imag
     factor = _LONGEST_PX / max(image.size)
     if factor < 1:
         size = round(image.width * factor), round(image.height * factor)
-        image, ids = image.resize(size, Image.Resampling.BOX), ids.resize(size, Image.Resampling.NEAREST)
+        image, ids = (
+            image.resize(size, Image.Resampling.BOX),
+            ids.resize(size, Image.Resampling.NEAREST),
+        )
     return image, ids
 
 

@@ -1,4 +1,5 @@
-"""Labelling many pictures: bounded concurrency, retries, and a ledger so that it can be killed at any moment."""
+"""Labelling many pictures: bounded concurrency, retries, and a ledger so that it can be killed at
+any moment."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ Progress = Callable[[int, int, int], None]
 
 
 class BatchStopped(Exception):
-    """The run cannot go on now: nobody answers, the key is refused, the disk is full. The report has all the rest."""
+    """The run cannot go on now: nobody answers, the key is refused, the disk is full. The report
+    has all the rest."""
 
     def __init__(self, report: Report) -> None:
         super().__init__(report.stopped)
@@ -52,11 +54,14 @@ class BatchStopped(Exception):
 
 @dataclass(frozen=True)
 class LabelOptions:
-    """``request``: what every picture is asked with; it always goes to the ``batch`` queue. ``at_once``: pictures in
-    flight. ``attempts``: of a picture whose job fails by the service's fault. ``retry_failed``: take up again what
-    failed in an earlier run. ``pause_s``: before the next attempt; it doubles."""
+    """``request``: what every picture is asked with; it always goes to the ``batch`` queue.
+    ``at_once``: pictures in flight. ``attempts``: of a picture whose job fails by the service's
+    fault. ``retry_failed``: take up again what failed in an earlier run. ``pause_s``: before the
+    next attempt; it doubles."""
 
-    request: InstancesRequest = field(default_factory=lambda: InstancesRequest(files=[], timeout_s=600))
+    request: InstancesRequest = field(
+        default_factory=lambda: InstancesRequest(files=[], timeout_s=600)
+    )
     at_once: int = 8
     attempts: int = 3
     retry_failed: bool = False
@@ -86,8 +91,9 @@ def label_pictures(
 ) -> Report:
     """Label all ``pictures`` (see :func:`find_pictures`) into the folder ``out`` and report.
 
-    What has a label is skipped unless its file is another one by now. A picture that fails keeps no other from its
-    label. Raises StoreError for a folder that cannot be used, BatchStopped when the run cannot go on.
+    What has a label is skipped unless its file is another one by now. A picture that fails keeps no
+    other from its label. Raises StoreError for a folder that cannot be used, BatchStopped when the
+    run cannot go on.
     """
     options = options or LabelOptions()
     with LabelStore(out, write=True) as store:
@@ -95,7 +101,9 @@ def label_pictures(
         if isinstance(pictures, Found):
             store.remember_source(pictures.source)
         run = _Run(store, options, pictures, progress or _nobody)
-        stopped = asyncio.run(run.all(lambda: AsyncClient(url, api_key, retry=options.retry, transport=transport)))
+        stopped = asyncio.run(
+            run.all(lambda: AsyncClient(url, api_key, retry=options.retry, transport=transport))
+        )
         report = run.report(stopped)
         try:
             report.save(out)
@@ -114,13 +122,23 @@ def _nobody(done: int, failed: int, total: int) -> None:
 class _Run:
     """One run over the pictures that have no label yet.
 
-    Two files with the same bytes are labelled by one job: whoever comes first holds the content's lock.
+    Two files with the same bytes are labelled by one job: whoever comes first holds the content's
+    lock.
     """
 
     def __init__(
-        self, store: LabelStore, options: LabelOptions, pictures: Sequence[SourcePicture], progress: Progress
+        self,
+        store: LabelStore,
+        options: LabelOptions,
+        pictures: Sequence[SourcePicture],
+        progress: Progress,
     ) -> None:
-        self._store, self._options, self._pictures, self._progress = store, options, pictures, progress
+        self._store, self._options, self._pictures, self._progress = (
+            store,
+            options,
+            pictures,
+            progress,
+        )
         self._started = time.monotonic()
         self._waiting = iter(self._open(store.entries()))
         self._done = 0
@@ -134,7 +152,9 @@ class _Run:
         """Pictures that have no label, or whose file is another one than when they got it."""
         for picture in self._pictures:
             entry = known.get(picture.name)
-            settled = entry is not None and (entry.state != "failed" or not self._options.retry_failed)
+            settled = entry is not None and (
+                entry.state != "failed" or not self._options.retry_failed
+            )
             if entry is not None and settled and entry.stamp == (picture.stamp() or ""):
                 self._count(entry.state == "failed")
             else:
@@ -148,7 +168,11 @@ class _Run:
 
     def report(self, stopped: str | None) -> Report:
         entries = self._store.entries()
-        changed = [p.name for p in self._pictures if p.name in self._now and entries[p.name].stamp != (p.stamp() or "")]
+        changed = [
+            p.name
+            for p in self._pictures
+            if p.name in self._now and entries[p.name].stamp != (p.stamp() or "")
+        ]
         names = [picture.name for picture in self._pictures]
         seconds = time.monotonic() - self._started
         skipped = self._pictures.skipped if isinstance(self._pictures, Found) else {}
@@ -179,14 +203,18 @@ class _Run:
                 return
             await self._label(client, picture, data, stamp, sha256)
 
-    async def _label(self, client: AsyncClient, picture: SourcePicture, data: bytes, stamp: str, sha256: str) -> None:
+    async def _label(
+        self, client: AsyncClient, picture: SourcePicture, data: bytes, stamp: str, sha256: str
+    ) -> None:
         started = time.monotonic()
         request = self._options.batch_request(picture.name)
         for attempt in range(1, self._options.attempts + 1):
             try:
                 key = _key(request, sha256, f"{attempt}{self._salt}")
                 job = await client.submit(request, images=data, wait=30.0, idempotency_key=key)
-                result = result_of(succeeded(await client.wait(job, timeout=request.timeout_s + 10.0)))
+                result = result_of(
+                    succeeded(await client.wait(job, timeout=request.timeout_s + 10.0))
+                )
             except _STOPPING:
                 raise
             except (JobFailed, JobCancelled, WaitTimeout, APIError) as error:
@@ -199,14 +227,18 @@ class _Run:
                 return
             label = label_of(result, picture.name, sha256)
             seconds = time.monotonic() - started
-            entry = Entry(picture.name, "done", stamp, sha256, label.doubt, label.certainty, seconds)
+            entry = Entry(
+                picture.name, "done", stamp, sha256, label.doubt, label.certainty, seconds
+            )
             self._store.put(entry, label)
             self._settle(picture, failed=False)
             return
 
     def _copy(self, picture: SourcePicture, twin: str, stamp: str, sha256: str) -> None:
         label = self._store.label(twin).model_copy(update={"name": picture.name})
-        self._store.put(Entry(picture.name, "duplicate", stamp, sha256, twin, label.certainty), label)
+        self._store.put(
+            Entry(picture.name, "duplicate", stamp, sha256, twin, label.certainty), label
+        )
         self._settle(picture, failed=False)
 
     def _fail(self, picture: SourcePicture, why: str, stamp: str, sha256: str = "") -> None:
@@ -231,7 +263,7 @@ def _may_pass(error: Exception) -> bool:
 
 
 def _key(request: InstancesRequest, sha256: str, attempt: str) -> str:
-    """The same picture asked the same way is the same job, also after this process was killed. (What failed before
-    and is taken up again must be another one.)"""
+    """The same picture asked the same way is the same job, also after this process was killed.
+    (What failed before and is taken up again must be another one.)"""
     asked = json.dumps([request.model_dump(mode="json"), sha256, attempt], sort_keys=True)
     return hashlib.sha256(asked.encode()).hexdigest()

@@ -1,9 +1,10 @@
-"""A clip of pictures is labelled from the pictures of it that somebody has corrected. Needs ``dlo-client[label]``.
+"""A clip of pictures is labelled from the pictures of it that somebody has corrected. Needs
+``dlo-client[label]``.
 
-The first run follows what the service finds from the first picture on. Once a picture is corrected in the folder, the
-same call follows the cables of that label instead, forward and backward; with several of them, every picture gets its
-label from the nearest one. The pictures of a video are written to ``pictures`` in the folder, where the corrector finds
-them.
+The first run follows what the service finds from the first picture on. Once a picture is corrected
+in the folder, the same call follows the cables of that label instead, forward and backward; with
+several of them, every picture gets its label from the nearest one. The pictures of a video are
+written to ``pictures`` in the folder, where the corrector finds them.
 """
 
 from __future__ import annotations
@@ -19,7 +20,14 @@ from dlo_client.contracts import InstancesRequest, TrackState
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.propagation import label_of_frame, track_of
 from dlo_client.labelling.report import Report
-from dlo_client.labelling.sources import VIDEOS, Found, PictureUnreadable, SourcePicture, find_pictures, read_still
+from dlo_client.labelling.sources import (
+    VIDEOS,
+    Found,
+    PictureUnreadable,
+    SourcePicture,
+    find_pictures,
+    read_still,
+)
 from dlo_client.labelling.store import Entry, LabelStore, corrected_file, read_label, write_whole
 from dlo_client.video import shots
 
@@ -28,22 +36,32 @@ Progress = Callable[[int, int, int], None]
 
 
 class _Way(NamedTuple):
-    """Pictures in the order in which they are followed, from the label of one that is corrected, or from nothing."""
+    """Pictures in the order in which they are followed, from the label of one that is corrected, or
+    from nothing."""
 
     start: PictureLabel | None
     indices: Sequence[int]
 
 
 def label_clip(
-    source: str, out: Path, client: Client, request: InstancesRequest, *, every: int = 1, progress: Progress
+    source: str,
+    out: Path,
+    client: Client,
+    request: InstancesRequest,
+    *,
+    every: int = 1,
+    progress: Progress,
 ) -> Report:
-    """Label every ``every``-th picture of a video, or of a folder in the order of names, into the folder ``out``.
+    """Label every ``every``-th picture of a video, or of a folder in the order of names, into the
+    folder ``out``.
 
     Raises SourceError, StoreError; ValueError for a corrected label that cannot be followed.
     """
     started = time.monotonic()
     with LabelStore(out, write=True) as store:
-        store.remember({"kind": "clip", "every": every} | request.model_dump(mode="json", include=_WITH))
+        store.remember(
+            {"kind": "clip", "every": every} | request.model_dump(mode="json", include=_WITH)
+        )
         pictures = _pictures(source, out, every)
         store.remember_source(pictures.source)
         corrected = _corrected(out, pictures)
@@ -85,7 +103,9 @@ def _follow(
     progress: Progress,
 ) -> None:
     for k, label in corrected.items():
-        entry = Entry(pictures[k].name, "done", sha256=label.sha256 or "", certainty=1.0, detail="corrected")
+        entry = Entry(
+            pictures[k].name, "done", sha256=label.sha256 or "", certainty=1.0, detail="corrected"
+        )
         store.put(entry, label)
     done, failed = len(corrected), 0
     for way in _ways(len(pictures), corrected):
@@ -109,7 +129,8 @@ def _labelled(
     state: TrackState,
     known: frozenset[int],
 ) -> TrackState:
-    """File the label of the next picture of a track; returns the track after it. Raises PictureUnreadable."""
+    """File the label of the next picture of a track; returns the track after it. Raises
+    PictureUnreadable."""
     data, stamp = read_still(picture)
     result = client.run(request.model_copy(update={"previous": state}), data)
     sha256 = hashlib.sha256(data).hexdigest()
@@ -130,11 +151,15 @@ def _ways(count: int, corrected: dict[int, PictureLabel]) -> Iterator[_Way]:
         yield _Way(corrected[place], [k for k in range(place - 1, -1, -1) if nearest[k] == place])
 
 
-def _report(store: LabelStore, pictures: Found, corrected: dict[int, PictureLabel], seconds: float) -> Report:
+def _report(
+    store: LabelStore, pictures: Found, corrected: dict[int, PictureLabel], seconds: float
+) -> Report:
     entries = store.entries()
     here = {picture.name for picture in pictures}
     failed = {e.name: e.detail for e in entries.values() if e.name in here and e.state == "failed"}
-    doubtful = sorted((e.certainty, e.name, e.detail) for e in entries.values() if e.name in here - failed.keys())
+    doubtful = sorted(
+        (e.certainty, e.name, e.detail) for e in entries.values() if e.name in here - failed.keys()
+    )
     return Report(
         pictures=len(pictures),
         labelled=len(pictures) - len(corrected) - len(failed),

@@ -1,7 +1,9 @@
-"""Labels of our own format as those of another tool: ``python -m dlo_client.labelling.convert cvat labels.jsonl OUT``.
+"""Labels of our own format as those of another tool: ``python -m dlo_client.labelling.convert cvat
+labels.jsonl OUT``.
 
-The service runs it as a process of its own, so that pixels are never drawn where requests are answered. Needs the extra
-``dlo-client[label]``; ends with status 3 where it is not installed, with 1 and a reason for what cannot be written.
+The service runs it as a process of its own, so that pixels are never drawn where requests are
+answered. Needs the extra ``dlo-client[label]``; ends with status 3 where it is not installed, with
+1 and a reason for what cannot be written.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ def main(name: str, source: Path, out: Path) -> int:
     try:
         imported = READERS["json"](source)
         if imported.problems:
-            raise FormatError("; ".join(f"{name}: {why}" for name, why in list(imported.problems.items())[:3]))
+            raise FormatError(
+                "; ".join(f"{name}: {why}" for name, why in list(imported.problems.items())[:3])
+            )
         WRITERS[name](lambda: iter(imported.labels), out)
     except (FormatError, OSError) as error:
         print(error, file=sys.stderr)

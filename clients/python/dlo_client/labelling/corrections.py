@@ -1,4 +1,5 @@
-"""Corrections that come back from a labelling tool, and how much they changed. Needs ``dlo-client[label]``."""
+"""Corrections that come back from a labelling tool, and how much they changed. Needs
+``dlo-client[label]``."""
 
 from __future__ import annotations
 
@@ -14,7 +15,13 @@ from dlo_client.labelling.formats.pixels import Mask, decode
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.matching import Pictures
 from dlo_client.labelling.report import SHOWN, section
-from dlo_client.labelling.store import CORRECTED, LabelStore, StoreError, corrected_file, write_whole
+from dlo_client.labelling.store import (
+    CORRECTED,
+    LabelStore,
+    StoreError,
+    corrected_file,
+    write_whole,
+)
 
 _SAME_IOU = 0.5
 """Two instances with less in common are different DLOs."""
@@ -24,9 +31,9 @@ FILE = "import_report.json"
 
 @dataclass(frozen=True)
 class Change:
-    """What a correction did to one picture. ``iou``: foreground before and after; ``instance_iou``: mean over the
-    DLOs of either, 0 for one that was added or removed; ``moved``: kept, with another mask; ``reordered``: crossings
-    with the other strand on top."""
+    """What a correction did to one picture. ``iou``: foreground before and after; ``instance_iou``:
+    mean over the DLOs of either, 0 for one that was added or removed; ``moved``: kept, with another
+    mask; ``reordered``: crossings with the other strand on top."""
 
     name: str
     iou: float
@@ -44,8 +51,9 @@ class Change:
 
 @dataclass
 class CorrectionReport:
-    """``changes`` of the pictures whose correction was taken; ``problems``: name → why it was not; ``not_annotated``:
-    name → why there was none; ``notes``: what was left out or changed on the way → picture → how often."""
+    """``changes`` of the pictures whose correction was taken; ``problems``: name → why it was not;
+    ``not_annotated``: name → why there was none; ``notes``: what was left out or changed on the way
+    → picture → how often."""
 
     changes: list[Change] = field(default_factory=list)
     problems: dict[str, str] = field(default_factory=dict)
@@ -68,9 +76,13 @@ class CorrectionReport:
             for c in sorted(touched, key=lambda c: c.instance_iou)[:SHOWN]
         ]
         out += section("refused", [f"{name}: {why}" for name, why in self.problems.items()], FILE)
-        out += section("not annotated", [f"{name}: {why}" for name, why in self.not_annotated.items()], FILE)
+        out += section(
+            "not annotated", [f"{name}: {why}" for name, why in self.not_annotated.items()], FILE
+        )
         for what, pictures in self.notes.items():
-            of = ", ".join(list(pictures)[:SHOWN]) + (f" and more ({FILE})" if len(pictures) > SHOWN else "")
+            of = ", ".join(list(pictures)[:SHOWN]) + (
+                f" and more ({FILE})" if len(pictures) > SHOWN else ""
+            )
             out.append(f"{what}: {sum(pictures.values())} in {len(pictures)} pictures: {of}")
         return out
 
@@ -81,23 +93,33 @@ class CorrectionReport:
 
 
 def take_corrections(store: LabelStore, imported: Imported) -> CorrectionReport:
-    """File every imported label that somebody confirmed under ``corrected/`` beside the service's own.
+    """File every imported label that somebody confirmed under ``corrected/`` beside the service's
+    own.
 
-    A label is refused and named when its picture is not known, not told apart from another one, of another size, or
-    meant by a second label too. Raises StoreError when the folder takes nothing more.
+    A label is refused and named when its picture is not known, not told apart from another one, of
+    another size, or meant by a second label too. Raises StoreError when the folder takes nothing
+    more.
     """
-    report = CorrectionReport([], dict(imported.problems), dict(imported.not_annotated), imported.notes)
+    report = CorrectionReport(
+        [], dict(imported.problems), dict(imported.not_annotated), imported.notes
+    )
     for name, labels in _by_picture(store, imported.labels, report).items():
         if len(labels) > 1:
             both = ", ".join(label.name for label in labels[:3])
-            report.problems |= {label.name: f"{len(labels)} labels are of {name} ({both})" for label in labels}
+            report.problems |= {
+                label.name: f"{len(labels)} labels are of {name} ({both})" for label in labels
+            }
             continue
         (label,) = labels
         try:
             before = store.label(name)
             if (before.width, before.height) != (label.width, label.height):
-                raise StoreError(f"is {label.width}×{label.height}, the picture {before.width}×{before.height}")
-            after = label.model_copy(update={"name": name, "sha256": before.sha256, "origin": CORRECTED})
+                raise StoreError(
+                    f"is {label.width}×{label.height}, the picture {before.width}×{before.height}"
+                )
+            after = label.model_copy(
+                update={"name": name, "sha256": before.sha256, "origin": CORRECTED}
+            )
             write_whole(corrected_file(store.folder, name), after.model_dump_json().encode())
             report.changes.append(compare(before, after))
         except StoreError as error:
@@ -138,7 +160,9 @@ def compare(before: PictureLabel, after: PictureLabel) -> Change:
         moved=sum(iou < _UNCHANGED_IOU for iou in overlaps),
         added=len(new) - len(pairs),
         removed=len(old) - len(pairs),
-        reordered=_reordered(before, after, {before.instances[i].id: after.instances[j].id for i, j, _ in pairs}),
+        reordered=_reordered(
+            before, after, {before.instances[i].id: after.instances[j].id for i, j, _ in pairs}
+        ),
     )
 
 

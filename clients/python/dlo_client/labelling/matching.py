@@ -1,4 +1,5 @@
-"""Which picture of a folder a label from elsewhere belongs to: by its bytes first, then by its name."""
+"""Which picture of a folder a label from elsewhere belongs to: by its bytes first, then by its
+name."""
 
 from __future__ import annotations
 
@@ -42,7 +43,9 @@ class Pictures:
             if same:
                 return self._of_content(label.name, same, named)
             if named and all(self._entries[name].sha256 for name in named):
-                raise StoreError(f"{_list(named)} has this name, but other bytes: labels of another picture")
+                raise StoreError(
+                    f"{_list(named)} has this name, but other bytes: labels of another picture"
+                )
         if not named:
             raise StoreError("no picture of this name was labelled here")
         if len(named) > 1:
@@ -52,7 +55,9 @@ class Pictures:
     def _of_content(self, name: str, same: list[str], named: list[str]) -> str:
         both = [other for other in named if other in same]
         if named and not both:
-            raise StoreError(f"contradiction: its bytes are those of {_list(same)}, its name is that of {_list(named)}")
+            raise StoreError(
+                f"contradiction: its bytes are those of {_list(same)}, its name is that of {_list(named)}"
+            )
         candidates = both or same
         if len(candidates) > 1:
             raise StoreError(f"ambiguous: {_list(candidates)}, which have the same bytes")
@@ -65,16 +70,25 @@ class Pictures:
         parts = _parts(name)
         last = parts[-1].casefold()
         has_suffix = bool(PurePosixPath(last).suffix)
-        near = [n for n in self._by_last.get(last, []) if has_suffix or PurePosixPath(n).stem.casefold() == last]
+        near = [
+            n
+            for n in self._by_last.get(last, [])
+            if has_suffix or PurePosixPath(n).stem.casefold() == last
+        ]
         exact = [n for n in near if _fitting(_parts(n), parts)] or near
-        fits = {n: _fitting(_parts(n), parts) or _fitting(_folded(_parts(n)), _folded(parts)) for n in exact}
+        fits = {
+            n: _fitting(_parts(n), parts) or _fitting(_folded(_parts(n)), _folded(parts))
+            for n in exact
+        }
         best = max(fits.values(), default=0)
         return [n for n, fit in fits.items() if fit == best]
 
 
 def _parts(name: str) -> list[str]:
     text = unicodedata.normalize("NFC", name.replace("\\", "/"))
-    parts = [part for part in PurePosixPath(_DRIVE.sub("", text)).parts if part not in ("/", ".", "..")]
+    parts = [
+        part for part in PurePosixPath(_DRIVE.sub("", text)).parts if part not in ("/", ".", "..")
+    ]
     return parts or [text]
 
 

@@ -1,8 +1,9 @@
 """From a label to a track, and from a tracked picture to its label. Needs ``dlo-client[label]``.
 
-Strategy: the cables of a corrected label are handed to the service as the state of a track, so the next picture is
-about exactly these cables, under their ids. A cable's mask there is the foreground that is nearest to its centerline
-where it is in view; what is left of an instance that only one cable is on stays its, too.
+Strategy: the cables of a corrected label are handed to the service as the state of a track, so the
+next picture is about exactly these cables, under their ids. A cable's mask there is the foreground
+that is nearest to its centerline where it is in view; what is left of an instance that only one
+cable is on stays its, too.
 """
 
 from __future__ import annotations
@@ -36,14 +37,18 @@ def track_of(label: PictureLabel) -> TrackState:
     Raises ValueError naming the instance: one without a centerline.
     """
     cables = [_nodes(instance, label) for instance in label.instances[:MOST_CABLES]]
-    return TrackState(frame=1, next_id=max((cable.id for cable in cables), default=0) + 1, cables=cables)
+    return TrackState(
+        frame=1, next_id=max((cable.id for cable in cables), default=0) + 1, cables=cables
+    )
 
 
 def _nodes(instance: LabelledInstance, label: PictureLabel) -> TrackNodes:
     line = np.array(instance.centerline_xy, float).reshape(-1, 2)
     lengths = arc_lengths(line)
     if len(line) < 2 or lengths[-1] <= 0:
-        raise ValueError(f"{label.name}: instance {instance.id} has no centerline; draw one to label its clip")
+        raise ValueError(
+            f"{label.name}: instance {instance.id} has no centerline; draw one to label its clip"
+        )
     at = np.linspace(0.0, lengths[-1], NODES)
     xy = [(round(float(x), 2), round(float(y), 2)) for x, y in _point_at(line, lengths, at)]
     width = instance.width_px or max(float(instance.mask_rle.array().sum() / lengths[-1]), 1.0)
@@ -75,11 +80,18 @@ def _end(point: Points, width_px: float, label: PictureLabel) -> Literal["free",
     return "border" if inside < _BORDER_WIDTHS * width_px else "free"
 
 
-def label_of_frame(result: InstancesResult, name: str, sha256: str, known: frozenset[int]) -> PictureLabel:
-    """What a tracked picture shows, under the track's ids; ``known`` are the ids of the corrected picture."""
+def label_of_frame(
+    result: InstancesResult, name: str, sha256: str, known: frozenset[int]
+) -> PictureLabel:
+    """What a tracked picture shows, under the track's ids; ``known`` are the ids of the corrected
+    picture."""
     cables = [cable for cable in result.cables or [] if cable.state != "lost"]
     masks = _masks(result, cables)
-    instances = [_instance(cable, mask, known) for cable, mask in zip(cables, masks, strict=True) if mask.any()]
+    instances = [
+        _instance(cable, mask, known)
+        for cable, mask in zip(cables, masks, strict=True)
+        if mask.any()
+    ]
     return PictureLabel(
         name=name,
         sha256=sha256,
@@ -93,7 +105,9 @@ def label_of_frame(result: InstancesResult, name: str, sha256: str, known: froze
     )
 
 
-def _instance(cable: TrackedCable, mask: NDArray[np.bool_], known: frozenset[int]) -> LabelledInstance:
+def _instance(
+    cable: TrackedCable, mask: NDArray[np.bool_], known: frozenset[int]
+) -> LabelledInstance:
     sure = min(cable.certainty, cable.score)
     return LabelledInstance(
         id=cable.id,
@@ -121,14 +135,19 @@ def _masks(result: InstancesResult, cables: Sequence[TrackedCable]) -> list[NDAr
 
 
 def _away(cable: TrackedCable, size: tuple[int, int]) -> NDArray[np.float32]:
-    """(H, W) px from the stretches of ``cable`` that are in view; where none is, the picture's size."""
+    """(H, W) px from the stretches of ``cable`` that are in view; where none is, the picture's
+    size."""
     line = np.zeros(size, np.uint8)
     for stretch in _in_view(cable):
         if len(stretch) > 1:
-            cv2.polylines(line, [np.rint(stretch * _FINE).astype(np.int32)], False, 1, 1, cv2.LINE_8, 4)
+            cv2.polylines(
+                line, [np.rint(stretch * _FINE).astype(np.int32)], False, 1, 1, cv2.LINE_8, 4
+            )
     if not line.any():
         return np.full(size, float(sum(size)), np.float32)
-    return np.asarray(cv2.distanceTransform(1 - line, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)
+    return np.asarray(
+        cv2.distanceTransform(1 - line, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32
+    )
 
 
 def _in_view(cable: TrackedCable) -> list[Points]:

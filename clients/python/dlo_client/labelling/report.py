@@ -15,10 +15,11 @@ SHOWN = 20
 
 @dataclass(frozen=True)
 class Report:
-    """``failed``: name → why. ``duplicates``: name → the picture with the same bytes. ``changed``: labelled, but the
-    file is another one by now. ``gone``: labelled before, no longer in the source. ``uncertain``: all labelled
-    pictures, least certain first, with the reason. ``stopped``: why the run ended before its end, or None. ``skipped``:
-    suffixes that are no picture's → how many files have them."""
+    """``failed``: name → why. ``duplicates``: name → the picture with the same bytes. ``changed``:
+    labelled, but the file is another one by now. ``gone``: labelled before, no longer in the
+    source. ``uncertain``: all labelled pictures, least certain first, with the reason. ``stopped``:
+    why the run ended before its end, or None. ``skipped``: suffixes that are no picture's → how
+    many files have them."""
 
     pictures: int
     labelled: int
@@ -40,19 +41,35 @@ class Report:
     def save(self, folder: Path) -> Path:
         """As ``report.json`` in the output folder. Raises OSError."""
         file = folder / FILE
-        write_whole(file, json.dumps(asdict(self), indent=1, ensure_ascii=False).encode("utf-8", "surrogateescape"))
+        write_whole(
+            file,
+            json.dumps(asdict(self), indent=1, ensure_ascii=False).encode(
+                "utf-8", "surrogateescape"
+            ),
+        )
         return file
 
     def lines(self) -> list[str]:
         """For a person: at most 20 of each kind."""
-        rate = f", {self.labelled / self.seconds:.1f} a second" if self.seconds > 0 and self.labelled else ""
-        out = [f"{self.pictures} pictures: {self.labelled} labelled now{rate}, {self.already} before, "
-               f"{len(self.failed)} failed, {self.missing} left"]  # fmt: skip
+        rate = (
+            f", {self.labelled / self.seconds:.1f} a second"
+            if self.seconds > 0 and self.labelled
+            else ""
+        )
+        out = [
+            f"{self.pictures} pictures: {self.labelled} labelled now{rate}, {self.already} before, "
+            f"{len(self.failed)} failed, {self.missing} left"
+        ]
         if self.stopped:
             out.append(f"stopped: {self.stopped}; the same command goes on from here")
         out += section("failed", [f"{name}: {why}" for name, why in self.failed.items()])
-        out += section("same bytes", [f"{name} = {other}" for name, other in self.duplicates.items()])
-        listed = [f"{count} {suffix}" for suffix, count in sorted(self.skipped.items(), key=lambda item: -item[1])]
+        out += section(
+            "same bytes", [f"{name} = {other}" for name, other in self.duplicates.items()]
+        )
+        listed = [
+            f"{count} {suffix}"
+            for suffix, count in sorted(self.skipped.items(), key=lambda item: -item[1])
+        ]
         out += [f"skipped, no pictures: {', '.join(listed)}"] if listed else []
         out += section("changed since they were labelled; run again", self.changed)
         out += section("labelled, but no longer in the source", self.gone)
@@ -61,9 +78,14 @@ class Report:
 
 
 def make_report(
-    entries: dict[str, Entry], names: Collection[str], now: Collection[str], changed: list[str],
-    seconds: float, stopped: str | None, skipped: dict[str, int] | None = None,
-) -> Report:  # fmt: skip
+    entries: dict[str, Entry],
+    names: Collection[str],
+    now: Collection[str],
+    changed: list[str],
+    seconds: float,
+    stopped: str | None,
+    skipped: dict[str, int] | None = None,
+) -> Report:
     """``names``: the source's pictures; ``now``: those labelled in this run."""
     known = {name: entries[name] for name in names if name in entries}
     labelled = [entry for entry in known.values() if entry.state != "failed"]
@@ -78,7 +100,8 @@ def make_report(
         changed=changed,
         gone=[name for name in entries if name not in present],
         uncertain=sorted(
-            ((e.name, e.certainty, e.detail) for e in labelled if e.state == "done"), key=lambda item: item[1]
+            ((e.name, e.certainty, e.detail) for e in labelled if e.state == "done"),
+            key=lambda item: item[1],
         ),
         stopped=stopped,
         skipped=skipped or {},

@@ -1,4 +1,5 @@
-"""Where the pictures are: a folder, a glob pattern, a ZIP archive, or a text file with a path in each line."""
+"""Where the pictures are: a folder, a glob pattern, a ZIP archive, or a text file with a path in
+each line."""
 
 from __future__ import annotations
 
@@ -13,7 +14,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".gif", ".bmp", ".tif", ".tiff", ".webp"})
+SUFFIXES = frozenset(
+    {".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".gif", ".bmp", ".tif", ".tiff", ".webp"}
+)
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 _UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError)
 _LONGEST_PART = 200
@@ -30,8 +33,9 @@ class PictureUnreadable(Exception):
 
 @dataclass(frozen=True)
 class SourcePicture:
-    """``name``: its path within the source, ``/`` between folders, no ``..``: labels are filed under it.
-    ``stamp``: size and time of change, to notice another version; None while the file cannot be seen."""
+    """``name``: its path within the source, ``/`` between folders, no ``..``: labels are filed
+    under it. ``stamp``: size and time of change, to notice another version; None while the file
+    cannot be seen."""
 
     name: str
     read: Callable[[], bytes]
@@ -39,17 +43,19 @@ class SourcePicture:
 
 
 class Found(list[SourcePicture]):
-    """The pictures of a source. ``source``: where it is, from anywhere; ``skipped``: suffixes of its other files → how
-    many there are."""
+    """The pictures of a source. ``source``: where it is, from anywhere; ``skipped``: suffixes of
+    its other files → how many there are."""
 
-    def __init__(self, pictures: Iterable[SourcePicture], source: str, skipped: Mapping[str, int]) -> None:
+    def __init__(
+        self, pictures: Iterable[SourcePicture], source: str, skipped: Mapping[str, int]
+    ) -> None:
         super().__init__(pictures)
         self.source, self.skipped = source, dict(skipped)
 
 
 def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> Found:
-    """All pictures of ``source`` in a fixed order; what lies under the folder ``skip``, hidden files and what a Mac
-    adds to archives are left out.
+    """All pictures of ``source`` in a fixed order; what lies under the folder ``skip``, hidden
+    files and what a Mac adds to archives are left out.
 
     Raises SourceError.
     """
@@ -57,7 +63,11 @@ def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> F
     skipped: Counter[str] = Counter()
     taken = partial(_is_picture, skipped)
     if path.is_dir():
-        found = _named((file, file.relative_to(path)) for file in _walk(path, skip) if taken(file.relative_to(path)))
+        found = _named(
+            (file, file.relative_to(path))
+            for file in _walk(path, skip)
+            if taken(file.relative_to(path))
+        )
     elif path.is_file() and zipfile.is_zipfile(path):
         found = _members(path, taken)
     elif path.is_file() and path.suffix.lower() in SUFFIXES:
@@ -67,7 +77,9 @@ def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> F
     elif glob.has_magic(text):
         root = _root_of(text)
         files = sorted(Path(match) for match in glob.glob(text, recursive=True))  # noqa: PTH207
-        found = _named((f, _below(f, root)) for f in files if f.is_file() and taken(_below(f, root)))
+        found = _named(
+            (f, _below(f, root)) for f in files if f.is_file() and taken(_below(f, root))
+        )
     else:
         raise SourceError(f"{text}: there is no such folder, archive, list or picture")
     if not found:
@@ -77,8 +89,11 @@ def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> F
 
 
 def _is_picture(skipped: Counter[str], file: PurePath) -> bool:
-    """By its suffix; others are counted, hidden ones and resource forks (``__MACOSX/._a.jpg``) not even that."""
-    if any(part.startswith(".") or part == "__MACOSX" for part in file.parts if part not in (".", "..")):
+    """By its suffix; others are counted, hidden ones and resource forks (``__MACOSX/._a.jpg``) not
+    even that."""
+    if any(
+        part.startswith(".") or part == "__MACOSX" for part in file.parts if part not in (".", "..")
+    ):
         return False
     if file.suffix.lower() in SUFFIXES:
         return True
@@ -106,7 +121,9 @@ def read_still(picture: SourcePicture) -> tuple[bytes, str]:
             if before == after and before is not None:
                 return data, before
     except _UNREADABLE as error:
-        raise PictureUnreadable(getattr(error, "strerror", None) or str(error) or type(error).__name__) from error
+        raise PictureUnreadable(
+            getattr(error, "strerror", None) or str(error) or type(error).__name__
+        ) from error
     raise PictureUnreadable("it changes while it is read")
 
 
@@ -114,16 +131,21 @@ def _walk(folder: Path, skip: Path | None) -> Iterator[Path]:
     skipped = skip.resolve() if skip is not None else None
     for at, folders, files in os.walk(folder):
         here = Path(at)
-        folders[:] = sorted(f for f in folders if not f.startswith(".") and (here / f).resolve() != skipped)
+        folders[:] = sorted(
+            f for f in folders if not f.startswith(".") and (here / f).resolve() != skipped
+        )
         yield from (here / name for name in sorted(files))
 
 
 def _listed(file: Path) -> Iterator[tuple[Path, Path]]:
-    """Every line is a path, absolute or from the list's folder. A missing one is kept: it is then reported."""
+    """Every line is a path, absolute or from the list's folder. A missing one is kept: it is then
+    reported."""
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise SourceError(f"{file}: neither a picture, an archive nor a list of paths in UTF-8") from error
+        raise SourceError(
+            f"{file}: neither a picture, an archive nor a list of paths in UTF-8"
+        ) from error
     for line in (text.strip() for text in lines):
         if line and not line.startswith("#"):
             yield file.parent / line, Path(line)
@@ -131,7 +153,10 @@ def _listed(file: Path) -> Iterator[tuple[Path, Path]]:
 
 def _named(files: Iterable[tuple[Path, Path]]) -> list[SourcePicture]:
     names = _Names()
-    return [SourcePicture(names.take(inside.as_posix()), file.read_bytes, _stamper(file)) for file, inside in files]
+    return [
+        SourcePicture(names.take(inside.as_posix()), file.read_bytes, _stamper(file))
+        for file, inside in files
+    ]
 
 
 def _stamper(file: Path) -> Callable[[], str | None]:
@@ -146,12 +171,15 @@ def _stamper(file: Path) -> Callable[[], str | None]:
 
 
 def _members(path: Path, taken: Callable[[PurePath], bool]) -> list[SourcePicture]:
-    """The archive stays open: finding its table of contents anew for every picture would take longer than reading."""
+    """The archive stays open: finding its table of contents anew for every picture would take
+    longer than reading."""
     names = _Names()
     archive = zipfile.ZipFile(path)
     infos = [i for i in archive.infolist() if not i.is_dir() and taken(PurePosixPath(i.filename))]
     return [
-        SourcePicture(names.take(i.filename), partial(archive.read, i), _constant(f"{i.file_size}:{i.CRC}"))
+        SourcePicture(
+            names.take(i.filename), partial(archive.read, i), _constant(f"{i.file_size}:{i.CRC}")
+        )
         for i in infos
     ]
 
@@ -172,14 +200,19 @@ def _below(file: Path, root: Path) -> Path:
 
 
 class _Names:
-    """Names that stay inside a folder, are valid text, and are told apart even where case does not count."""
+    """Names that stay inside a folder, are valid text, and are told apart even where case does not
+    count."""
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
         self._counts: dict[str, int] = {}
 
     def take(self, wanted: str) -> str:
-        text = wanted.replace("\\", "/").encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+        text = (
+            wanted.replace("\\", "/")
+            .encode("utf-8", "surrogateescape")
+            .decode("utf-8", "backslashreplace")
+        )
         parts = [_part(p) for p in PurePosixPath(text).parts if p not in ("/", "..", ".")]
         clean = "/".join(parts) or "picture"
         # Counting goes on where it was: a list may name one picture a hundred thousand times.

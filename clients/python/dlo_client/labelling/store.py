@@ -1,8 +1,9 @@
 """The output folder: a label file for every picture, and a ledger of what became of each.
 
-A label is written beside its place and renamed; then the ledger notes it. Killed between the two, the picture is
-labelled again, by the same job where the service still knows it. The ledger is an SQLite file: whatever moment the
-process dies at, it holds every picture exactly once. One run at a time: a second one is refused.
+A label is written beside its place and renamed; then the ledger notes it. Killed between the two,
+the picture is labelled again, by the same job where the service still knows it. The ledger is an
+SQLite file: whatever moment the process dies at, it holds every picture exactly once. One run at a
+time: a second one is refused.
 """
 
 from __future__ import annotations
@@ -37,13 +38,14 @@ CREATE TABLE IF NOT EXISTS settings (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 
 
 class StoreError(Exception):
-    """The output folder cannot be used, or is full: the message says why. What was written before is kept."""
+    """The output folder cannot be used, or is full: the message says why. What was written before
+    is kept."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What became of one picture. ``detail``: why it failed, what it is a duplicate of, or what is uncertain;
-    ``stamp``: the version of the file that this is about."""
+    """What became of one picture. ``detail``: why it failed, what it is a duplicate of, or what is
+    uncertain; ``stamp``: the version of the file that this is about."""
 
     name: str
     state: State
@@ -74,26 +76,35 @@ class LabelStore:
                 self._ledger.executescript(_SCHEMA)
         except (OSError, sqlite3.Error) as error:
             self._unlock()
-            raise StoreError(f"{folder}: cannot be written: {getattr(error, 'strerror', None) or error}") from error
+            raise StoreError(
+                f"{folder}: cannot be written: {getattr(error, 'strerror', None) or error}"
+            ) from error
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._ledger.close()
         self._unlock()
 
     def put(self, entry: Entry, label: PictureLabel | None = None) -> None:
-        """Note what became of a picture, after its label is safely there. Raises StoreError: disk full."""
+        """Note what became of a picture, after its label is safely there. Raises StoreError: disk
+        full."""
         with self._written():
             if label is not None:
                 write_whole(self.label_file(entry.name), label.model_dump_json().encode())
-            self._ledger.execute("INSERT OR REPLACE INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(entry))
+            self._ledger.execute(
+                "INSERT OR REPLACE INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(entry)
+            )
 
     def entries(self) -> dict[str, Entry]:
-        """All that is known, by name. Raises StoreError: the ledger is damaged, or cannot be opened where it lies."""
+        """All that is known, by name. Raises StoreError: the ledger is damaged, or cannot be opened
+        where it lies."""
         try:
             rows = self._ledger.execute("SELECT * FROM pictures ORDER BY name").fetchall()
         except sqlite3.Error as error:
@@ -103,17 +114,23 @@ class LabelStore:
     def twin_of(self, sha256: str, name: str) -> str | None:
         """Another picture with the same bytes that has a label."""
         row = self._ledger.execute(
-            "SELECT name FROM pictures WHERE sha256 = ? AND state = 'done' AND name != ?", (sha256, name)
+            "SELECT name FROM pictures WHERE sha256 = ? AND state = 'done' AND name != ?",
+            (sha256, name),
         ).fetchone()
         return str(row[0]) if row else None
 
     def remember(self, settings: dict[str, object]) -> None:
-        """What the labels are made with. Raises StoreError when those that are there were made with something else."""
+        """What the labels are made with. Raises StoreError when those that are there were made with
+        something else."""
         told = json.dumps(settings, sort_keys=True)
         with self._written():
-            row = self._ledger.execute("SELECT value FROM settings WHERE key = 'request'").fetchone()
+            row = self._ledger.execute(
+                "SELECT value FROM settings WHERE key = 'request'"
+            ).fetchone()
             if row is not None and row[0] != told:
-                raise StoreError(f"{self.folder}: its labels were made with {row[0]}, not {told}: take another folder")
+                raise StoreError(
+                    f"{self.folder}: its labels were made with {row[0]}, not {told}: take another folder"
+                )
             self._ledger.execute("INSERT OR REPLACE INTO settings VALUES ('request', ?)", (told,))
 
     def remember_source(self, source: str) -> None:
@@ -146,7 +163,9 @@ class LabelStore:
             with self._ledger:
                 yield
         except (OSError, sqlite3.Error) as error:
-            raise StoreError(f"{self.folder}: {getattr(error, 'strerror', None) or error}") from error
+            raise StoreError(
+                f"{self.folder}: {getattr(error, 'strerror', None) or error}"
+            ) from error
 
     def _locked(self) -> int:
         handle = os.open(self.folder / ".lock", os.O_CREAT | os.O_RDWR, 0o644)

@@ -1,4 +1,5 @@
-"""Labels of tracked strokes, filed like those of a batch: the same folder, formats and corrections."""
+"""Labels of tracked strokes, filed like those of a batch: the same folder, formats and
+corrections."""
 
 from __future__ import annotations
 
@@ -10,8 +11,11 @@ from dlo_client.labelling.labels import LabelledInstance, PictureLabel
 from dlo_client.labelling.store import Entry, LabelStore
 
 
-def file_tracked(store: LabelStore, result: LabelTrackedResult, names: Sequence[str]) -> list[PictureLabel]:
-    """One label a view under ``names``, into a store that is open for writing. Raises StoreError."""
+def file_tracked(
+    store: LabelStore, result: LabelTrackedResult, names: Sequence[str]
+) -> list[PictureLabel]:
+    """One label a view under ``names``, into a store that is open for writing. Raises
+    StoreError."""
     labels = [_label(view, name, result) for view, name in zip(result.views, names, strict=True)]
     for label in labels:
         store.put(Entry(label.name, "done", detail=label.doubt, certainty=label.certainty), label)

@@ -1,8 +1,9 @@
-"""Labelled pictures as a training source: a folder of ``NAME.png``, ``NAME_ids.png`` and ``index.jsonl``.
+"""Labelled pictures as a training source: a folder of ``NAME.png``, ``NAME_ids.png`` and
+``index.jsonl``.
 
-That is the form in which the service's repository keeps its own rendered sets; its training mixes such folders by
-ratio. The index is written last, line by line: a set that is cut off stays valid, and the next export goes on.
-Needs ``dlo-client[label]``.
+That is the form in which the service's repository keeps its own rendered sets; its training mixes
+such folders by ratio. The index is written last, line by line: a set that is cut off stays valid,
+and the next export goes on. Needs ``dlo-client[label]``.
 """
 
 from __future__ import annotations
@@ -21,19 +22,30 @@ from dlo_client.labelling.formats.indexed_png import ids_of
 from dlo_client.labelling.formats.names import stem_and_suffix, told_apart
 from dlo_client.labelling.labels import PictureLabel
 from dlo_client.labelling.sources import PictureUnreadable, SourcePicture
-from dlo_client.labelling.store import LabelStore, StoreError, corrected_file, read_label, write_whole
+from dlo_client.labelling.store import (
+    LabelStore,
+    StoreError,
+    corrected_file,
+    read_label,
+    write_whole,
+)
 from dlo_client.labelling.upright import upright
 
 INDEX = "index.jsonl"
 
 
 def export_training_set(
-    store: LabelStore, pictures: Iterable[SourcePicture], folder: Path, *, corrected_only: bool = True
+    store: LabelStore,
+    pictures: Iterable[SourcePicture],
+    folder: Path,
+    *,
+    corrected_only: bool = True,
 ) -> dict[str, str]:
-    """Write every picture of ``pictures`` that has a correction, or with ``corrected_only`` off any label.
+    """Write every picture of ``pictures`` that has a correction, or with ``corrected_only`` off any
+    label.
 
-    Returns name → why for those that could not be: the picture is gone, unreadable or of another size, or the
-    folder is full.
+    Returns name → why for those that could not be: the picture is gone, unreadable or of another
+    size, or the folder is full.
     """
     by_name = {picture.name: picture for picture in pictures}
     problems: dict[str, str] = {}
@@ -44,13 +56,22 @@ def export_training_set(
     with (folder / INDEX).open("a", encoding="utf-8") as index:
         for name, entry in store.entries().items():
             corrected = corrected_file(store.folder, name)
-            if entry.state == "failed" or (corrected_only and not corrected.exists()) or name in sources:
+            if (
+                entry.state == "failed"
+                or (corrected_only and not corrected.exists())
+                or name in sources
+            ):
                 continue
             flat = files[name] if files[name] not in written else _flat_and_digest(name)
             try:
                 label = read_label(corrected) if corrected.exists() else store.label(name)
                 _write(folder, flat, label, by_name.get(name))
-                record = {"name": flat, "source": name, "origin": label.origin, "instances": len(label.instances)}
+                record = {
+                    "name": flat,
+                    "source": name,
+                    "origin": label.origin,
+                    "instances": len(label.instances),
+                }
                 index.write(json.dumps(record) + "\n")
                 index.flush()
             except (PictureUnreadable, FormatError, StoreError) as error:
@@ -87,7 +108,8 @@ def _flat_and_digest(name: str) -> str:
 
 
 def _indexed(folder: Path) -> dict[str, str]:
-    """Name → source of what is written so far; a last line that was cut off does not count and is ended."""
+    """Name → source of what is written so far; a last line that was cut off does not count and is
+    ended."""
     if not (folder / INDEX).exists():
         return {}
     content = (folder / INDEX).read_bytes()

@@ -1,1 +1,2 @@
-"""An OPC UA server after OPC 40100-1 (machine vision, control). Needs the extra ``opcua``; see docs/opcua.md."""
+"""An OPC UA server after OPC 40100-1 (machine vision, control). Needs the extra ``opcua``; see
+docs/opcua.md."""

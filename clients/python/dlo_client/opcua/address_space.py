@@ -1,4 +1,5 @@
-"""The nodes of the vision system: objects, variables, methods and event types, by the names of OPC 40100-1."""
+"""The nodes of the vision system: objects, variables, methods and event types, by the names of OPC
+40100-1."""
 
 from __future__ import annotations
 
@@ -25,12 +26,18 @@ _EVENTS = {
     "ErrorResolvedEventType": ["CauseDescription"],
 }
 _RESULT = {
-    "ResultId": ua.VariantType.String, "JobId": ua.VariantType.String, "MeasId": ua.VariantType.String,
-    "PartId": ua.VariantType.String, "InternalRecipeId": ua.VariantType.String, "ResultState": ua.VariantType.Int32,
-    "IsPartial": ua.VariantType.Boolean, "IsSimulated": ua.VariantType.Boolean,
-    "CreationTime": ua.VariantType.DateTime, "ProcessingTime": ua.VariantType.Double,
+    "ResultId": ua.VariantType.String,
+    "JobId": ua.VariantType.String,
+    "MeasId": ua.VariantType.String,
+    "PartId": ua.VariantType.String,
+    "InternalRecipeId": ua.VariantType.String,
+    "ResultState": ua.VariantType.Int32,
+    "IsPartial": ua.VariantType.Boolean,
+    "IsSimulated": ua.VariantType.Boolean,
+    "CreationTime": ua.VariantType.DateTime,
+    "ProcessingTime": ua.VariantType.Double,
     "ResultContent": ua.VariantType.String,
-}  # fmt: skip
+}
 
 
 @dataclass
@@ -78,15 +85,24 @@ async def build(server: Server, methods: dict[str, list[Signature]]) -> VisionNo
     auto_state, auto_number, _ = await _state_variables(automatic, index, "", AUTOMATIC_STATES)
     listed = await recipes.add_variable(index, "Recipes", [], ua.VariantType.String)
     folder = await results.add_object(index, "LatestResult")
-    result = {name: await folder.add_variable(index, name, _zero(kind), kind) for name, kind in _RESULT.items()}
-    events = {name: await _event(server, index, system, name, fields) for name, fields in _EVENTS.items()}
+    result = {
+        name: await folder.add_variable(index, name, _zero(kind), kind)
+        for name, kind in _RESULT.items()
+    }
+    events = {
+        name: await _event(server, index, system, name, fields) for name, fields in _EVENTS.items()
+    }
     return VisionNodes(state, number, transition, auto_state, auto_number, listed, result, events)
 
 
-async def _state_variables(machine: Any, index: int, state: str, states: dict[str, int]) -> tuple[Any, Any, Any]:
+async def _state_variables(
+    machine: Any, index: int, state: str, states: dict[str, int]
+) -> tuple[Any, Any, Any]:
     """CurrentState with its Number, LastTransition; and the state objects."""
     current = await machine.add_variable(index, "CurrentState", ua.LocalizedText(state))
-    number = await current.add_property(index, "Number", states.get(state, 0), ua.VariantType.UInt32)
+    number = await current.add_property(
+        index, "Number", states.get(state, 0), ua.VariantType.UInt32
+    )
     transition = await machine.add_variable(index, "LastTransition", ua.LocalizedText(""))
     for name, value in states.items():
         node = await machine.add_object(index, name)
@@ -97,7 +113,10 @@ async def _state_variables(machine: Any, index: int, state: str, states: dict[st
 async def _add_method(holder: Any, index: int, signature: Signature) -> None:
     async def call(_parent: Any, *arguments: Any) -> list[ua.Variant]:
         found = await signature.call(*(argument.Value for argument in arguments))
-        return [ua.Variant(value, _type(name)) for name, value in zip(signature.outputs, found, strict=True)]
+        return [
+            ua.Variant(value, _type(name))
+            for name, value in zip(signature.outputs, found, strict=True)
+        ]
 
     inputs = [_argument(name) for name in signature.inputs]
     outputs = [_argument(name) for name in signature.outputs]
@@ -121,7 +140,8 @@ def _argument(name: str) -> ua.Argument:
 
 async def _event(server: Server, index: int, system: Any, name: str, fields: list[str]) -> Any:
     properties = [
-        (field, ua.VariantType.Int32 if field == "ResultState" else ua.VariantType.String) for field in fields
+        (field, ua.VariantType.Int32 if field == "ResultState" else ua.VariantType.String)
+        for field in fields
     ]
     kind = await server.create_custom_event_type(index, name, ObjectIds.BaseEventType, properties)
     return await server.get_event_generator(kind, system)
@@ -131,6 +151,9 @@ def _zero(kind: ua.VariantType) -> Any:
     from datetime import UTC, datetime
 
     return {
-        ua.VariantType.String: "", ua.VariantType.Int32: 0, ua.VariantType.Boolean: False,
-        ua.VariantType.Double: 0.0, ua.VariantType.DateTime: datetime(1970, 1, 1, tzinfo=UTC),
-    }[kind]  # fmt: skip
+        ua.VariantType.String: "",
+        ua.VariantType.Int32: 0,
+        ua.VariantType.Boolean: False,
+        ua.VariantType.Double: 0.0,
+        ua.VariantType.DateTime: datetime(1970, 1, 1, tzinfo=UTC),
+    }[kind]

@@ -1,8 +1,9 @@
-"""The state machines of OPC 40100-1: the vision system's (8.2) and automatic mode's (8.3), names as there.
+"""The state machines of OPC 40100-1: the vision system's (8.2) and automatic mode's (8.3), names as
+there.
 
-Automatic mode is what *Operational* consists of here: leaving Operational leaves it, and entering it begins in
-Initialized. Transitions that end in ``Auto`` are the server's own; the others are caused by the methods of the same
-tables.
+Automatic mode is what *Operational* consists of here: leaving Operational leaves it, and entering
+it begins in Initialized. Transitions that end in ``Auto`` are the server's own; the others are
+caused by the methods of the same tables.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ class WrongStateError(Exception):
 
 
 class VisionMachine:
-    """Both machines; ``changed`` hears of every transition: its name, the state it left, the state it led to."""
+    """Both machines; ``changed`` hears of every transition: its name, the state it left, the state
+    it led to."""
 
     def __init__(self, changed: Callable[[str, str, str], None] | None = None) -> None:
         self.state = "Preoperational"
@@ -67,7 +69,8 @@ class VisionMachine:
         self._changed = changed or (lambda *_: None)
 
     def fire(self, transition: str) -> None:
-        """Take a transition. Raises WrongStateError, and then nothing has changed; KeyError for an unknown one."""
+        """Take a transition. Raises WrongStateError, and then nothing has changed; KeyError for an
+        unknown one."""
         if transition in AUTOMATIC_TRANSITIONS:
             source, target = AUTOMATIC_TRANSITIONS[transition]
             self._check(transition, self.automatic, source)
@@ -85,4 +88,6 @@ class VisionMachine:
 
     def _check(self, transition: str, now: str, source: str) -> None:
         if now != source:
-            raise WrongStateError(f"{transition} begins in {source}, the system is in {now or self.state}")
+            raise WrongStateError(
+                f"{transition} begins in {source}, the system is in {now or self.state}"
+            )

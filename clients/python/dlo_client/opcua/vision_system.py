@@ -1,7 +1,7 @@
 """The vision system behind the OPC UA nodes: methods, jobs through recipes, results and events.
 
-``Error`` of a method: 0 is done; 1 the state does not allow it; 2 an argument is wrong or unknown; -1 the service did
-not answer. ``ResultState``: 1 complete, 2 failed, 3 aborted.
+``Error`` of a method: 0 is done; 1 the state does not allow it; 2 an argument is wrong or unknown;
+-1 the service did not answer. ``ResultState``: 1 complete, 2 failed, 3 aborted.
 """
 
 from __future__ import annotations
@@ -83,12 +83,19 @@ class VisionSystem:
             "RecipeManagement": [
                 Signature("PrepareRecipe", self.prepare, ("ExternalId",), ("InternalId", "Error")),
                 Signature("UnprepareRecipe", self.unprepare, ("ExternalId",)),
-                Signature("PrepareProduct", self.prepare_product, ("ProductId",), ("InternalId", "Error")),
+                Signature(
+                    "PrepareProduct", self.prepare_product, ("ProductId",), ("InternalId", "Error")
+                ),
                 Signature("UnprepareProduct", self.unprepare_product, ("ProductId",)),
             ],
             "ResultManagement": [
                 Signature("GetResultById", self.result_by_id, ("ResultId",), ("Result", "Error")),
-                Signature("GetResultListFiltered", self.result_list, ("MeasId", "PartId"), ("ResultIdList", "Error")),
+                Signature(
+                    "GetResultListFiltered",
+                    self.result_list,
+                    ("MeasId", "PartId"),
+                    ("ResultIdList", "Error"),
+                ),
             ],
         }
 
@@ -132,11 +139,19 @@ class VisionSystem:
     async def unprepare_product(self, product_id: str) -> list[Any]:
         return [self._unprepare(product_id, "ReadyToInitializedProduct")]
 
-    async def start_single(self, meas_id: str, part_id: str, recipe_id: str, product_id: str) -> list[Any]:
-        return self._start(VisionJob(meas_id or "", part_id or "", 0), recipe_id or product_id, single=True)
+    async def start_single(
+        self, meas_id: str, part_id: str, recipe_id: str, product_id: str
+    ) -> list[Any]:
+        return self._start(
+            VisionJob(meas_id or "", part_id or "", 0), recipe_id or product_id, single=True
+        )
 
-    async def start_continuous(self, meas_id: str, part_id: str, recipe_id: str, product_id: str) -> list[Any]:
-        return self._start(VisionJob(meas_id or "", part_id or "", 0), recipe_id or product_id, single=False)
+    async def start_continuous(
+        self, meas_id: str, part_id: str, recipe_id: str, product_id: str
+    ) -> list[Any]:
+        return self._start(
+            VisionJob(meas_id or "", part_id or "", 0), recipe_id or product_id, single=False
+        )
 
     async def stop(self) -> list[Any]:
         """Finish the picture that is under way, then be ready."""
@@ -215,7 +230,9 @@ class VisionSystem:
             status = await self._one_picture(job, ids)
             if status is Status.SERVICE_AWAY and self.machine.state == "Operational":
                 self.machine.fire("OperationalToErrorAuto")
-                await self._trigger("ErrorEventType", CauseDescription="the service does not answer")
+                await self._trigger(
+                    "ErrorEventType", CauseDescription="the service does not answer"
+                )
                 return
             if single or self._stopping or status >= Status.UNKNOWN_COMMAND:
                 break
@@ -238,12 +255,16 @@ class VisionSystem:
         except Exception as error:
             status = of_error(error)
         result = {
-            **ids, "ResultId": uuid4().hex, "InternalRecipeId": f"{job.recipe}.{version}",
-            "ResultState": FAILED if status >= Status.UNKNOWN_COMMAND else COMPLETE, "IsPartial": False,
-            "IsSimulated": False, "CreationTime": started,
+            **ids,
+            "ResultId": uuid4().hex,
+            "InternalRecipeId": f"{job.recipe}.{version}",
+            "ResultState": FAILED if status >= Status.UNKNOWN_COMMAND else COMPLETE,
+            "IsPartial": False,
+            "IsSimulated": False,
+            "CreationTime": started,
             "ProcessingTime": (datetime.now(UTC) - started).total_seconds() * 1000,
             "ResultContent": json.dumps({"status": int(status), "poses": poses}),
-        }  # fmt: skip
+        }
         await self._keep(result, ids)
         return status
 
@@ -254,7 +275,9 @@ class VisionSystem:
         for name, node in self._nodes.result.items():
             await node.write_value(result[name], await node.read_data_type_as_variant_type())
         fields = {"ResultId": result["ResultId"], "RecipeId": result["InternalRecipeId"]}
-        await self._trigger("ResultReadyEventType", **ids, **fields, ResultState=result["ResultState"])
+        await self._trigger(
+            "ResultReadyEventType", **ids, **fields, ResultState=result["ResultState"]
+        )
 
     async def _leave(self, transition: str) -> int:
         """Out of a state of the upper machine: a job under way ends."""
@@ -277,7 +300,8 @@ class VisionSystem:
             self._task = None
 
     async def _look_after_service(self) -> None:
-        """Error while nobody answers, Preoperational once somebody does; recipes are listed meanwhile."""
+        """Error while nobody answers, Preoperational once somebody does; recipes are listed
+        meanwhile."""
         while True:
             try:
                 stored = await self._client.recipes()
@@ -285,7 +309,9 @@ class VisionSystem:
                 await self._nodes.recipes.write_value(ua.Variant(names, ua.VariantType.String))
                 if self.machine.state == "Error":
                     self.machine.fire("ErrorToPreoperationalAuto")
-                    await self._trigger("ErrorResolvedEventType", CauseDescription="the service answers again")
+                    await self._trigger(
+                        "ErrorResolvedEventType", CauseDescription="the service answers again"
+                    )
             except DLOError as error:
                 if self.machine.state == "Preoperational":
                     self.machine.fire("PreoperationalToErrorAuto")
@@ -298,14 +324,20 @@ class VisionSystem:
         await nodes.state.write_value(ua.LocalizedText(machine.state))
         await nodes.state_number.write_value(STATES[machine.state], ua.VariantType.UInt32)
         await nodes.automatic.write_value(ua.LocalizedText(machine.automatic))
-        await nodes.automatic_number.write_value(AUTOMATIC_STATES.get(machine.automatic, 0), ua.VariantType.UInt32)
+        await nodes.automatic_number.write_value(
+            AUTOMATIC_STATES.get(machine.automatic, 0), ua.VariantType.UInt32
+        )
         await nodes.transition.write_value(ua.LocalizedText(transition))
         log.info("%s: %s to %s", transition, source, target)
-        await self._trigger("StateChangedEventType", Transition=transition, FromState=source, ToState=target)
+        await self._trigger(
+            "StateChangedEventType", Transition=transition, FromState=source, ToState=target
+        )
 
     async def _trigger(self, kind: str, **fields: Any) -> None:
         generator = self._nodes.events[kind]
         for name, value in fields.items():
             setattr(generator.event, name, value)
-        generator.event.Message = ua.LocalizedText(", ".join(f"{name} {value}" for name, value in fields.items()))
+        generator.event.Message = ua.LocalizedText(
+            ", ".join(f"{name} {value}" for name, value in fields.items())
+        )
         await generator.trigger()

@@ -14,7 +14,17 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-_CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3, "mono16": 1, "16UC1": 1}
+_CHANNELS = {
+    "rgb8": 3,
+    "bgr8": 3,
+    "rgba8": 4,
+    "bgra8": 4,
+    "mono8": 1,
+    "8UC1": 1,
+    "8UC3": 3,
+    "mono16": 1,
+    "16UC1": 1,
+}
 _SIXTEEN = ("mono16", "16UC1")
 _BLUE_FIRST = ("bgr8", "bgra8", "8UC3")
 _COLORS = ((0.9, 0.45, 0.0), (0.0, 0.6, 0.85), (0.15, 0.7, 0.3), (0.8, 0.2, 0.6), (0.95, 0.8, 0.1))
@@ -29,7 +39,9 @@ def array_of(image: Any) -> NDArray[Any]:
     channels = _CHANNELS.get(image.encoding)
     if channels is None:
         known = ", ".join(_CHANNELS)
-        raise UnknownEncodingError(f"images in {image.encoding} are not read; republish as one of {known}")
+        raise UnknownEncodingError(
+            f"images in {image.encoding} are not read; republish as one of {known}"
+        )
     kind = np.dtype(np.uint16 if image.encoding in _SIXTEEN else np.uint8)
     if image.encoding in _SIXTEEN:
         kind = kind.newbyteorder(">" if image.is_bigendian else "<")
@@ -55,8 +67,9 @@ def label_image(result: InstancesResult, header: Any) -> Image:
 
 
 def markers(result: Any, header: Any, m_per_px: float) -> MarkerArray:
-    """Lines of a result in the image's frame: x right, y down, ``m_per_px`` meters a pixel, z = 0; the old ones go.
-    A line has the id of what it shows: a tracked cable keeps its number and color. One that is lost has no line."""
+    """Lines of a result in the image's frame: x right, y down, ``m_per_px`` meters a pixel, z = 0;
+    the old ones go. A line has the id of what it shows: a tracked cable keeps its number and color.
+    One that is lost has no line."""
     array = MarkerArray()
     clear = _marker(header, 0, "all")
     clear.action = Marker.DELETEALL
@@ -65,7 +78,9 @@ def markers(result: Any, header: Any, m_per_px: float) -> MarkerArray:
         one = _marker(header, number, name)
         one.type, one.action = Marker.LINE_STRIP, Marker.ADD
         one.scale.x = 3.0 * m_per_px
-        one.color = ColorRGBA(r=_COLORS[number % 5][0], g=_COLORS[number % 5][1], b=_COLORS[number % 5][2], a=1.0)
+        one.color = ColorRGBA(
+            r=_COLORS[number % 5][0], g=_COLORS[number % 5][1], b=_COLORS[number % 5][2], a=1.0
+        )
         one.points = [Point(x=x * m_per_px, y=y * m_per_px, z=0.0) for x, y in line]
         array.markers.append(one)
     return array
@@ -74,13 +89,18 @@ def markers(result: Any, header: Any, m_per_px: float) -> MarkerArray:
 def _lines(result: Any) -> Iterator[tuple[str, int, Sequence[tuple[float, float]]]]:
     match result:
         case InstancesResult():
-            yield from (("centerlines", instance.id, instance.centerline_xy) for instance in result.instances)
+            yield from (
+                ("centerlines", instance.id, instance.centerline_xy)
+                for instance in result.instances
+            )
         case TopologyResult():
             yield from (("sections", section.id, section.points_xy) for section in result.sections)
         case DisentangleResult():
             yield from (("plan", 1, action.trajectory_xy) for action in result.actions[:1])
         case FrameResult():
-            yield from (("cables", c.id, c.centerline_xy) for c in result.cables if c.state != "lost")
+            yield from (
+                ("cables", c.id, c.centerline_xy) for c in result.cables if c.state != "lost"
+            )
 
 
 def _marker(header: Any, number: int, name: str) -> Marker:

@@ -1,13 +1,15 @@
 """The lifecycle node: images in; centerlines, masks and plans out; services for the jobs.
 
-Subscribes ``image`` (sensor_msgs/Image) and ``camera_info``. Publishes ``~/result`` (std_msgs/String: the result's JSON
-with the image's stamp), ``~/markers`` (visualization_msgs/MarkerArray), ``~/labels`` (sensor_msgs/Image, ids of
-instances). Services ``~/instances``, ``~/topology``, ``~/plan_disentangle`` (std_srvs/Trigger) run on the newest image.
-With the ``kind`` ``track`` every image is the next frame of a track: cables keep their ids, and so do their markers.
+Subscribes ``image`` (sensor_msgs/Image) and ``camera_info``. Publishes ``~/result``
+(std_msgs/String: the result's JSON with the image's stamp), ``~/markers``
+(visualization_msgs/MarkerArray), ``~/labels`` (sensor_msgs/Image, ids of instances). Services
+``~/instances``, ``~/topology``, ``~/plan_disentangle`` (std_srvs/Trigger) run on the newest image.
+With the ``kind`` ``track`` every image is the next frame of a track: cables keep their ids, and so
+do their markers.
 
-Strategy: a thread does the waiting for the service, so that the executor is never held up. It takes the newest image;
-those that came meanwhile are passed over. Configure opens the client, activate lets images through, deactivate stops
-them, cleanup closes the client.
+Strategy: a thread does the waiting for the service, so that the executor is never held up. It takes
+the newest image; those that came meanwhile are passed over. Configure opens the client, activate
+lets images through, deactivate stops them, cleanup closes the client.
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ PARAMETERS: dict[str, Any] = {
 
 
 class DloNode(LifecycleNode):
-    """See the module. ``open_client`` makes the client of an address and a key; tests give another."""
+    """See the module. ``open_client`` makes the client of an address and a key; tests give
+    another."""
 
     def __init__(self, open_client: Any = Client) -> None:
         super().__init__("dlo")
@@ -69,12 +72,17 @@ class DloNode(LifecycleNode):
         self._thread: threading.Thread | None = None
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
-        """Open the client, make publishers, subscriptions and services. Fails for a ``kind`` that is none."""
+        """Open the client, make publishers, subscriptions and services. Fails for a ``kind`` that
+        is none."""
         if self._parameter("kind") not in (*REQUESTS, TRACK):
-            self.get_logger().error(f"kind is one of {', '.join(REQUESTS)}, {TRACK}, not {self._parameter('kind')!r}")
+            self.get_logger().error(
+                f"kind is one of {', '.join(REQUESTS)}, {TRACK}, not {self._parameter('kind')!r}"
+            )
             return TransitionCallbackReturn.FAILURE
         try:
-            self._client = self._open_client(self._parameter("url"), self._parameter("api_key") or None)
+            self._client = self._open_client(
+                self._parameter("url"), self._parameter("api_key") or None
+            )
         except DLOError as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -83,9 +91,13 @@ class DloNode(LifecycleNode):
         self._labels = self.create_lifecycle_publisher(Image, "~/labels", 2)
         self._subscriptions = [
             self.create_subscription(Image, "image", self._on_image, qos_profile_sensor_data),
-            self.create_subscription(CameraInfo, "camera_info", self._on_camera, qos_profile_sensor_data),
+            self.create_subscription(
+                CameraInfo, "camera_info", self._on_camera, qos_profile_sensor_data
+            ),
         ]
-        self._services = [self.create_service(Trigger, f"~/{kind}", self._service_of(kind)) for kind in REQUESTS]
+        self._services = [
+            self.create_service(Trigger, f"~/{kind}", self._service_of(kind)) for kind in REQUESTS
+        ]
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:
@@ -129,7 +141,9 @@ class DloNode(LifecycleNode):
         def serve(_: Any, response: Any) -> Any:
             """Accepted at once; the answer is published."""
             response.success = self._active and self._newest is not None
-            response.message = "published on ~/result" if response.success else "not active, or no image yet"
+            response.message = (
+                "published on ~/result" if response.success else "not active, or no image yet"
+            )
             if response.success:
                 self._hand_over(kind, self._newest)
             return response
@@ -165,7 +179,9 @@ class DloNode(LifecycleNode):
             result = self._result_of(kind, message)
         except (DLOError, UnknownEncodingError) as error:
             self.get_logger().warning(f"{kind}: {error}")
-            if kind == TRACK:  # forgotten there, or frames are missing: the next image begins another one
+            if (
+                kind == TRACK
+            ):  # forgotten there, or frames are missing: the next image begins another one
                 self._end_track()
             return
         stamp = message.header.stamp

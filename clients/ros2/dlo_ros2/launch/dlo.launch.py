@@ -1,4 +1,5 @@
-"""Starts the node, configures and activates it: ``ros2 launch dlo_ros2 dlo.launch.py image:=/camera/image_raw``."""
+"""Starts the node, configures and activates it: ``ros2 launch dlo_ros2 dlo.launch.py
+image:=/camera/image_raw``."""
 
 from pathlib import Path
 
@@ -21,14 +22,21 @@ def generate_launch_description() -> LaunchDescription:
         name="dlo",
         namespace="",
         parameters=[str(config)],
-        remappings=[("image", LaunchConfiguration("image")), ("camera_info", LaunchConfiguration("camera_info"))],
+        remappings=[
+            ("image", LaunchConfiguration("image")),
+            ("camera_info", LaunchConfiguration("camera_info")),
+        ],
     )
 
     def change(transition: int) -> EmitEvent:
-        return EmitEvent(event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition))
+        return EmitEvent(
+            event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition)
+        )
 
     activate = OnStateTransition(
-        target_lifecycle_node=node, goal_state="inactive", entities=[change(Transition.TRANSITION_ACTIVATE)]
+        target_lifecycle_node=node,
+        goal_state="inactive",
+        entities=[change(Transition.TRANSITION_ACTIVATE)],
     )
     return LaunchDescription(
         [

@@ -1,4 +1,5 @@
-"""Ariadne+ (thesis section 3.3): paths over a graph of superpixels, two networks at its intersections."""
+"""Ariadne+ (thesis section 3.3): paths over a graph of superpixels, two networks at its
+intersections."""
 
 from models.instances.published.ariadne_plus.extraction import AriadnePlusParams, extract
 

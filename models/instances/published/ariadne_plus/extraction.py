@@ -24,7 +24,11 @@ from models.instances.published.ariadne_plus.patches import (
     reduction,
     to_network,
 )
-from models.instances.published.ariadne_plus.paths import Appearance, find_paths, intersection_scores
+from models.instances.published.ariadne_plus.paths import (
+    Appearance,
+    find_paths,
+    intersection_scores,
+)
 from models.instances.published.ariadne_plus.superpixels import Regions, region_graph
 from models.instances.scene import Crossing, Scene
 from models.instances.working_size import at_working_size
@@ -34,15 +38,16 @@ from models.strands.stopwatch import Stopwatch
 
 _MAX_PIXELS = 700_000
 _SPACING_PX = 4.0
-"""Larger masks are reduced, as SLIC takes long; points of a path are so far apart before they are centered."""
+"""Larger masks are reduced, as SLIC takes long; points of a path are so far apart before they are
+centered."""
 
 Network = EmbeddingNetwork | AboveNetwork
 
 
 @dataclass(frozen=True)
 class AriadnePlusParams:
-    """``superpixels``: how many the foreground is cut into (thesis 3.6.5: 50); fewer where they would be smaller than
-    a DLO is wide."""
+    """``superpixels``: how many the foreground is cut into (thesis 3.6.5: 50); fewer where they
+    would be smaller than a DLO is wide."""
 
     superpixels: int = 50
 
@@ -55,40 +60,58 @@ def extract(
 ) -> Scene:
     """The DLOs of a foreground mask.
 
-    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None. ``networks``: TripletNet and CrossNet; without them,
-    or without an image, the curvature alone scores intersections and the color's variance decides who lies on top.
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None. ``networks``: TripletNet and
+    CrossNet; without them, or without an image, the curvature alone scores intersections and the
+    color's variance decides who lies on top.
 
-    Any mask is allowed, and the work is bounded: beyond 0.7 megapixels the mask is reduced; an intersection of more
-    than 24 branches keeps 24. Raises ``ValueError`` when the image is of another size than the mask.
+    Any mask is allowed, and the work is bounded: beyond 0.7 megapixels the mask is reduced; an
+    intersection of more than 24 branches keeps 24. Raises ``ValueError`` when the image is of
+    another size than the mask.
     """
     settings = params or AriadnePlusParams()
-    return at_working_size(mask, image, lambda m, i: _extract(m, i, settings, networks), _MAX_PIXELS)
+    return at_working_size(
+        mask, image, lambda m, i: _extract(m, i, settings, networks), _MAX_PIXELS
+    )
 
 
-def _extract(mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams, networks: Sequence[Network]) -> Scene:
+def _extract(
+    mask: BoolArray, image: ByteArray | None, params: AriadnePlusParams, networks: Sequence[Network]
+) -> Scene:
     watch = Stopwatch()
     with watch.step("superpixels"):
         distances = distance_map(mask)
         width = 4 * float(distances.sum()) / max(int(np.count_nonzero(mask)), 1)
         regions = region_graph(mask, image, params.superpixels, width)
     with watch.step("scores"):
-        appearance = _appearance(regions, distances, image, networks[0]) if networks and image is not None else None
+        appearance = (
+            _appearance(regions, distances, image, networks[0])
+            if networks and image is not None
+            else None
+        )
         scores = intersection_scores(regions, appearance)
     with watch.step("paths"):
         paths = find_paths(regions, scores)
-        chains = [c for path, ring in paths if (c := _chain(path, ring, regions, distances)) is not None]
+        chains = [
+            c for path, ring in paths if (c := _chain(path, ring, regions, distances)) is not None
+        ]
     order = _layout(networks[1]) if networks and image is not None else order_meetings
     return assemble(chains, mask, distances, image, watch, method="ariadne_plus", order=order)
 
 
-def _appearance(regions: Regions, distances: Float32Array, image: ByteArray, network: EmbeddingNetwork) -> Appearance:
-    """TripletNet's squared distances between the patches around nodes; one batch for all intersections' neighbors."""
-    wanted = sorted({n for k in np.flatnonzero(regions.is_intersection).tolist() for n in regions.neighbors[k]})
+def _appearance(
+    regions: Regions, distances: Float32Array, image: ByteArray, network: EmbeddingNetwork
+) -> Appearance:
+    """TripletNet's squared distances between the patches around nodes; one batch for all
+    intersections' neighbors."""
+    wanted = sorted(
+        {n for k in np.flatnonzero(regions.is_intersection).tolist() for n in regions.neighbors[k]}
+    )
     if not wanted:
         return lambda nodes: np.zeros((len(nodes), len(nodes)))
     widths = 2 * read_nearest(distances, regions.xy[wanted])
     patches = [
-        patch(image, regions.xy[n], NODE_PIXELS, reduction(float(w))) for n, w in zip(wanted, widths, strict=True)
+        patch(image, regions.xy[n], NODE_PIXELS, reduction(float(w)))
+        for n, w in zip(wanted, widths, strict=True)
     ]
     row = {node: k for k, node in enumerate(wanted)}
     embedded = network(to_network(patches)).astype(np.float64)
@@ -105,8 +128,8 @@ def _appearance(regions: Regions, distances: Float32Array, image: ByteArray, net
 def _chain(path: list[int], ring: bool, regions: Regions, distances: Float32Array) -> Chain | None:
     """The path's centroids as points every few pixels, moved onto the middle of the foreground.
 
-    Beyond the thesis: a curve through centroids of long superpixels leaves the middle of a bent DLO, and an
-    intersection's centroid belongs to all DLOs there, so no curve is led through it.
+    Beyond the thesis: a curve through centroids of long superpixels leaves the middle of a bent
+    DLO, and an intersection's centroid belongs to all DLOs there, so no curve is led through it.
     """
     points = regions.xy[[node for node in path if not regions.is_intersection[node]]]
     if not ring:
@@ -124,7 +147,8 @@ def _chain(path: list[int], ring: bool, regions: Regions, distances: Float32Arra
 
 
 def _settled(points: FloatArray, distances: Float32Array) -> FloatArray:
-    """Every point moved across the curve to the largest distance from the background, then smoothed."""
+    """Every point moved across the curve to the largest distance from the background, then
+    smoothed."""
     normal = quarter_turned(tangents(points))
     reach = max(2.0, 1.5 * float(np.median(read_nearest(distances, points))))
     offsets = np.linspace(-reach, reach, 13)
@@ -141,7 +165,9 @@ def _settled(points: FloatArray, distances: Float32Array) -> FloatArray:
 def _layout(above: AboveNetwork) -> Order:
     """Order of all crossings by CrossNet in one batch (3.3.8)."""
 
-    def order(meetings: list[Meeting], strands: list[Strand], image: ByteArray | None) -> tuple[Crossing, ...]:
+    def order(
+        meetings: list[Meeting], strands: list[Strand], image: ByteArray | None
+    ) -> tuple[Crossing, ...]:
         if not meetings or image is None:
             return order_meetings(meetings, strands, image)
         patches = [p for meeting in meetings for p in _masked(meeting, strands, image)]
@@ -163,6 +189,12 @@ def _masked(meeting: Meeting, strands: list[Strand], image: ByteArray) -> list[B
     reach = 0.8 * CROSSING_PIXELS * step
     patches = []
     for strand, at in pair:
-        line = point_at(strand.xy, strand.lengths, np.clip(at + np.linspace(-reach, reach, 33), 0, strand.lengths[-1]))
-        patches.append(only(whole, (line - meeting.xy) / step + (CROSSING_PIXELS - 1) / 2, strand.width / step))
+        line = point_at(
+            strand.xy,
+            strand.lengths,
+            np.clip(at + np.linspace(-reach, reach, 33), 0, strand.lengths[-1]),
+        )
+        patches.append(
+            only(whole, (line - meeting.xy) / step + (CROSSING_PIXELS - 1) / 2, strand.width / step)
+        )
     return patches

@@ -1,4 +1,5 @@
-"""The patches that Ariadne+'s networks look at (thesis 3.3.6 and 3.3.8), the same in training and in use."""
+"""The patches that Ariadne+'s networks look at (thesis 3.3.6 and 3.3.8), the same in training and
+in use."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ _TYPICAL_WIDTH = 12.0
 EmbeddingNetwork = Callable[[Float32Array], Float32Array]
 """Patches ``(n, 3, 32, 32)`` to embeddings ``(n, 256)``: TripletNet."""
 AboveNetwork = Callable[[Float32Array], Float32Array]
-"""Masked patches ``(n, 3, 64, 64)`` to the probability ``(n,)`` that their cable is on top: CrossNet."""
+"""Masked patches ``(n, 3, 64, 64)`` to the probability ``(n,)`` that their cable is on top:
+CrossNet."""
 
 
 def reduction(width_px: float) -> float:
@@ -25,16 +27,22 @@ def reduction(width_px: float) -> float:
 
 
 def patch(picture: ByteArray, center_xy: FloatArray, pixels: int, step: float) -> ByteArray:
-    """``(pixels, pixels, …)`` around the center, ``step`` picture pixels apart, 0 outside the picture."""
+    """``(pixels, pixels, …)`` around the center, ``step`` picture pixels apart, 0 outside the
+    picture."""
     shift = (pixels - 1) / 2 - center_xy / step
     matrix = np.array([[1 / step, 0, shift[0]], [0, 1 / step, shift[1]]])
-    return np.asarray(cv2.warpAffine(picture, matrix, (pixels, pixels), flags=cv2.INTER_LINEAR), dtype=np.uint8)
+    return np.asarray(
+        cv2.warpAffine(picture, matrix, (pixels, pixels), flags=cv2.INTER_LINEAR), dtype=np.uint8
+    )
 
 
 def only(crossing: ByteArray, line_xy: FloatArray, width_px: float) -> ByteArray:
-    """The patch with everything blackened that is not on the stroke ``line_xy`` (in patch pixels)."""
+    """The patch with everything blackened that is not on the stroke ``line_xy`` (in patch
+    pixels)."""
     kept = np.zeros(crossing.shape[:2], np.uint8)
-    cv2.polylines(kept, [np.rint(line_xy * 16).astype(np.int32)], False, 1, max(1, round(width_px)), shift=4)
+    cv2.polylines(
+        kept, [np.rint(line_xy * 16).astype(np.int32)], False, 1, max(1, round(width_px)), shift=4
+    )
     return crossing * kept[:, :, None]
 
 

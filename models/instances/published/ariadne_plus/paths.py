@@ -1,4 +1,5 @@
-"""Scores at intersections, and Algorithm 1: from the region graph to one path a DLO (thesis 3.3.6, 3.3.7)."""
+"""Scores at intersections, and Algorithm 1: from the region graph to one path a DLO (thesis 3.3.6,
+3.3.7)."""
 
 from __future__ import annotations
 
@@ -20,10 +21,11 @@ Appearance = Callable[[list[int]], FloatArray]
 
 
 def curvature_score(points_xy: FloatArray) -> float:
-    """Von Mises score of an ordered sequence of three or four points: high where the direction changes evenly.
+    """Von Mises score of an ordered sequence of three or four points: high where the direction
+    changes evenly.
 
-    With four points the two turns are compared (``M(phi_1 - phi_2)`` of the thesis) and each turn counts by itself
-    too; with three there is one turn. ``(n, 2)`` to 0 … 1.
+    With four points the two turns are compared (``M(phi_1 - phi_2)`` of the thesis) and each turn
+    counts by itself too; with three there is one turn. ``(n, 2)`` to 0 … 1.
     """
     steps = np.diff(points_xy, axis=0)
     headings = np.arctan2(steps[:, 1], steps[:, 0])
@@ -32,16 +34,23 @@ def curvature_score(points_xy: FloatArray) -> float:
     return float(np.exp(_CONCENTRATION * (np.cos(angles) - 1)).prod())
 
 
-def intersection_scores(regions: Regions, appearance: Appearance | None) -> list[tuple[float, int, int, int]]:
-    """``(score, n_k, n_l, intersection)`` of every pair of neighbors of every intersection: W_pred of 3.3.6."""
+def intersection_scores(
+    regions: Regions, appearance: Appearance | None
+) -> list[tuple[float, int, int, int]]:
+    """``(score, n_k, n_l, intersection)`` of every pair of neighbors of every intersection: W_pred
+    of 3.3.6."""
     scores = []
     for node in np.flatnonzero(regions.is_intersection).tolist():
-        around = [n for n in regions.neighbors[node] if not regions.is_intersection[n]][:_MAX_BRANCHES]
+        around = [n for n in regions.neighbors[node] if not regions.is_intersection[n]][
+            :_MAX_BRANCHES
+        ]
         if len(around) < 2:
             continue
         alike = np.ones((len(around), len(around)))
         if appearance is not None:
-            alike = 2 / (1 + np.exp(np.minimum(appearance(around), 50.0)))  # a sigmoid: 1 at distance 0
+            alike = 2 / (
+                1 + np.exp(np.minimum(appearance(around), 50.0))
+            )  # a sigmoid: 1 at distance 0
         for i, j in combinations(range(len(around)), 2):
             curve = curvature_score(_sequence(regions, around[i], node, around[j]))
             scores.append((float(alike[i, j]) * curve, around[i], around[j], node))
@@ -49,7 +58,8 @@ def intersection_scores(regions: Regions, appearance: Appearance | None) -> list
 
 
 def _sequence(regions: Regions, k: int, node: int, l: int) -> FloatArray:  # noqa: E741
-    """Centroids of ``n_k``'s other neighbor, ``n_k``, ``n_l`` and ``n_l``'s other neighbor; at least three places."""
+    """Centroids of ``n_k``'s other neighbor, ``n_k``, ``n_l`` and ``n_l``'s other neighbor; at
+    least three places."""
     before, after = ([n for n in regions.neighbors[m] if n != node] for m in (k, l))
     outer = [before[:1], [k], [l], after[:1]]
     nodes = [n for part in outer for n in part]
@@ -58,11 +68,13 @@ def _sequence(regions: Regions, k: int, node: int, l: int) -> FloatArray:  # noq
     return regions.xy[nodes]
 
 
-def find_paths(regions: Regions, scores: list[tuple[float, int, int, int]]) -> list[tuple[list[int], bool]]:
+def find_paths(
+    regions: Regions, scores: list[tuple[float, int, int, int]]
+) -> list[tuple[list[int], bool]]:
     """Algorithm 1: (nodes in order, whether it is a ring) of every path.
 
-    Partial paths run between endpoints and intersections; the best-scored pair of an intersection's neighbors is
-    joined through it, each neighbor once at each intersection, until no score is left.
+    Partial paths run between endpoints and intersections; the best-scored pair of an intersection's
+    neighbors is joined through it, each neighbor once at each intersection, until no score is left.
     """
     links: dict[tuple[int, int], tuple[int, int]] = {}
     for score, k, l, node in sorted(scores, reverse=True):  # noqa: E741
@@ -71,7 +83,9 @@ def find_paths(regions: Regions, scores: list[tuple[float, int, int, int]]) -> l
     return _walk_all(regions, links)
 
 
-def _walk_all(regions: Regions, links: dict[tuple[int, int], tuple[int, int]]) -> list[tuple[list[int], bool]]:
+def _walk_all(
+    regions: Regions, links: dict[tuple[int, int], tuple[int, int]]
+) -> list[tuple[list[int], bool]]:
     """Every node that is no intersection lies on exactly one path."""
     plain = np.flatnonzero(~regions.is_intersection).tolist()
     ways: dict[int, list[tuple[list[int], int]]] = {}
@@ -93,13 +107,19 @@ def _walk_all(regions: Regions, links: dict[tuple[int, int], tuple[int, int]]) -
     return paths
 
 
-def _walk(start: int, ways: dict[int, list[tuple[list[int], int]]], done: set[int]) -> tuple[list[int], bool]:
+def _walk(
+    start: int, ways: dict[int, list[tuple[list[int], int]]], done: set[int]
+) -> tuple[list[int], bool]:
     path, node, came_from = [start], start, -1
     done.add(start)
     while True:
         onward = [(via, n) for via, n in ways[node] if n not in done]
         if not onward:
-            closing = len(path) > 3 and node != start and any(n == start and n != came_from for _, n in ways[node])
+            closing = (
+                len(path) > 3
+                and node != start
+                and any(n == start and n != came_from for _, n in ways[node])
+            )
             return path, closing
         via, following = onward[0]
         path += [*via, following]

@@ -17,7 +17,8 @@ from models.geometry.components import components
 
 _COMPACTNESS = 40.0
 _LEAST_AREA = 2.0
-"""Typical area of a superpixel in squared widths, at least: smaller ones lie side by side across a DLO and fork."""
+"""Typical area of a superpixel in squared widths, at least: smaller ones lie side by side across a
+DLO and fork."""
 _LEAST_CONTACT = 2
 """Pixel pairs along which two superpixels must touch to be neighbors."""
 _GRADIENT = 5
@@ -30,9 +31,10 @@ _SLIVER = 0.3
 class Regions:
     """The graph of superpixels after simplification.
 
-    ``xy``: ``(G, 2)`` centroids. ``neighbors``: for each node the nodes beside it, ascending. ``is_intersection``:
-    ``(G,)``. ``tips``: ``(G, 2)`` the pixel of the superpixel farthest from its only neighbor (the centroid itself
-    for nodes with another number of neighbors): a path starts there.
+    ``xy``: ``(G, 2)`` centroids. ``neighbors``: for each node the nodes beside it, ascending.
+    ``is_intersection``: ``(G,)``. ``tips``: ``(G, 2)`` the pixel of the superpixel farthest from
+    its only neighbor (the centroid itself for nodes with another number of neighbors): a path
+    starts there.
     """
 
     xy: FloatArray
@@ -41,13 +43,16 @@ class Regions:
     tips: FloatArray
 
 
-def region_graph(mask: BoolArray, image: ByteArray | None, superpixels: int, width_px: float = 1.0) -> Regions:
+def region_graph(
+    mask: BoolArray, image: ByteArray | None, superpixels: int, width_px: float = 1.0
+) -> Regions:
     """MaskSLIC, adjacency, and intersections as single nodes.
 
-    ``superpixels``: how many at most; ``width_px``: typical width of the foreground, which bounds them too.
+    ``superpixels``: how many at most; ``width_px``: typical width of the foreground, which bounds
+    them too.
 
-    Strategy: one pass over the label array finds all neighbors: labels of pixels one step right, down and along both
-    diagonals are compared with their own. No mask is made for any superpixel.
+    Strategy: one pass over the label array finds all neighbors: labels of pixels one step right,
+    down and along both diagonals are compared with their own. No mask is made for any superpixel.
     """
     if not mask.any():
         return Regions(np.zeros((0, 2)), (), np.zeros(0, bool), np.zeros((0, 2)))
@@ -79,7 +84,9 @@ def _slivers(pairs: IntArray, area: IntArray) -> BoolArray:
     out = np.zeros(len(area), dtype=bool)
     for region in np.flatnonzero(area < _SLIVER * np.median(area)).tolist() if len(area) else []:
         beside = around[region]
-        out[region] = all(other in around[one] for one in beside for other in beside if other != one)
+        out[region] = all(
+            other in around[one] for one in beside for other in beside if other != one
+        )
     return out
 
 
@@ -94,9 +101,11 @@ def _around(node: IntArray, pairs: IntArray) -> list[set[int]]:
 
 
 def _fused_forks(node: IntArray, around: list[set[int]]) -> IntArray:
-    """Beyond the thesis: two forks with at most two nodes between are the ends of one shallow crossing.
+    """Beyond the thesis: two forks with at most two nodes between are the ends of one shallow
+    crossing.
 
-    A fork is an intersection of three branches; the nodes between become part of the one intersection.
+    A fork is an intersection of three branches; the nodes between become part of the one
+    intersection.
     """
     forks = {k for k, beside in enumerate(around) if len(beside) == 3}
     into = np.arange(len(around))
@@ -120,12 +129,21 @@ def _fused_forks(node: IntArray, around: list[set[int]]) -> IntArray:
 
 
 def _superpixels(mask: BoolArray, image: ByteArray | None, count: int) -> IntArray:
-    """``(H, W)`` labels from 1, 0 off the mask. A color picture makes superpixels; without one, position alone."""
-    picture = np.repeat((255 * mask.astype(np.uint8))[..., None], 3, axis=2) if image is None else image
+    """``(H, W)`` labels from 1, 0 off the mask. A color picture makes superpixels; without one,
+    position alone."""
+    picture = (
+        np.repeat((255 * mask.astype(np.uint8))[..., None], 3, axis=2) if image is None else image
+    )
     found = slic(
-        picture, n_segments=count, compactness=_COMPACTNESS, mask=mask, start_label=1, max_num_iter=5,
-        enforce_connectivity=True, channel_axis=-1,
-    )  # fmt: skip
+        picture,
+        n_segments=count,
+        compactness=_COMPACTNESS,
+        mask=mask,
+        start_label=1,
+        max_num_iter=5,
+        enforce_connectivity=True,
+        channel_axis=-1,
+    )
     # SLIC leaves some foreground without a cluster: its pieces are superpixels, too.
     left = label(mask & (found == 0), connectivity=2)
     found = np.where(left > 0, left + found.max(), found)
@@ -134,7 +152,8 @@ def _superpixels(mask: BoolArray, image: ByteArray | None, count: int) -> IntArr
 
 
 def _grown(labels: IntArray) -> IntArray:
-    """The labels grown by a pixel or two into the background: the morphological gradient of 3.3.3, all at once."""
+    """The labels grown by a pixel or two into the background: the morphological gradient of 3.3.3,
+    all at once."""
     beyond = cv2.dilate(labels.astype(np.uint16), np.ones((_GRADIENT, _GRADIENT), np.uint8))
     return np.where(labels > 0, labels, beyond).astype(np.int64)
 
@@ -142,9 +161,11 @@ def _grown(labels: IntArray) -> IntArray:
 def _adjacent(labels: IntArray, count: int) -> IntArray:
     """``(m, 2)`` pairs of superpixels (from 0, ascending) that touch along enough pixels."""
     steps = (
-        (labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:]),
-        (labels[:-1, :-1], labels[1:, 1:]), (labels[:-1, 1:], labels[1:, :-1]),
-    )  # fmt: skip
+        (labels[:, :-1], labels[:, 1:]),
+        (labels[:-1], labels[1:]),
+        (labels[:-1, :-1], labels[1:, 1:]),
+        (labels[:-1, 1:], labels[1:, :-1]),
+    )
     keys = []
     for one, other in steps:
         meet = (one != other) & (one > 0) & (other > 0)
@@ -156,7 +177,8 @@ def _adjacent(labels: IntArray, count: int) -> IntArray:
 
 
 def _simplified(pairs: IntArray, count: int) -> IntArray:
-    """``(R,)`` node of every superpixel: touching superpixels with more than two neighbors become one (3.3.4)."""
+    """``(R,)`` node of every superpixel: touching superpixels with more than two neighbors become
+    one (3.3.4)."""
     degree = np.bincount(pairs.ravel(), minlength=count)
     both = pairs[(degree[pairs] > 2).all(axis=1)]
     return components(both, count)
@@ -168,7 +190,9 @@ def _means(values: FloatArray, of: IntArray, count: int) -> FloatArray:
     return out
 
 
-def _tips(place: FloatArray, of: IntArray, around: list[set[int]], middles: FloatArray) -> FloatArray:
+def _tips(
+    place: FloatArray, of: IntArray, around: list[set[int]], middles: FloatArray
+) -> FloatArray:
     """Of every end node, the pixel that lies farthest from its neighbor's centroid."""
     tips = middles.copy()
     order = np.argsort(of, kind="stable")

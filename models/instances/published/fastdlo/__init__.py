@@ -1,4 +1,5 @@
-"""FASTDLO (thesis section 3.4): segments of the skeleton, joined by a network that compares their ends."""
+"""FASTDLO (thesis section 3.4): segments of the skeleton, joined by a network that compares their
+ends."""
 
 from models.instances.published.fastdlo.extraction import FastDloParams, extract
 from models.instances.published.fastdlo.similarity import SimilarityNetwork

@@ -9,7 +9,12 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
-from models.instances.published.fastdlo.similarity import FEATURES, SimilarityNetwork, features, probabilities
+from models.instances.published.fastdlo.similarity import (
+    FEATURES,
+    SimilarityNetwork,
+    features,
+    probabilities,
+)
 from models.instances.scene import Scene
 from models.instances.working_size import at_working_size
 from models.strands.foreground import Foreground
@@ -26,7 +31,8 @@ _SHARED_RADII = 14.0
 
 @dataclass(frozen=True)
 class FastDloParams:
-    """``min_probability``: t_c of Algorithm 3, the weakest connection made (the thesis names no number)."""
+    """``min_probability``: t_c of Algorithm 3, the weakest connection made (the thesis names no
+    number)."""
 
     min_probability: float = 1e-4
 
@@ -42,17 +48,24 @@ def extract(
     ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None (then width and direction decide).
     ``networks``: that of 3.4.4; without it, connections follow the features' plain distance.
 
-    Any mask is allowed, and the work is bounded: beyond 1.5 megapixels the mask is reduced, at most 3 000 segments
-    and 255 instances remain. Raises ``ValueError`` when the image is of another size than the mask.
+    Any mask is allowed, and the work is bounded: beyond 1.5 megapixels the mask is reduced, at most
+    3 000 segments and 255 instances remain. Raises ``ValueError`` when the image is of another size
+    than the mask.
     """
     settings = params or FastDloParams()
     return at_working_size(
-        mask, image, lambda m, i: _extract(m, i, settings, networks[0] if networks else None), _MAX_PIXELS
+        mask,
+        image,
+        lambda m, i: _extract(m, i, settings, networks[0] if networks else None),
+        _MAX_PIXELS,
     )
 
 
 def _extract(
-    mask: BoolArray, image: ByteArray | None, params: FastDloParams, similarity: SimilarityNetwork | None
+    mask: BoolArray,
+    image: ByteArray | None,
+    params: FastDloParams,
+    similarity: SimilarityNetwork | None,
 ) -> Scene:
     watch = Stopwatch()
     with watch.step("skeleton"):
@@ -66,12 +79,15 @@ def _extract(
     return assemble(chains, mask, foreground.distances, image, watch, method="fastdlo")
 
 
-def process_intersections(sections: Sections, similarity: SimilarityNetwork | None) -> tuple[IntArray, FloatArray]:
-    """Algorithm 2: ``(m, 2)`` pairs of endpoints of the same intersection and their connection probability.
+def process_intersections(
+    sections: Sections, similarity: SimilarityNetwork | None
+) -> tuple[IntArray, FloatArray]:
+    """Algorithm 2: ``(m, 2)`` pairs of endpoints of the same intersection and their connection
+    probability.
 
-    Features are relative to the endpoints of the same intersection; all go through the network in one batch.
-    The two ends of one segment are no pair: a loop is a segment with both ends at one crossing, and each of them
-    goes on elsewhere.
+    Features are relative to the endpoints of the same intersection; all go through the network in
+    one batch. The two ends of one segment are no pair: a loop is a segment with both ends at one
+    crossing, and each of them goes on elsewhere.
     """
     pairs = pairs_at_junctions(sections)
     pairs = pairs[pairs[:, 0] >> 1 != pairs[:, 1] >> 1]
@@ -91,5 +107,6 @@ def process_intersections(sections: Sections, similarity: SimilarityNetwork | No
 
 
 def merge_informed(ends: int, pairs: IntArray, probability: FloatArray, least: float) -> IntArray:
-    """Algorithm 3: ``(ends,)`` partner of every endpoint, itself if it has none; best pairs first, each end once."""
+    """Algorithm 3: ``(ends,)`` partner of every endpoint, itself if it has none; best pairs first,
+    each end once."""
     return greedy(ends, pairs, probability, least)

@@ -1,4 +1,5 @@
-"""RT-DLO (thesis section 3.5): a graph of sampled vertices over the foreground, cut into one path a DLO."""
+"""RT-DLO (thesis section 3.5): a graph of sampled vertices over the foreground, cut into one path a
+DLO."""
 
 from models.instances.published.rt_dlo.extraction import RtDloParams, extract
 from models.instances.published.rt_dlo.orientation import OrientationNetwork

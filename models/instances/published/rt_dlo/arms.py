@@ -18,12 +18,14 @@ _TURN_SCALE = np.deg2rad(50.0)
 """Turn at which a continuation counts 1/e."""
 _COLOR_SCALE = 100.0
 _BRIGHTNESS_WEIGHT = 0.2
-"""RGB distance at which a continuation counts 1/e; how much a common change of R, G and B weighs in it."""
+"""RGB distance at which a continuation counts 1/e; how much a common change of R, G and B weighs in
+it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """The last stretch of a strand: end vertex and place, direction out of the end, half width, RGB color."""
+    """The last stretch of a strand: end vertex and place, direction out of the end, half width, RGB
+    color."""
 
     vertex: int
     xy: FloatArray
@@ -40,14 +42,20 @@ def arm_of(chain: Sequence[int], vertices: Vertices) -> Arm:
     outward = unit(vertices.xy[near[0]] - vertices.xy[near[-1]])
     middle = len(near) // 2
     radius = float(np.sort(vertices.radii[near])[middle])
-    return Arm(near[0], vertices.xy[near[0]], outward, radius, np.sort(vertices.colors[near], axis=0)[middle])
+    return Arm(
+        near[0],
+        vertices.xy[near[0]],
+        outward,
+        radius,
+        np.sort(vertices.colors[near], axis=0)[middle],
+    )
 
 
 def continuation(a: Arm, b: Arm) -> float:
     """How well arm ``b`` continues arm ``a``, 0 to 1.
 
-    The thesis's ``s_int`` (3.5.4) with the directions of the strands, times how well tangents, widths and
-    colors agree. 0 where either arm would have to turn back.
+    The thesis's ``s_int`` (3.5.4) with the directions of the strands, times how well tangents,
+    widths and colors agree. 0 where either arm would have to turn back.
     """
     link = b.xy - a.xy
     length = max(float(np.hypot(*link)), 1e-9)
@@ -56,7 +64,13 @@ def continuation(a: Arm, b: Arm) -> float:
         return 0.0
     turn = float(angle_between(a.outward, -b.outward))
     width = min(a.radius, b.radius) / max(a.radius, b.radius)
-    return leaving * arriving * width * _likeness(turn / _TURN_SCALE) * color_likeness(a.color, b.color)
+    return (
+        leaving
+        * arriving
+        * width
+        * _likeness(turn / _TURN_SCALE)
+        * color_likeness(a.color, b.color)
+    )
 
 
 def color_likeness(a: FloatArray, b: FloatArray) -> float:

@@ -40,20 +40,25 @@ def extract(
 ) -> Scene:
     """The DLOs of a foreground mask.
 
-    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None; it decides the order at crossings and helps
-    to tell strands apart there. ``networks``: that of 3.5.2; without it, orientations are the
-    main axes of the same patches.
+    ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None; it decides the order at crossings
+    and helps to tell strands apart there. ``networks``: that of 3.5.2; without it, orientations are
+    the main axes of the same patches.
 
-    Any mask is allowed, and the work is bounded: beyond 4 megapixels the mask is reduced, at most 12 000
-    maxima become 2 000 vertices, 400 paths and 255 instances. Raises ``ValueError`` when the image is of
-    another size than the mask.
+    Any mask is allowed, and the work is bounded: beyond 4 megapixels the mask is reduced, at most
+    12 000 maxima become 2 000 vertices, 400 paths and 255 instances. Raises ``ValueError`` when the
+    image is of another size than the mask.
     """
     settings = params or RtDloParams()
-    return at_working_size(mask, image, lambda m, i: _extract(m, i, settings, networks[0] if networks else None))
+    return at_working_size(
+        mask, image, lambda m, i: _extract(m, i, settings, networks[0] if networks else None)
+    )
 
 
 def _extract(
-    mask: BoolArray, image: ByteArray | None, params: RtDloParams, orientations: OrientationNetwork | None
+    mask: BoolArray,
+    image: ByteArray | None,
+    params: RtDloParams,
+    orientations: OrientationNetwork | None,
 ) -> Scene:
     watch = Stopwatch()
     with watch.step("vertices"):

@@ -1,6 +1,7 @@
 """From a foreground mask to a graph along the DLOs (thesis 3.5.2 and 3.5.3).
 
-Symbols: V vertices, K neighbors a vertex, E = V * K candidate edges, each from a vertex to its neighbor.
+Symbols: V vertices, K neighbors a vertex, E = V * K candidate edges, each from a vertex to its
+neighbor.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _MAX_VERTICES = 2_000
 class Vertices:
     """What is known at each of V places along the DLOs.
 
-    ``xy``: ``(V, 2)`` pixels; ``radii``: ``(V,)`` half widths; ``directions``: ``(V, 2)`` unit vectors, their
-    sign is free; ``colors``: ``(V, 3)`` RGB, all 0 without a picture.
+    ``xy``: ``(V, 2)`` pixels; ``radii``: ``(V,)`` half widths; ``directions``: ``(V, 2)`` unit
+    vectors, their sign is free; ``colors``: ``(V, 3)`` RGB, all 0 without a picture.
     """
 
     xy: FloatArray
@@ -49,7 +50,8 @@ def sample_vertices(
     sampling_ratio: float,
     network: OrientationNetwork | None,
 ) -> Vertices:
-    """Local maxima of the distance transform, thinned by farthest-point sampling, with their orientation.
+    """Local maxima of the distance transform, thinned by farthest-point sampling, with their
+    orientation.
 
     At most 12 000 maxima are looked at and 2 000 vertices kept, whatever the mask.
     """
@@ -65,32 +67,43 @@ def sample_vertices(
     patches = read_patches(distances, xy, np.maximum(radii, np.median(radii)))
     angles = principal_angles(patches) if network is None else angles_from_scores(network(patches))
     directions = np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    colors = np.zeros((len(xy), 3)) if image is None else image[pixels[:, 1], pixels[:, 0]].astype(np.float64)
+    colors = (
+        np.zeros((len(xy), 3))
+        if image is None
+        else image[pixels[:, 1], pixels[:, 0]].astype(np.float64)
+    )
     return Vertices(xy, radii, directions, colors)
 
 
 def _is_bump(pixels: IntArray, radii: FloatArray) -> BoolArray:
-    """``(V,)`` True for maxima that only an uneven outline makes: beside one more than twice as thick."""
+    """``(V,)`` True for maxima that only an uneven outline makes: beside one more than twice as
+    thick."""
     lengths, others = cKDTree(pixels).query(pixels, min(6, len(pixels)))
     covered = (lengths < 1.5 * radii[others]) & (radii[:, None] < 0.5 * radii[others])
     out: BoolArray = covered.any(axis=1)
     return out
 
 
-def select_edges(vertices: Vertices, mask: BoolArray, neighbors: int, min_similarity: float) -> IntArray:
-    """``(m, 2)`` undirected edges ``a < b``: the positive and negative edge of every vertex (thesis 3.5.3).
+def select_edges(
+    vertices: Vertices, mask: BoolArray, neighbors: int, min_similarity: float
+) -> IntArray:
+    """``(m, 2)`` undirected edges ``a < b``: the positive and negative edge of every vertex (thesis
+    3.5.3).
 
-    Strategy: eq. 3.5's ``V x E`` matrix has two entries a column, one for the edge's source (+1 in the
-    incidence matrix) and one for its target (-1). They are kept as two vectors of length E, and every
-    row-wise minimum, maximum and argmax becomes one over the entries grouped by that row's vertex. The
-    target's entry has its sign turned, so that the negative edge, too, is the one with the highest score.
+    Strategy: eq. 3.5's ``V x E`` matrix has two entries a column, one for the edge's source (+1 in
+    the incidence matrix) and one for its target (-1). They are kept as two vectors of length E, and
+    every row-wise minimum, maximum and argmax becomes one over the entries grouped by that row's
+    vertex. The target's entry has its sign turned, so that the negative edge, too, is the one with
+    the highest score.
 
-    Beyond the thesis, an edge must run on the foreground: gaps are for :func:`join_paths`, which sees whole
-    strands on both sides.
+    Beyond the thesis, an edge must run on the foreground: gaps are for :func:`join_paths`, which
+    sees whole strands on both sides.
     """
     count = len(vertices.xy)
     k = min(neighbors, count - 1)
-    lengths, targets = (np.asarray(a)[:, 1:].ravel() for a in cKDTree(vertices.xy).query(vertices.xy, k + 1))
+    lengths, targets = (
+        np.asarray(a)[:, 1:].ravel() for a in cKDTree(vertices.xy).query(vertices.xy, k + 1)
+    )
     sources = np.repeat(np.arange(count), k)
     along = (vertices.xy[targets] - vertices.xy[sources]) / lengths[:, None]
     source_cosines = _dots(vertices.directions[sources], along)
@@ -102,7 +115,10 @@ def select_edges(vertices: Vertices, mask: BoolArray, neighbors: int, min_simila
         weighted = scores * vertex_similarity * _length_weights(rows, lengths, count) * on_mask
         chosen.append(_best_per_row(rows, weighted, min_similarity))
     kept = np.concatenate(chosen)
-    first, second = np.minimum(sources[kept], targets[kept]), np.maximum(sources[kept], targets[kept])
+    first, second = (
+        np.minimum(sources[kept], targets[kept]),
+        np.maximum(sources[kept], targets[kept]),
+    )
     return np.stack(np.divmod(np.unique(first * count + second), count), axis=1)
 
 
@@ -111,11 +127,17 @@ def _dots(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-def _is_supported(mask: BoolArray, vertices: Vertices, sources: IntArray, targets: IntArray) -> BoolArray:
-    """``(E,)`` True where the edge runs on the foreground: it cannot jump between neighboring strands."""
+def _is_supported(
+    mask: BoolArray, vertices: Vertices, sources: IntArray, targets: IntArray
+) -> BoolArray:
+    """``(E,)`` True where the edge runs on the foreground: it cannot jump between neighboring
+    strands."""
     inside = np.ones(len(sources), dtype=bool)
     for share in (0.25, 0.5, 0.75):
-        inside &= read_nearest(mask, (1 - share) * vertices.xy[sources] + share * vertices.xy[targets]) > 0
+        inside &= (
+            read_nearest(mask, (1 - share) * vertices.xy[sources] + share * vertices.xy[targets])
+            > 0
+        )
     return inside
 
 

@@ -1,8 +1,10 @@
-"""Algorithm 4 of the thesis (3.5.4): vertices with more than two edges are taken out, their neighbors paired.
+"""Algorithm 4 of the thesis (3.5.4): vertices with more than two edges are taken out, their
+neighbors paired.
 
-Beyond the thesis: the direction of a strand is read over several vertices before the intersection, strands
-whose tangents, widths or (with a picture) colors disagree score less, strands are paired so that
-the sum of their scores is largest, and the two forks that a shallow crossing leaves are one intersection.
+Beyond the thesis: the direction of a strand is read over several vertices before the intersection,
+strands whose tangents, widths or (with a picture) colors disagree score less, strands are paired so
+that the sum of their scores is largest, and the two forks that a shallow crossing leaves are one
+intersection.
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ def graph_of(edges: Iterable[tuple[int, int]]) -> Graph:
 
 
 def chain_from(graph: Graph, start: int, at_most: int | None = None) -> list[int]:
-    """Vertices from ``start`` on, in order, through a graph whose vertices have at most two edges."""
+    """Vertices from ``start`` on, in order, through a graph whose vertices have at most two
+    edges."""
     chain, seen = [start], {start}
     while len(chain) != at_most and (onward := graph[chain[-1]] - seen):
         chain.append(min(onward))
@@ -47,15 +50,20 @@ def chain_from(graph: Graph, start: int, at_most: int | None = None) -> list[int
 def resolve_intersections(graph: Graph, vertices: Vertices) -> Graph:
     """The graph without ambiguous vertices: every vertex has at most two edges.
 
-    Around each group of ambiguous vertices, the strands that enter it are paired by how well one continues
-    the other, until fewer than two are left or none fits. All arms are read before the first pair is joined.
+    Around each group of ambiguous vertices, the strands that enter it are paired by how well one
+    continues the other, until fewer than two are left or none fits. All arms are read before the
+    first pair is joined.
     """
     ambiguous = {v for v, around in graph.items() if len(around) > 2}
     solved = {v: around - ambiguous for v, around in graph.items() if v not in ambiguous}
-    groups = [{v for v in group - ambiguous if solved[v]} for group in _merged_groups(graph, ambiguous)]
+    groups = [
+        {v for v in group - ambiguous if solved[v]} for group in _merged_groups(graph, ambiguous)
+    ]
     groups = _without_inner_chains(groups, solved, vertices)
     entries = [[v for v in sorted(group) if solved[v]] for group in groups]
-    arms = [[arm_of(chain_from(solved, v, ARM_VERTICES), vertices) for v in entry] for entry in entries]
+    arms = [
+        [arm_of(chain_from(solved, v, ARM_VERTICES), vertices) for v in entry] for entry in entries
+    ]
     for entering in arms:
         for a, b in _paired(entering):
             solved[a].add(b)
@@ -76,12 +84,15 @@ def _merged_groups(graph: Graph, ambiguous: set[int]) -> list[set[int]]:
     return list(unique.values())
 
 
-def _without_inner_chains(groups: list[set[int]], graph: Graph, vertices: Vertices) -> list[set[int]]:
-    """Groups without the short chains inside them; what is left of a group are the vertices that enter it.
+def _without_inner_chains(
+    groups: list[set[int]], graph: Graph, vertices: Vertices
+) -> list[set[int]]:
+    """Groups without the short chains inside them; what is left of a group are the vertices that
+    enter it.
 
-    A chain from a group to itself is noise around an intersection. One between two forks (groups that an odd
-    number of strands enters) is the foreground that both strands of a shallow crossing share: the forks
-    become one group. Both kinds of chain lose their edges in ``graph``.
+    A chain from a group to itself is noise around an intersection. One between two forks (groups
+    that an odd number of strands enters) is the foreground that both strands of a shallow crossing
+    share: the forks become one group. Both kinds of chain lose their edges in ``graph``.
     """
     groups = [set(group) for group in groups]
     home = {v: index for index, group in enumerate(groups) for v in group}
@@ -111,5 +122,7 @@ def _paired(arms: list[Arm]) -> list[tuple[int, int]]:
     scored = [(a, b, continuation(arms[a], arms[b])) for a, b in combinations(range(len(arms)), 2)]
     able = [row for row in scored if row[2] > 0]
     pairs = np.array([row[:2] for row in able], dtype=np.int64).reshape(-1, 2)
-    partner = match(len(arms), pairs, np.array([-score for _, _, score in able]), np.zeros(len(arms)))
+    partner = match(
+        len(arms), pairs, np.array([-score for _, _, score in able]), np.zeros(len(arms))
+    )
     return [(arms[k].vertex, arms[p].vertex) for k, p in enumerate(partner.tolist()) if k < p]

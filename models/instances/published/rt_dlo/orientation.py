@@ -1,7 +1,8 @@
-"""Orientation of the DLO at each vertex (thesis 3.5.2): a patch of the distance transform gives an angle.
+"""Orientation of the DLO at each vertex (thesis 3.5.2): a patch of the distance transform gives an
+angle.
 
-A patch is measured in radii of the strand, not in pixels, so that one network serves every picture size.
-Angles are in radians in [0, pi), from the x axis towards the y axis (down).
+A patch is measured in radii of the strand, not in pixels, so that one network serves every picture
+size. Angles are in radians in [0, pi), from the x axis towards the y axis (down).
 """
 
 from __future__ import annotations
@@ -22,14 +23,17 @@ OrientationNetwork = Callable[[Float32Array], Float32Array]
 
 
 def read_patches(distances: Float32Array, points_xy: FloatArray, radii: FloatArray) -> Float32Array:
-    """``(n, s, s)`` patches around ``n`` points, ``s = PATCH_SIZE``: distances in radii, 0 outside the image.
+    """``(n, s, s)`` patches around ``n`` points, ``s = PATCH_SIZE``: distances in radii, 0 outside
+    the image.
 
     A pixel of the patch is ``3 radii / (s // 2)`` wide, but never less than a pixel of the picture.
     """
     half = PATCH_SIZE // 2
     padded = np.pad(distances, 1)
     steps = np.maximum(1.0, radii * (_REACH_RADII / half)).astype(np.float32)
-    offsets = np.rint(steps[:, None] * np.arange(-half, half + 1, dtype=np.float32)).astype(np.int32)
+    offsets = np.rint(steps[:, None] * np.arange(-half, half + 1, dtype=np.float32)).astype(
+        np.int32
+    )
     whole = np.rint(points_xy).astype(np.int32) + 1
     columns = np.clip(whole[:, :1] + offsets, 0, padded.shape[1] - 1)
     rows = np.clip(whole[:, 1:] + offsets, 0, padded.shape[0] - 1)

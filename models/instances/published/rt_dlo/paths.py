@@ -55,15 +55,18 @@ def extract_paths(graph: Graph) -> list[Path]:
 
 
 def split_at_kinks(path: Path, vertices: Vertices) -> list[Path]:
-    """Consistency check: an open path is cut where it is not smooth; joining may undo what has no better end.
+    """Consistency check: an open path is cut where it is not smooth; joining may undo what has no
+    better end.
 
-    Not smooth is a vertex whose two edges leave to the same side of it (thesis 3.5.5), and, beyond the
-    thesis, the sharpest vertex of a turn by more than 60 degrees within a few radii.
+    Not smooth is a vertex whose two edges leave to the same side of it (thesis 3.5.5), and, beyond
+    the thesis, the sharpest vertex of a turn by more than 60 degrees within a few radii.
     """
     xy = vertices.xy[list(path.vertices)]
     if path.closed or len(xy) < 3:
         return [path]
-    cuts = np.union1d(_one_sided(xy, vertices.directions[list(path.vertices)]), _sharp_turns(xy, vertices))
+    cuts = np.union1d(
+        _one_sided(xy, vertices.directions[list(path.vertices)]), _sharp_turns(xy, vertices)
+    )
     bounds = [0, *(cuts + 1).tolist(), len(xy)]
     pieces = [path.vertices[a:b] for a, b in pairwise(bounds)]
     return [Path(piece) for piece in pieces if len(piece) > 1]
@@ -77,7 +80,9 @@ def _one_sided(xy: FloatArray, directions: FloatArray) -> IntArray:
 
 def _sharp_turns(xy: FloatArray, vertices: Vertices) -> IntArray:
     """The vertex of the largest turn in each stretch of vertices where the path turns sharply."""
-    reach = max(1, round(_TURN_RADII * vertices.typical_radius * (len(xy) - 1) / float(arc_lengths(xy)[-1])))
+    reach = max(
+        1, round(_TURN_RADII * vertices.typical_radius * (len(xy) - 1) / float(arc_lengths(xy)[-1]))
+    )
     if len(xy) <= 2 * reach:
         return np.zeros(0, dtype=np.int64)
     steps = unit(xy[reach:] - xy[:-reach])
@@ -88,15 +93,16 @@ def _sharp_turns(xy: FloatArray, vertices: Vertices) -> IntArray:
 
 
 def join_paths(cut: list[list[Path]], vertices: Vertices, mask: BoolArray) -> list[Path]:
-    """Paths connected end to end where one seems to go on in the other: over gaps, along shared foreground.
+    """Paths connected end to end where one seems to go on in the other: over gaps, along shared
+    foreground.
 
     ``cut``: the pieces of each path in order, as :func:`split_at_kinks` gives them.
 
-    Strategy: every pair of ends within reach gets a score (how well one continues the other, less for length
-    and for foreground missing between them). Pairs are joined in descending order, each end once; joining
-    the two ends of one path closes it. A cut whose two sides found nothing better is undone: a DLO has a
-    kink there, or two DLOs of other colors meet. End ``2 p`` is the first vertex of open path ``p``, end
-    ``2 p + 1`` its last.
+    Strategy: every pair of ends within reach gets a score (how well one continues the other, less
+    for length and for foreground missing between them). Pairs are joined in descending order, each
+    end once; joining the two ends of one path closes it. A cut whose two sides found nothing better
+    is undone: a DLO has a kink there, or two DLOs of other colors meet. End ``2 p`` is the first
+    vertex of open path ``p``, end ``2 p + 1`` its last.
     """
     open_paths = [path for pieces in cut for path in pieces if not path.closed]
     arms = [arm_of(chain, vertices) for p in open_paths for chain in (p.vertices, p.vertices[::-1])]
@@ -130,10 +136,14 @@ def _scored_joints(arms: list[Arm], mask: BoolArray) -> tuple[IntArray, FloatArr
     arriving = -np.einsum("ij,ij->i", outward[b], link) / length
     radius = np.maximum(radii[a], radii[b])
     least = np.where(length < _NEAR_RADII * radius, _LEAST_COSINE_NEAR, _LEAST_COSINE)
-    near = np.flatnonzero((length < _JOINT_RADII * radius) & (np.minimum(leaving, arriving) > least))
+    near = np.flatnonzero(
+        (length < _JOINT_RADII * radius) & (np.minimum(leaving, arriving) > least)
+    )
     a, b, length, radius = a[near], b[near], length[near] / radius[near], radius[near]
     shares = np.linspace(0, 1, 24)[None, :, None]
-    on_mask = read_nearest(mask, xy[a][:, None] * (1 - shares) + xy[b][:, None] * shares).mean(axis=1)
+    on_mask = read_nearest(mask, xy[a][:, None] * (1 - shares) + xy[b][:, None] * shares).mean(
+        axis=1
+    )
     gap = length * (1 - on_mask)
     able = np.flatnonzero(gap < _GAP_RADII)
     a, b, gap, length = a[able], b[able], gap[able], length[able]

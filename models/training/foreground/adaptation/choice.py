@@ -1,10 +1,11 @@
 """How much of what was learnt is kept, and whether the network is to be had at all.
 
-Strategy: weights between the parent's and the adapted ones give networks between them: most of what was learnt with
-little of what is forgotten. Of a few such mixtures the one is taken that is best on the pictures kept aside less what
-it loses on renders. It is accepted only when it is no worse than its parent on the former and hardly on the latter.
-What is better on one render does not make up for what is worse on another: a course that also learns from renders
-gains on the hard ones while it moves the edges of cables that the parent knew.
+Strategy: weights between the parent's and the adapted ones give networks between them: most of what
+was learnt with little of what is forgotten. Of a few such mixtures the one is taken that is best on
+the pictures kept aside less what it loses on renders. It is accepted only when it is no worse than
+its parent on the former and hardly on the latter. What is better on one render does not make up for
+what is worse on another: a course that also learns from renders gains on the hard ones while it
+moves the edges of cables that the parent knew.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ SHARES = (1.0, 0.8, 0.65, 0.5, 0.35, 0.2)
 MOST_FORGOTTEN = 1.0
 """Points of Dice on renders."""
 _SMOOTH = 1e-3
-"""Share of a picture's pixels that Dice adds to both sides: without a cable few false pixels cost little."""
+"""Share of a picture's pixels that Dice adds to both sides: without a cable few false pixels cost
+little."""
 
 Probability = Callable[[ByteArray], Float32Array]
 """(H, W, 3) RGB to (H, W) probability of cable."""
@@ -44,7 +46,8 @@ class Scores:
         return float(np.mean(self.general))
 
     def forgotten_by(self, other: Scores) -> float:
-        """Points that another network loses on the renders on which it is worse, averaged over all."""
+        """Points that another network loses on the renders on which it is worse, averaged over
+        all."""
         return float(np.mean(np.maximum(np.subtract(self.general, other.general), 0.0)))
 
 
@@ -57,7 +60,10 @@ class Exam:
     threshold: float
 
     def scores(self, probability: Probability) -> Scores:
-        aside = [dice(self.found(probability, p.rgb), p.labels == 255, p.labels != UNKNOWN) for p in self.aside]
+        aside = [
+            dice(self.found(probability, p.rgb), p.labels == 255, p.labels != UNKNOWN)
+            for p in self.aside
+        ]
         general = [dice(self.found(probability, rgb), mask) for rgb, mask in self.general]
         return Scores(tuple(aside), tuple(general))
 
@@ -75,8 +81,8 @@ def dice(found: BoolArray, true: BoolArray, known: BoolArray | None = None) -> f
 
 
 def best(before: Scores, mixtures: dict[float, Scores]) -> float:
-    """The share of the learnt weights to keep, of those that are not refused if there are some; of equals the
-    smallest."""
+    """The share of the learnt weights to keep, of those that are not refused if there are some; of
+    equals the smallest."""
     allowed = [share for share, scores in mixtures.items() if refusal(before, scores) is None]
 
     def gain(share: float) -> float:

@@ -1,7 +1,8 @@
 """The learning itself: a few hundred steps from a network that is already good.
 
-Strategy: normalizations keep their statistics and the first stages their weights, for what edges and textures look
-like is the same everywhere; so a step costs half, and less is forgotten. The running mean of the weights counts.
+Strategy: normalizations keep their statistics and the first stages their weights, for what edges
+and textures look like is the same everywhere; so a step costs half, and less is forgotten. The
+running mean of the weights counts.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ _KEPT_STAGES = {"compact": 4, "dense": 2, "dense_large": 2}
 
 @dataclass(frozen=True)
 class CourseParams:
-    """``minutes`` by the clock, over all runs on one checkpoint; ``real`` share of the place's own pictures in a
-    ``batch``; ``rate`` at its highest; ``decay`` of the running mean; ``renders`` to rehearse with, ``general`` ones to
-    measure on."""
+    """``minutes`` by the clock, over all runs on one checkpoint; ``real`` share of the place's own
+    pictures in a ``batch``; ``rate`` at its highest; ``decay`` of the running mean; ``renders`` to
+    rehearse with, ``general`` ones to measure on."""
 
     minutes: float = 8.0
     height: int = 256
@@ -42,8 +43,17 @@ class CourseParams:
 
     def config(self) -> Config:
         """How the network learns."""
-        return Config(seed=self.seed, minutes=self.minutes, batch=self.batch, rate=self.rate, keep=self.decay,
-                      weight_decay=0.0, clip=5.0, warm_up=0.05, hold=0.45)  # fmt: skip
+        return Config(
+            seed=self.seed,
+            minutes=self.minutes,
+            batch=self.batch,
+            rate=self.rate,
+            keep=self.decay,
+            weight_decay=0.0,
+            clip=5.0,
+            warm_up=0.05,
+            hold=0.45,
+        )
 
 
 def begun(name: str, parent: Path, params: CourseParams) -> Course:

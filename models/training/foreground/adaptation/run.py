@@ -13,9 +13,22 @@ import onnxruntime
 
 from models.geometry.arrays import ByteArray, Float32Array
 from models.segmentation.segment import ForegroundInput, segment
-from models.training.foreground.adaptation.choice import SHARES, Exam, Probability, Scores, best, refusal
+from models.training.foreground.adaptation.choice import (
+    SHARES,
+    Exam,
+    Probability,
+    Scores,
+    best,
+    refusal,
+)
 from models.training.foreground.adaptation.course import CourseParams, begun, step
-from models.training.foreground.adaptation.sources import Batches, Own, general_set, read_own, rehearsal
+from models.training.foreground.adaptation.sources import (
+    Batches,
+    Own,
+    general_set,
+    read_own,
+    rehearsal,
+)
 from models.training.foreground.initial import refold
 from models.training.foreground.real_pictures import Photograph
 from models.training.log import Log
@@ -30,8 +43,8 @@ _TRAINING_SHARE = 0.85
 
 @dataclass(frozen=True)
 class Report:
-    """What came of it. Dice in percent; ``general_*`` on renders; ``share`` of what was learnt that was kept;
-    ``refused``: why the network must not be used."""
+    """What came of it. Dice in percent; ``general_*`` on renders; ``share`` of what was learnt that
+    was kept; ``refused``: why the network must not be used."""
 
     before: float
     after: float
@@ -53,9 +66,11 @@ def adapt(
     keep_aside: float,
     log: Log,
 ) -> Report:
-    """``parent``: architecture and ONNX file; ``fed``: how it is fed. Writes network and overlays to ``folder``.
+    """``parent``: architecture and ONNX file; ``fed``: how it is fed. Writes network and overlays
+    to ``folder``.
 
-    Raises ValueError for pictures that cannot be learnt from, and for a parent of another architecture.
+    Raises ValueError for pictures that cannot be learnt from, and for a parent of another
+    architecture.
     """
     own = read_own(folder, keep_aside)
     course = _learnt(folder, own, begun(*parent, params), params, fed, log)
@@ -74,22 +89,35 @@ def adapt(
     _draw_worst(folder, exam, mixtures[share], seen_before, _probability(files[share], fed))
     rows = zip(own.aside, before.aside, mixtures[share].aside, strict=True)
     return Report(
-        before.mean, mixtures[share].mean, before.general_mean, mixtures[share].general_mean, share, refused,
-        len(own.trains), [{"name": p.name, "before": b, "after": a} for p, b, a in rows], course.steps, course.seconds,
-    )  # fmt: skip
+        before.mean,
+        mixtures[share].mean,
+        before.general_mean,
+        mixtures[share].general_mean,
+        share,
+        refused,
+        len(own.trains),
+        [{"name": p.name, "before": b, "after": a} for p, b, a in rows],
+        course.steps,
+        course.seconds,
+    )
 
 
 def refolded(folder: Path, name: str, parent: Path, shares: Sequence[float]) -> dict[float, bytes]:
-    """The mixtures of a run that has ended, from its checkpoint: ONNX files by the share of what was learnt."""
+    """The mixtures of a run that has ended, from its checkpoint: ONNX files by the share of what
+    was learnt."""
     course = begun(name, parent, CourseParams())
     course.restore(folder / CHECKPOINT)
     return {share: refold(parent, course.average, share) for share in shares}
 
 
-def _learnt(folder: Path, own: Own, course: Course, params: CourseParams, fed: ForegroundInput, log: Log) -> Course:
+def _learnt(
+    folder: Path, own: Own, course: Course, params: CourseParams, fed: ForegroundInput, log: Log
+) -> Course:
     course.restore(folder / CHECKPOINT)
     renders = rehearsal((params.height, params.width), params.renders)
-    batches = Batches(own, renders, params.real, fed, np.random.default_rng([params.seed, course.steps]))
+    batches = Batches(
+        own, renders, params.real, fed, np.random.default_rng([params.seed, course.steps])
+    )
     saved = course.seconds
     while course.share() < 1:
         step(course, batches)
@@ -110,7 +138,9 @@ def _probability(file: bytes, fed: ForegroundInput) -> Probability:
     return partial(segment, network=network, settings=fed)
 
 
-def _draw_worst(folder: Path, exam: Exam, after: Scores, before: Probability, now: Probability) -> None:
+def _draw_worst(
+    folder: Path, exam: Exam, after: Scores, before: Probability, now: Probability
+) -> None:
     for rank, k in enumerate(np.argsort(after.aside)[:_WORST], start=1):
         picture = exam.aside[int(k)]
         sides = [_compared(picture, exam, p) for p in (before, now)]
@@ -120,6 +150,10 @@ def _draw_worst(folder: Path, exam: Exam, after: Scores, before: Probability, no
 def _compared(picture: Photograph, exam: Exam, probability: Probability) -> ByteArray:
     found, true = exam.found(probability, picture.rgb), picture.labels == 255
     out = picture.rgb * 0.6
-    for where, color in ((found & true, (0, 255, 0)), (found & ~true, (255, 0, 0)), (true & ~found, (0, 0, 255))):
+    for where, color in (
+        (found & true, (0, 255, 0)),
+        (found & ~true, (255, 0, 0)),
+        (true & ~found, (0, 0, 255)),
+    ):
         out[where] = 0.5 * out[where] + 0.5 * np.array(color)
     return out.astype(np.uint8)

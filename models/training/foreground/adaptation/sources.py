@@ -1,4 +1,5 @@
-"""What an adaptation learns from: the place's own labelled pictures, and renders so that the rest is not forgotten."""
+"""What an adaptation learns from: the place's own labelled pictures, and renders so that the rest
+is not forgotten."""
 
 from __future__ import annotations
 
@@ -42,14 +43,16 @@ class Rehearsal:
 
 
 def read_own(folder: Path, keep_aside: float) -> Own:
-    """``imgs/NAME.png`` and ``masks/NAME.png`` (255 cable, 0 not, 128 cannot tell). The share ``keep_aside``, one at
-    least, never trains; which they are depends on the names alone.
+    """``imgs/NAME.png`` and ``masks/NAME.png`` (255 cable, 0 not, 128 cannot tell). The share
+    ``keep_aside``, one at least, never trains; which they are depends on the names alone.
 
     Raises ValueError for less than 3 pictures, and for none with a cable among those that train.
     """
     files = sorted((folder / "imgs").iterdir(), key=lambda f: (zlib.crc32(f.stem.encode()), f.stem))
     if len(files) < _LEAST_PICTURES:
-        raise ValueError(f"{len(files)} pictures are too few to adapt from; {_LEAST_PICTURES} are the least")
+        raise ValueError(
+            f"{len(files)} pictures are too few to adapt from; {_LEAST_PICTURES} are the least"
+        )
     count = min(max(round(keep_aside * len(files)), 1), len(files) - 2)
     pictures = [_reduced(photograph(f, folder / "masks" / f"{f.stem}.png")) for f in files]
     own = Own(tuple(pictures[count:]), tuple(pictures[:count]))
@@ -59,7 +62,8 @@ def read_own(folder: Path, keep_aside: float) -> Own:
 
 
 def _reduced(own: Photograph) -> Photograph:
-    """At most ``_LONGEST_PX`` long: cuts of large pictures are shrunk anyway, and hundreds have to fit in memory."""
+    """At most ``_LONGEST_PX`` long: cuts of large pictures are shrunk anyway, and hundreds have to
+    fit in memory."""
     factor = _LONGEST_PX / max(own.labels.shape)
     if factor >= 1:
         return own
@@ -72,22 +76,32 @@ def _reduced(own: Photograph) -> Photograph:
 def rehearsal(size: tuple[int, int], count: int, pool: TexturePool | None = None) -> Rehearsal:
     """``count`` renders of ``size`` (h, w) of the kind that the shipped networks are trained on."""
     pool = pool or load_pool(GROUNDS)
-    scenes = [render_scene(np.random.default_rng([_REHEARSAL_SEED, k]), SceneParams(size), pool) for k in range(count)]
+    scenes = [
+        render_scene(np.random.default_rng([_REHEARSAL_SEED, k]), SceneParams(size), pool)
+        for k in range(count)
+    ]
     labels = np.stack([(scene.ids > 0).numpy().astype(np.uint8) * 255 for scene in scenes])
     return Rehearsal(np.stack([to_uint8(scene.rgb) for scene in scenes]), labels)
 
 
-def general_set(count: int, size: tuple[int, int] = (360, 640)) -> list[tuple[ByteArray, BoolArray]]:
+def general_set(
+    count: int, size: tuple[int, int] = (360, 640)
+) -> list[tuple[ByteArray, BoolArray]]:
     """Renders that no adaptation learns from, always the same: what a network must not forget."""
     pool, params = load_pool(GROUNDS), SceneParams(size, empty_share=0.0)
-    scenes = (render_scene(np.random.default_rng([_GENERAL_SEED, k]), params, pool) for k in range(count))
+    scenes = (
+        render_scene(np.random.default_rng([_GENERAL_SEED, k]), params, pool) for k in range(count)
+    )
     return [(to_uint8(scene.rgb), (scene.ids > 0).numpy()) for scene in scenes]
 
 
 class Batches:
-    """Batches of cuts, of which the share ``real`` is of the place's own pictures (w_r of thesis 2.7.2)."""
+    """Batches of cuts, of which the share ``real`` is of the place's own pictures (w_r of thesis
+    2.7.2)."""
 
-    def __init__(self, own: Own, renders: Rehearsal, real: float, fed: ForegroundInput, rng: Rng) -> None:
+    def __init__(
+        self, own: Own, renders: Rehearsal, real: float, fed: ForegroundInput, rng: Rng
+    ) -> None:
         self._own, self._renders, self._real, self._rng = own, renders, real, rng
         size = renders.labels.shape[1], renders.labels.shape[2]
         self._cuts = [_seen(p, size, fed) for p in own.trains]

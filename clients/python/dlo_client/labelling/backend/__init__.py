@@ -1,1 +1,2 @@
-"""``dlo label-studio``: a machine learning backend for Label Studio, which asks it for predictions of its tasks."""
+"""``dlo label-studio``: a machine learning backend for Label Studio, which asks it for predictions
+of its tasks."""

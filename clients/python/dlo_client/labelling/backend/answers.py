@@ -1,7 +1,8 @@
 """What Label Studio's calls are answered with: ``/health``, ``/setup``, ``/predict``, ``/webhook``.
 
-Strategy: a project's labelling configuration names the tags that predictions go to; regions whose sort of tag it lacks
-are left out. A picture that cannot be had leaves its task without a prediction, and the others are answered.
+Strategy: a project's labelling configuration names the tags that predictions go to; regions whose
+sort of tag it lacks are left out. A picture that cannot be had leaves its task without a
+prediction, and the others are answered.
 """
 
 from __future__ import annotations
@@ -23,7 +24,11 @@ from dlo_client.labelling.labels import label_of
 from dlo_client.version import __version__
 
 VERSION = f"dlo-{__version__}"
-_TAGS = {"brushlabels": "BrushLabels", "vectorlabels": "VectorLabels", "keypointlabels": "KeyPointLabels"}
+_TAGS = {
+    "brushlabels": "BrushLabels",
+    "vectorlabels": "VectorLabels",
+    "keypointlabels": "KeyPointLabels",
+}
 _KEPT_EVENTS = ("ANNOTATION_CREATED", "ANNOTATION_UPDATED", "ANNOTATIONS_CREATED")
 
 log = logging.getLogger(__name__)
@@ -36,10 +41,15 @@ class Predictor(Protocol):
 
 
 class Answers:
-    """``corrections``: folder for annotations that people finish, as ``dlo label-import --tool label-studio`` reads."""
+    """``corrections``: folder for annotations that people finish, as ``dlo label-import --tool
+    label-studio`` reads."""
 
     def __init__(
-        self, client: Predictor, pictures: TaskPictures, request: InstancesRequest, corrections: Path | None = None
+        self,
+        client: Predictor,
+        pictures: TaskPictures,
+        request: InstancesRequest,
+        corrections: Path | None = None,
     ) -> None:
         self._client = client
         self._pictures = pictures
@@ -61,13 +71,16 @@ class Answers:
             return 400, {"detail": str(error)}
 
     def _setup(self, given: dict[str, Any]) -> dict[str, Any]:
-        """Where Label Studio is, if it was not stated before; a configuration that fits nothing is refused."""
+        """Where Label Studio is, if it was not stated before; a configuration that fits nothing is
+        refused."""
         if given.get("hostname") and not self._pictures.host:
             self._pictures.host = str(given["hostname"]).rstrip("/")
         if given.get("access_token") and not self._pictures.token:
             self._pictures.token = str(given["access_token"])
         if given.get("schema") and not Controls.of(str(given["schema"])).tags:
-            raise ValueError(f"the configuration has none of {', '.join(_TAGS.values())}; this one fits:\n{CONFIG}")
+            raise ValueError(
+                f"the configuration has none of {', '.join(_TAGS.values())}; this one fits:\n{CONFIG}"
+            )
         return {"model_version": VERSION}
 
     def _predict(self, given: dict[str, Any]) -> dict[str, Any]:
@@ -75,7 +88,10 @@ class Answers:
         tasks = given.get("tasks")
         if not isinstance(tasks, list):
             raise ValueError("tasks: a list is expected")
-        return {"model_version": VERSION, "results": [self._predicted(task, controls) for task in tasks]}
+        return {
+            "model_version": VERSION,
+            "results": [self._predicted(task, controls) for task in tasks],
+        }
 
     def _predicted(self, task: Any, controls: Controls) -> dict[str, Any]:
         empty = {"result": [], "score": 0.0, "model_version": VERSION}
@@ -88,7 +104,9 @@ class Answers:
             log.warning("no prediction: %s", error)
             return empty | {"error": str(error)}
         made = prediction(label)
-        regions = [controls.named(region) for region in made["result"] if region["type"] in controls.tags]
+        regions = [
+            controls.named(region) for region in made["result"] if region["type"] in controls.tags
+        ]
         return {"result": regions, "score": made["score"], "model_version": VERSION}
 
     def _webhook(self, given: dict[str, Any]) -> dict[str, Any]:
@@ -109,8 +127,8 @@ class Answers:
 
 
 class Controls:
-    """Where predictions go: ``tags`` by the type of a region, (name, to_name, first label); ``value``: the field of a
-    task's data that names the picture."""
+    """Where predictions go: ``tags`` by the type of a region, (name, to_name, first label);
+    ``value``: the field of a task's data that names the picture."""
 
     def __init__(self, tags: dict[str, tuple[str, str, str]], value: str) -> None:
         self.tags = tags
@@ -125,9 +143,15 @@ class Controls:
             control = root.find(f".//{tag}")
             label = None if control is None else control.find("Label")
             if control is not None and label is not None:
-                tags[kind] = (control.get("name", ""), control.get("toName", ""), label.get("value", ""))
+                tags[kind] = (
+                    control.get("name", ""),
+                    control.get("toName", ""),
+                    label.get("value", ""),
+                )
         image = root.find(".//Image")
-        return cls(tags, (image.get("value", "") if image is not None else "").lstrip("$") or "image")
+        return cls(
+            tags, (image.get("value", "") if image is not None else "").lstrip("$") or "image"
+        )
 
     def named(self, region: dict[str, Any]) -> dict[str, Any]:
         """The region with the project's own names."""

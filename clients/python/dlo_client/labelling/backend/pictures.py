@@ -1,6 +1,8 @@
-"""The picture of a Label Studio task: from its server, or from the folder that is its local storage.
+"""The picture of a Label Studio task: from its server, or from the folder that is its local
+storage.
 
-Nothing else is fetched: a task's data may name any address, and whoever can make tasks could make this program call it.
+Nothing else is fetched: a task's data may name any address, and whoever can make tasks could make
+this program call it.
 """
 
 from __future__ import annotations
@@ -18,10 +20,15 @@ _LOCAL = "/data/local-files/"
 
 
 class TaskPictures:
-    """``host`` and ``token`` of Label Studio; ``root`` is the folder of its local storage, if there is one."""
+    """``host`` and ``token`` of Label Studio; ``root`` is the folder of its local storage, if there
+    is one."""
 
     def __init__(
-        self, host: str = "", token: str = "", root: Path | None = None, transport: httpx.BaseTransport | None = None
+        self,
+        host: str = "",
+        token: str = "",
+        root: Path | None = None,
+        transport: httpx.BaseTransport | None = None,
     ) -> None:
         self.host, self.token = host.rstrip("/"), token
         self._root = root
@@ -36,7 +43,9 @@ class TaskPictures:
             raise Refused("Label Studio's address is not known: give --host")
         own = urlsplit(self.host)
         if parts.netloc and (parts.scheme, parts.netloc) != (own.scheme, own.netloc):
-            raise Refused(f"{parts.netloc} is not Label Studio: upload the picture there, or use its local storage")
+            raise Refused(
+                f"{parts.netloc} is not Label Studio: upload the picture there, or use its local storage"
+            )
         if not parts.netloc and not parts.path.startswith("/"):
             raise Refused(f"{address[:100]!r} is no address of a picture")
         query = f"?{parts.query}" if parts.query else ""
@@ -54,7 +63,9 @@ class TaskPictures:
             with httpx.Client(timeout=_TIMEOUT_S, transport=self._transport) as http:
                 reply = http.get(address, headers=self._headers(http))
         except httpx.HTTPError as error:
-            raise Refused(f"Label Studio does not answer: {error or type(error).__name__}") from error
+            raise Refused(
+                f"Label Studio does not answer: {error or type(error).__name__}"
+            ) from error
         if not reply.is_success:
             raise Refused(f"Label Studio answers {reply.status_code} for {urlsplit(address).path}")
         if len(reply.content) > _LARGEST_BYTES:

@@ -62,7 +62,9 @@ def make_server(answers: Answers, host: str, port: int, password: str = "") -> T
 
 
 @contextmanager
-def serving(answers: Answers, host: str = "127.0.0.1", port: int = 0, password: str = "") -> Iterator[str]:
+def serving(
+    answers: Answers, host: str = "127.0.0.1", port: int = 0, password: str = ""
+) -> Iterator[str]:
     """The backend's address, while the context is open."""
     server = make_server(answers, host, port, password)
     thread = Thread(target=server.serve_forever, daemon=True)
@@ -79,7 +81,11 @@ def _opens(header: str, password: str) -> bool:
     if not password:
         return True
     try:
-        given = base64.b64decode(header.removeprefix("Basic "), validate=True).decode().partition(":")[2]
+        given = (
+            base64.b64decode(header.removeprefix("Basic "), validate=True)
+            .decode()
+            .partition(":")[2]
+        )
     except ValueError:
         return False
     return hmac.compare_digest(given.encode(), password.encode())

@@ -1,7 +1,9 @@
-"""COCO instance segmentation. Run lengths lose nothing; polygons are for tools that know nothing else.
+"""COCO instance segmentation. Run lengths lose nothing; polygons are for tools that know nothing
+else.
 
-Extra fields: of an annotation ``centerline_xy``, ``width_px``, ``closed``, ``score`` and ``instance``; of a picture
-``sha256`` and ``crossings`` (ids as ``instance`` in the annotations). The corrector page adds ``confirmed``.
+Extra fields: of an annotation ``centerline_xy``, ``width_px``, ``closed``, ``score`` and
+``instance``; of a picture ``sha256`` and ``crossings`` (ids as ``instance`` in the annotations).
+The corrector page adds ``confirmed``.
 """
 
 from __future__ import annotations
@@ -41,17 +43,20 @@ def write_polygons(labels: Labels, out: Path) -> Path:
 
 
 def read(path: Path, wanted: Wanted = Wanted()) -> Imported:  # noqa: B008
-    """Annotations of one picture that cannot be read cost that picture, not the others. Ids may be numbers or their
-    text. Raises FormatError."""
+    """Annotations of one picture that cannot be read cost that picture, not the others. Ids may be
+    numbers or their text. Raises FormatError."""
     data = read_json(path)
-    if not isinstance(data, dict) or not all(isinstance(data.get(key), list) for key in ("images", "annotations")):
+    if not isinstance(data, dict) or not all(
+        isinstance(data.get(key), list) for key in ("images", "annotations")
+    ):
         raise FormatError(f"{path}: no COCO file: it has no lists `images` and `annotations`")
     imported = Imported()
     pictures = _pictures(path, data["images"], imported)
     grouped, strays = _grouped(data["annotations"], pictures)
     if strays:
         imported.refuse(
-            f"image_id {', '.join(sorted(strays)[:5])}", "annotations of a picture that the file does not list"
+            f"image_id {', '.join(sorted(strays)[:5])}",
+            "annotations of a picture that the file does not list",
         )
     classes = _classes(data.get("categories"))
     for key, picture in pictures.items():
@@ -61,7 +66,9 @@ def read(path: Path, wanted: Wanted = Wanted()) -> Imported:  # noqa: B008
             continue
         with imported.one_picture(name):
             if strays and not grouped[key]:
-                raise Refused("has no annotation, and the file has some of pictures that it does not list")
+                raise Refused(
+                    "has no annotation, and the file has some of pictures that it does not list"
+                )
             imported.labels.append(_label(name, picture, grouped[key], classes, wanted, imported))
     return settle(imported, wanted)
 
@@ -101,10 +108,19 @@ def _annotations(labels: Labels, polygons: bool) -> Iterator[_Record]:
             if polygons:
                 segmentation = [ring.ravel().tolist() for ring in outlines(decode(item.mask_rle))]
             yield {
-                "id": number, "image_id": image_id, "category_id": 1, "iscrowd": 0, "bbox": bounds, "area": area,
-                "segmentation": segmentation, "instance": item.id, "score": item.score,
-                "centerline_xy": item.centerline_xy, "width_px": item.width_px, "closed": item.closed,
-            }  # fmt: skip
+                "id": number,
+                "image_id": image_id,
+                "category_id": 1,
+                "iscrowd": 0,
+                "bbox": bounds,
+                "area": area,
+                "segmentation": segmentation,
+                "instance": item.id,
+                "score": item.score,
+                "centerline_xy": item.centerline_xy,
+                "width_px": item.width_px,
+                "closed": item.closed,
+            }
 
 
 def _key(value: object) -> str:
@@ -127,7 +143,9 @@ def _pictures(path: Path, images: list[Any], imported: Imported) -> dict[str, _R
     return pictures
 
 
-def _grouped(annotations: list[Any], pictures: dict[str, _Record]) -> tuple[dict[str, list[_Record]], set[str]]:
+def _grouped(
+    annotations: list[Any], pictures: dict[str, _Record]
+) -> tuple[dict[str, list[_Record]], set[str]]:
     """Annotations by picture, and the ids of pictures that are not there."""
     grouped: dict[str, list[_Record]] = {key: [] for key in pictures}
     strays = set()
@@ -142,11 +160,20 @@ def _grouped(annotations: list[Any], pictures: dict[str, _Record]) -> tuple[dict
 
 def _classes(categories: object) -> dict[str, str]:
     listed = categories if isinstance(categories, list) else []
-    return {_key(c["id"]): str(c["name"]) for c in listed if isinstance(c, dict) and "id" in c and "name" in c}
+    return {
+        _key(c["id"]): str(c["name"])
+        for c in listed
+        if isinstance(c, dict) and "id" in c and "name" in c
+    }
 
 
 def _label(
-    name: str, picture: _Record, annotations: list[_Record], classes: dict[str, str], wanted: Wanted, imported: Imported
+    name: str,
+    picture: _Record,
+    annotations: list[_Record],
+    classes: dict[str, str],
+    wanted: Wanted,
+    imported: Imported,
 ) -> PictureLabel:
     canvas = Canvas(name, (picture.get("width"), picture.get("height")), wanted, imported)
     for annotation in annotations:
@@ -189,5 +216,7 @@ def _mask(segmentation: _Record, canvas: Canvas) -> Any:
     """Compressed or plain run lengths."""
     if list(segmentation.get("size") or []) != [canvas.height, canvas.width]:
         size = segmentation.get("size")
-        raise Refused(f"a mask of the size {str(size)[:40]} for a picture of {canvas.width}×{canvas.height}")
+        raise Refused(
+            f"a mask of the size {str(size)[:40]} for a picture of {canvas.width}×{canvas.height}"
+        )
     return mask_of_runs(segmentation.get("counts"), canvas.height, canvas.width)

@@ -1,4 +1,5 @@
-"""Foreign numbers and points, checked before anything is done with them. All functions raise Refused."""
+"""Foreign numbers and points, checked before anything is done with them. All functions raise
+Refused."""
 
 from __future__ import annotations
 
@@ -66,7 +67,8 @@ def pairs(values: object, what: str) -> Ring:
 
 
 def inside(points: Ring, width: int, height: int, what: str) -> Ring:
-    """The points, if they are finite, not too many, in or near the picture, and the way along them is not endless."""
+    """The points, if they are finite, not too many, in or near the picture, and the way along them
+    is not endless."""
     if len(points) > MOST_POINTS:
         raise Refused(f"{what} has more than {MOST_POINTS} points")
     if not np.isfinite(points).all():
@@ -76,7 +78,9 @@ def inside(points: Ring, width: int, height: int, what: str) -> Ring:
     far = np.flatnonzero(((points < -margin) | (points > size + margin)).any(1))
     if len(far):
         x, y = points[far[0]]
-        raise Refused(f"{what} has the point ({x:g}, {y:g}), far outside the picture of {width}×{height}")
+        raise Refused(
+            f"{what} has the point ({x:g}, {y:g}), far outside the picture of {width}×{height}"
+        )
     if len(points) and np.abs(np.diff(points, axis=0, append=points[:1])).sum() > LONGEST_PX:
         raise Refused(f"{what} is longer than {LONGEST_PX} px")
     return points
@@ -91,7 +95,8 @@ def there(ring: Ring) -> Ring | None:
 
 
 def chained(lines: Sequence[Ring]) -> Ring:
-    """All lines as one: from the first on, each time the end that is nearest to either end of what there is."""
+    """All lines as one: from the first on, each time the end that is nearest to either end of what
+    there is."""
     whole_line, rest = lines[0], list(lines[1:])
     while rest:
         ways = [

@@ -25,10 +25,11 @@ class Refused(ValueError):
 
 @dataclass
 class Imported:
-    """What a file holds. ``labels``: what could be read; ``problems``: picture, or place in the file, and why it was
-    refused; ``not_annotated``: picture and why nobody's work is in it; ``notes``: what was left out or changed in
-    pictures that were read, and how often in each; ``taken``: shapes of a wanted class; ``others``: picture and the
-    classes in it that are not wanted."""
+    """What a file holds. ``labels``: what could be read; ``problems``: picture, or place in the
+    file, and why it was refused; ``not_annotated``: picture and why nobody's work is in it;
+    ``notes``: what was left out or changed in pictures that were read, and how often in each;
+    ``taken``: shapes of a wanted class; ``others``: picture and the classes in it that are not
+    wanted."""
 
     labels: list[PictureLabel] = field(default_factory=list)
     problems: dict[str, str] = field(default_factory=dict)

@@ -1,7 +1,7 @@
 """The gate of all label formats: here, and nowhere else, what another tool drew becomes instances.
 
-Formats only say what is drawn (:class:`Drawn`). Everything is bounded before any pixel is set, so that a broken
-picture costs itself and neither the process nor the other pictures.
+Formats only say what is drawn (:class:`Drawn`). Everything is bounded before any pixel is set, so
+that a broken picture costs itself and neither the process nor the other pictures.
 
 =========================================================  =============================================================
 handed in                                                  comes out
@@ -53,9 +53,10 @@ UNSAID = "crossing that does not say which cables, left out"
 
 @dataclass(frozen=True)
 class Wanted:
-    """What an import takes. ``classes``: what a DLO is called; ``line_width_px``: of lines that name no width;
-    ``sizes``: name → (width, height) of the pictures that labels are wanted of, in their order, for files that do not
-    say it; ``in_order``: frame k of a video is the k-th of them, whatever it is called."""
+    """What an import takes. ``classes``: what a DLO is called; ``line_width_px``: of lines that
+    name no width; ``sizes``: name → (width, height) of the pictures that labels are wanted of, in
+    their order, for files that do not say it; ``in_order``: frame k of a video is the k-th of them,
+    whatever it is called."""
 
     classes: frozenset[str] = frozenset({CLASS})
     line_width_px: float = 6.0
@@ -69,9 +70,9 @@ class Wanted:
 
 @dataclass
 class Drawn:
-    """What a tool holds of one DLO, as it stands there. ``place`` names it in messages. ``rings`` are in continuous
-    coordinates (pixel k reaches from k to k + 1), ``lines`` in ours (its center is k); a file's own size of a mask has
-    been compared with the picture's."""
+    """What a tool holds of one DLO, as it stands there. ``place`` names it in messages. ``rings``
+    are in continuous coordinates (pixel k reaches from k to k + 1), ``lines`` in ours (its center
+    is k); a file's own size of a mask has been compared with the picture's."""
 
     place: str
     masks: list[Mask] = field(default_factory=list)
@@ -85,7 +86,9 @@ class Drawn:
 class Canvas:
     """One picture of a file that is read. All methods raise Refused."""
 
-    def __init__(self, name: str, size: tuple[object, object], wanted: Wanted, imported: Imported) -> None:
+    def __init__(
+        self, name: str, size: tuple[object, object], wanted: Wanted, imported: Imported
+    ) -> None:
         """``size``: width and height as the file has them."""
         self.name, self._wanted, self._imported = name, wanted, imported
         self.width, self.height = checked_size(*size)
@@ -142,7 +145,9 @@ class Canvas:
     def label(self, sha256: object = None) -> PictureLabel:
         """All of it, with ids that are told apart and crossings of what is there."""
         ids = self._ids()
-        instances = [item.model_copy(update={"id": k}) for item, k in zip(self._instances, ids, strict=True)]
+        instances = [
+            item.model_copy(update={"id": k}) for item, k in zip(self._instances, ids, strict=True)
+        ]
         present = set(ids)
         kept = [c for c in self._crossings if {c.over.instance, c.under.instance} <= present]
         if len(kept) < len(self._crossings):
@@ -158,10 +163,14 @@ class Canvas:
         )
 
     def _ids(self) -> list[int]:
-        """The first that claims a number keeps it. Fresh ones lie above all in use, also those of deleted cables that
-        a crossing still names: a new cable must not take over another one's crossing."""
+        """The first that claims a number keeps it. Fresh ones lie above all in use, also those of
+        deleted cables that a crossing still names: a new cable must not take over another one's
+        crossing."""
         named = [k for c in self._crossings for k in (c.over.instance, c.under.instance)]
-        fresh = 1 + max([k for k in (*self._numbers, *named) if k is not None and k < _HIGHEST_ID // 2], default=0)
+        fresh = 1 + max(
+            [k for k in (*self._numbers, *named) if k is not None and k < _HIGHEST_ID // 2],
+            default=0,
+        )
         taken: set[int] = set()
         ids = []
         for claimed in self._numbers:
@@ -176,7 +185,9 @@ class Canvas:
             return None
         got = number(drawn.width_px, f"the width of {drawn.place}")
         if not 0 < got <= max(self.width, self.height):
-            raise Refused(f"the width of {drawn.place} is {got:g} px in a picture of {self.width}×{self.height}")
+            raise Refused(
+                f"the width of {drawn.place} is {got:g} px in a picture of {self.width}×{self.height}"
+            )
         return got
 
     def _usual_width(self) -> float:
@@ -198,7 +209,9 @@ class Canvas:
     def _thin(self, drawn: Drawn, rings: Sequence[Ring], width_px: float | None) -> list[Ring]:
         """Rings without an area as lines."""
         thin = [ring for ring in rings if len(ring) >= 2]
-        if not thin or (width_px is None and any(len(ring) > 2 and there(ring) is None for ring in thin)):
+        if not thin or (
+            width_px is None and any(len(ring) > 2 and there(ring) is None for ring in thin)
+        ):
             raise Refused(f"{drawn.place} covers no pixel of the picture")
         if width_px is None:
             raise Refused(f"{drawn.place} has neither an area nor a width")
@@ -208,7 +221,9 @@ class Canvas:
     def _stroked(self, lines: Sequence[Ring], width_px: float, closed: bool, place: str) -> Mask:
         mask = np.zeros((self.height, self.width), bool)
         for line in lines:
-            mask |= stroke(as_points(line), width_px, self.height, self.width, closed and len(lines) == 1)
+            mask |= stroke(
+                as_points(line), width_px, self.height, self.width, closed and len(lines) == 1
+            )
         if not mask.any():
             raise Refused(f"{place} covers no pixel of the picture")
         return mask
@@ -244,7 +259,8 @@ def checked_size(width: object, height: object) -> tuple[int, int]:
 
 
 def checked(label: PictureLabel, imported: Imported) -> PictureLabel:
-    """A label of our own format: once it was in a file it is as foreign as any other. Raises Refused."""
+    """A label of our own format: once it was in a file it is as foreign as any other. Raises
+    Refused."""
     width, height = checked_size(label.width, label.height)
     if len(label.instances) > _MOST_INSTANCES:
         raise Refused(f"more than {_MOST_INSTANCES} instances")
@@ -252,7 +268,12 @@ def checked(label: PictureLabel, imported: Imported) -> PictureLabel:
         if item.mask_rle.size != (height, width):
             raise Refused(f"the mask of instance {item.id} is not of the picture's size")
         check(item.mask_rle.counts, height, width)
-        inside(np.asarray(item.centerline_xy, float).reshape(-1, 2), width, height, f"instance {item.id}")
+        inside(
+            np.asarray(item.centerline_xy, float).reshape(-1, 2),
+            width,
+            height,
+            f"instance {item.id}",
+        )
     fresh = 1 + max((item.id for item in label.instances), default=0)
     ids: dict[int, LabelledInstance] = {}
     for item in label.instances:
@@ -265,12 +286,16 @@ def checked(label: PictureLabel, imported: Imported) -> PictureLabel:
 
 
 def settle(imported: Imported, wanted: Wanted) -> Imported:
-    """The last step of a reader. Where nothing in the whole file is of a wanted class, its pictures are not free of
-    cables, the file calls them something else: pictures with other shapes are refused then."""
+    """The last step of a reader. Where nothing in the whole file is of a wanted class, its pictures
+    are not free of cables, the file calls them something else: pictures with other shapes are
+    refused then."""
     if imported.taken == 0 and imported.others:
         classes = ", ".join(sorted(f"'{c}'" for c in wanted.classes))
         for name, found in imported.others.items():
             named = ", ".join(sorted(f"'{c}'" for c in found))
-            imported.refuse(name, f"nothing in the file is of the class {classes}; here {named}: say which are cables")
+            imported.refuse(
+                name,
+                f"nothing in the file is of the class {classes}; here {named}: say which are cables",
+            )
         imported.labels = [label for label in imported.labels if label.name not in imported.others]
     return imported

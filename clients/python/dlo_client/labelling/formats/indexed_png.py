@@ -1,4 +1,5 @@
-"""Indexed PNG: a pixel's value is the instance's id, 0 is background. At most 255 instances a picture."""
+"""Indexed PNG: a pixel's value is the instance's id, 0 is background. At most 255 instances a
+picture."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ from dlo_client.labelling.store import write_whole
 
 
 def write(labels: Labels, out: Path) -> Path:
-    """``masks/NAME.png``; where two pictures differ by their suffix alone, ``masks/NAME_SUFFIX.png``."""
+    """``masks/NAME.png``; where two pictures differ by their suffix alone,
+    ``masks/NAME_SUFFIX.png``."""
     folder = out / "masks"
     files = told_apart((label.name for label in labels()), stem, stem_and_suffix)
     for label in labels():
@@ -27,7 +29,8 @@ def write(labels: Labels, out: Path) -> Path:
 
 
 def ids_of(label: PictureLabel) -> NDArray[np.uint8]:
-    """(H, W) ids; where masks overlap the later instance is on top. Raises FormatError above id 255."""
+    """(H, W) ids; where masks overlap the later instance is on top. Raises FormatError above id
+    255."""
     ids = np.zeros((label.height, label.width), np.uint8)
     for item in label.instances:
         if item.id > 255:
@@ -51,5 +54,7 @@ def read_png(content: bytes) -> NDArray[np.uint8]:
 
 def _palette() -> bytes:
     """Black, then hues a golden section apart."""
-    colors = [(0.0, 0.0, 0.0)] + [colorsys.hsv_to_rgb(k * 0.61803398875 % 1.0, 0.85, 1.0) for k in range(255)]
+    colors = [(0.0, 0.0, 0.0)] + [
+        colorsys.hsv_to_rgb(k * 0.61803398875 % 1.0, 0.85, 1.0) for k in range(255)
+    ]
     return bytes(round(255 * channel) for color in colors for channel in color)

@@ -1,4 +1,5 @@
-"""Names of exported files: pictures that differ by their suffix, or by a folder's spelling, do not share one."""
+"""Names of exported files: pictures that differ by their suffix, or by a folder's spelling, do not
+share one."""
 
 from __future__ import annotations
 
@@ -8,7 +9,9 @@ from collections.abc import Callable, Iterable
 from pathlib import PurePosixPath
 
 
-def told_apart(names: Iterable[str], short: Callable[[str], str], long: Callable[[str], str]) -> dict[str, str]:
+def told_apart(
+    names: Iterable[str], short: Callable[[str], str], long: Callable[[str], str]
+) -> dict[str, str]:
     """Picture → name of its file: the short one, where two are alike the long one, with a digest
     where that is taken too.
 

@@ -20,7 +20,8 @@ def write(labels: Labels, out: Path) -> Path:
 
 
 def read(path: Path, wanted: Wanted = Wanted()) -> Imported:  # noqa: B008
-    """A line that is no label costs that picture alone. Raises FormatError when the file cannot be read."""
+    """A line that is no label costs that picture alone. Raises FormatError when the file cannot be
+    read."""
     try:
         lines = path.read_text(encoding="utf-8-sig").split("\n")
     except (OSError, UnicodeDecodeError) as error:

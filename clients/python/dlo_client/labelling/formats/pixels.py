@@ -1,5 +1,5 @@
-"""Masks, their outlines and run lengths, filled polygons and strokes. Nothing here checks what other tools wrote:
-that is the work of :mod:`dlo_client.labelling.formats.gate`."""
+"""Masks, their outlines and run lengths, filled polygons and strokes. Nothing here checks what
+other tools wrote: that is the work of :mod:`dlo_client.labelling.formats.gate`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ _BLOCK = 256
 
 def decode(rle: MaskRLE) -> Mask:
     """(H, W) mask."""
-    return np.asarray(coco_mask.decode({"size": list(rle.size), "counts": rle.counts.encode()}), bool)
+    return np.asarray(
+        coco_mask.decode({"size": list(rle.size), "counts": rle.counts.encode()}), bool
+    )
 
 
 def encode(mask: Mask) -> MaskRLE:
@@ -38,11 +40,12 @@ def box(rle: MaskRLE) -> tuple[list[float], int]:
 
 
 def outlines(mask: Mask) -> list[Ring]:
-    """One ring for every connected piece, in continuous coordinates: pixel k reaches from k to k + 1.
+    """One ring for every connected piece, in continuous coordinates: pixel k reaches from k to k +
+    1.
 
-    The ring lies a quarter of a pixel inside the pixels' edges: all centers of the piece lie in it and no others,
-    and rounded down it runs through the outermost pixels. Readers of either convention get the mask back exactly.
-    A hole is joined to its ring by a cut of no width.
+    The ring lies a quarter of a pixel inside the pixels' edges: all centers of the piece lie in it
+    and no others, and rounded down it runs through the outermost pixels. Readers of either
+    convention get the mask back exactly. A hole is joined to its ring by a cut of no width.
     """
     doubled = cv2.resize(mask.astype(np.uint8), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
     found, nesting = cv2.findContours(doubled, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
@@ -68,29 +71,41 @@ def fill(rings: Sequence[Ring], height: int, width: int) -> Mask:
     flat = [ring.ravel().tolist() for ring in rings if len(ring) >= 3]
     if not flat:
         return np.zeros((height, width), bool)
-    return np.asarray(coco_mask.decode(coco_mask.merge(coco_mask.frPyObjects(flat, height, width))), bool)
+    return np.asarray(
+        coco_mask.decode(coco_mask.merge(coco_mask.frPyObjects(flat, height, width))), bool
+    )
 
 
-def stroke(points_xy: Sequence[Point], width_px: float, height: int, width: int, closed: bool = False) -> Mask:
-    """A line of this width, for tools that know lines but no masks: pixels whose center is within half of it."""
+def stroke(
+    points_xy: Sequence[Point], width_px: float, height: int, width: int, closed: bool = False
+) -> Mask:
+    """A line of this width, for tools that know lines but no masks: pixels whose center is within
+    half of it."""
     points = np.asarray(points_xy, np.float64)
     beside = int(np.ceil(width_px / 2)) + 1
     low = np.maximum(np.floor(points.min(0)).astype(int) - beside, -beside)
-    high = np.minimum(np.ceil(points.max(0)).astype(int) + beside + 1, np.array([width, height]) + beside)
+    high = np.minimum(
+        np.ceil(points.max(0)).astype(int) + beside + 1, np.array([width, height]) + beside
+    )
     out = np.zeros((height, width), bool)
     if (high <= low).any():
         return out
     away = np.ones((high - low)[::-1], np.uint8)
     fixed = np.rint((points - low) * 16).astype(np.int32)
     cv2.polylines(away, [fixed], closed, 0, 1, cv2.LINE_8, 4)
-    near = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= max(0.0, width_px / 2 - _HALF_STEP)
+    near = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= max(
+        0.0, width_px / 2 - _HALF_STEP
+    )
     (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, [width, height])
-    out[top:bottom, left:right] = near[top - low[1] : bottom - low[1], left - low[0] : right - low[0]]
+    out[top:bottom, left:right] = near[
+        top - low[1] : bottom - low[1], left - low[0] : right - low[0]
+    ]
     return out
 
 
 def mean_width(mask: Mask) -> float:
-    """A rough width of a strand, px: four times the mean distance from its pixels to the outside."""
+    """A rough width of a strand, px: four times the mean distance from its pixels to the
+    outside."""
     if not mask.any():
         return 1.0
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))

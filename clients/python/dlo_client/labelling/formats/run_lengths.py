@@ -1,4 +1,5 @@
-"""COCO's run lengths, read without trust: the library would read or write past the end of what does not fit."""
+"""COCO's run lengths, read without trust: the library would read or write past the end of what does
+not fit."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ _NOT_FILLED = "the run lengths do not fill the picture"
 
 
 def mask_of_runs(counts: object, height: int, width: int) -> Mask:
-    """(H, W) mask of a compressed string or a plain list of runs down the columns. Raises Refused."""
+    """(H, W) mask of a compressed string or a plain list of runs down the columns. Raises
+    Refused."""
     if isinstance(counts, bytes):
         counts = counts.decode("ascii", "replace")
     if isinstance(counts, str):
@@ -49,7 +51,8 @@ def runs_of(values: Sequence[object], total: int) -> np.ndarray[tuple[int], np.d
 
 
 def _runs(counts: str, total: int) -> list[int]:
-    """The runs of COCO's compressed string: 5 bits a character, bit 6 for more, from the fourth run on differences."""
+    """The runs of COCO's compressed string: 5 bits a character, bit 6 for more, from the fourth run
+    on differences."""
     if len(counts) > 14 * (total + 1):
         raise Refused(_NOT_FILLED)
     runs: list[int] = []

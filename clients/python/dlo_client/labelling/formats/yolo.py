@@ -1,8 +1,10 @@
-"""YOLO segmentation (Ultralytics): ``dataset.yaml``, the pictures, and a text file a picture with a line an instance.
+"""YOLO segmentation (Ultralytics): ``dataset.yaml``, the pictures, and a text file a picture with a
+line an instance.
 
-A line holds one polygon. The pieces of an interrupted DLO are joined by cuts of no width, as Ultralytics' own
-converter does it. Centerlines and crossings have no place here. About one picture in ten is for validation, by its
-content: one of the same bytes is on the same side, and the side does not change from export to export.
+A line holds one polygon. The pieces of an interrupted DLO are joined by cuts of no width, as
+Ultralytics' own converter does it. Centerlines and crossings have no place here. About one picture
+in ten is for validation, by its content: one of the same bytes is on the same side, and the side
+does not change from export to export.
 """
 
 from __future__ import annotations
@@ -32,11 +34,12 @@ def write(
     pictures: Mapping[str, SourcePicture] | None = None,
     problems: dict[str, str] | None = None,
 ) -> Path:
-    """``yolo/dataset.yaml``, ``yolo/labels/train|val/NAME.txt`` and, of ``pictures`` by name, ``yolo/images/…``.
+    """``yolo/dataset.yaml``, ``yolo/labels/train|val/NAME.txt`` and, of ``pictures`` by name,
+    ``yolo/images/…``.
 
-    Labels whose picture is missing or cannot be read are left out; ``problems`` then gets name → why. Without
-    ``pictures`` ``yolo/images.json`` says where each belongs, by its name. What an earlier export left in these two
-    folders is replaced.
+    Labels whose picture is missing or cannot be read are left out; ``problems`` then gets name →
+    why. Without ``pictures`` ``yolo/images.json`` says where each belongs, by its name. What an
+    earlier export left in these two folders is replaced.
     """
     folder = out / "yolo"
     fresh = out / ".yolo.part"
@@ -93,8 +96,12 @@ def _image(name: str, place: PurePosixPath) -> str:
 
 
 def _sides(contents: Mapping[str, str]) -> dict[str, str]:
-    """``train`` or ``val`` by a digest of the content; with two contents or more neither is empty."""
-    share = {c: int(hashlib.sha256(c.encode()).hexdigest()[:8], 16) / 2**32 for c in set(contents.values())}
+    """``train`` or ``val`` by a digest of the content; with two contents or more neither is
+    empty."""
+    share = {
+        c: int(hashlib.sha256(c.encode()).hexdigest()[:8], 16) / 2**32
+        for c in set(contents.values())
+    }
     held = {c for c, at in share.items() if at < _VALIDATION}
     ranked = sorted(share, key=lambda c: share[c])
     if len(ranked) > 1 and not held:
@@ -105,8 +112,8 @@ def _sides(contents: Mapping[str, str]) -> dict[str, str]:
 
 
 def _short(name: str) -> str:
-    """All in one folder: not every reader looks into those below, and Ultralytics finds a label by the last folder
-    ``images`` of its picture's path."""
+    """All in one folder: not every reader looks into those below, and Ultralytics finds a label by
+    the last folder ``images`` of its picture's path."""
     return stem(name).replace("/", "__")
 
 
@@ -120,7 +127,8 @@ def _suffix(name: str) -> str:
 
 
 def _copy(picture: SourcePicture | None, file: Path) -> None:
-    """A copy, because Ultralytics repairs broken pictures where they lie. Raises PictureUnreadable."""
+    """A copy, because Ultralytics repairs broken pictures where they lie. Raises
+    PictureUnreadable."""
     if picture is None:
         raise PictureUnreadable("the picture is not in the source")
     data, _ = read_still(picture)
@@ -129,7 +137,8 @@ def _copy(picture: SourcePicture | None, file: Path) -> None:
 
 
 def _line(item: LabelledInstance, label: PictureLabel) -> str:
-    """Class 0 and the polygon in shares of the picture; nothing for an instance that is hidden altogether."""
+    """Class 0 and the polygon in shares of the picture; nothing for an instance that is hidden
+    altogether."""
     rings = outlines(decode(item.mask_rle))
     if not rings:
         return ""

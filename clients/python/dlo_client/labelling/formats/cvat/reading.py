@@ -1,7 +1,7 @@
 """CVAT's XML, for images and for video, back into labels.
 
-Shapes of one ``group_id`` are one DLO, those of group 0 (what a person adds) one each. Tracks of a video are read frame
-by frame: see :mod:`dlo_client.labelling.formats.cvat.tracks`.
+Shapes of one ``group_id`` are one DLO, those of group 0 (what a person adds) one each. Tracks of a
+video are read frame by frame: see :mod:`dlo_client.labelling.formats.cvat.tracks`.
 """
 
 from __future__ import annotations
@@ -36,11 +36,15 @@ def read(path: Path, wanted: Wanted = Wanted()) -> Imported:  # noqa: B008
         name = image.get("name") or "an image without a name"
         with imported.one_picture(name):
             size = (image.get("width"), image.get("height"))
-            imported.labels.append(_label(name, size, [s for s in image if s.tag in _SHAPES], wanted, imported))
+            imported.labels.append(
+                _label(name, size, [s for s in image if s.tag in _SHAPES], wanted, imported)
+            )
     frames = frames_of(root, wanted, imported)
     for frame in frames:
         with imported.one_picture(frame.name):
-            imported.labels.append(_label(frame.name, _size(frame, wanted), frame.shapes, wanted, imported))
+            imported.labels.append(
+                _label(frame.name, _size(frame, wanted), frame.shapes, wanted, imported)
+            )
     if not images and not frames and not imported.problems and not imported.not_annotated:
         raise FormatError(f"{path}: has neither images nor tracks")
     return settle(imported, wanted)
@@ -64,7 +68,11 @@ def _size(frame: Frame, wanted: Wanted) -> tuple[object, object]:
 
 
 def _label(
-    name: str, size: tuple[object, object], shapes: Iterable[Element], wanted: Wanted, imported: Imported
+    name: str,
+    size: tuple[object, object],
+    shapes: Iterable[Element],
+    wanted: Wanted,
+    imported: Imported,
 ) -> PictureLabel:
     canvas = Canvas(name, size, wanted, imported)
     groups: dict[str, list[Element]] = {}
@@ -113,7 +121,9 @@ def _mask(shape: Element, canvas: Canvas) -> Mask:
     values = shape.get("rle", "").split(",")
     runs = runs_of(values, w * h)
     out = np.zeros((canvas.height, canvas.width), bool)
-    out[top : top + h, left : left + w] = np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(h, w)
+    out[top : top + h, left : left + w] = np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(
+        h, w
+    )
     return out
 
 
@@ -123,4 +133,10 @@ def _cross(canvas: Canvas, shape: Element) -> None:
     strands: dict[str, Any] = {
         key: {"instance": facts.get(key), "u": facts.get(f"{key}_u")} for key in ("over", "under")
     }
-    canvas.cross({**strands, "xy": points[0].tolist() if len(points) else None, "score": facts.get("score") or 1.0})
+    canvas.cross(
+        {
+            **strands,
+            "xy": points[0].tolist() if len(points) else None,
+            "score": facts.get("score") or 1.0,
+        }
+    )

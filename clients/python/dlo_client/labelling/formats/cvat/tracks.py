@@ -1,12 +1,13 @@
 """Tracks of CVAT's video XML as shapes frame by frame.
 
-As in CVAT: a keyframe's shape holds until the next one, moving there evenly; an ``outside`` keyframe ends it until the
-next one that is not; after the last it stays to the end of the video. What lies between is taken from the file where it
-is written out (``keyframe="0"``). Lines and outlines with as many points move point by point, others by equal shares of
-their length; masks and shapes that change their kind stay as they were.
+As in CVAT: a keyframe's shape holds until the next one, moving there evenly; an ``outside``
+keyframe ends it until the next one that is not; after the last it stays to the end of the video.
+What lies between is taken from the file where it is written out (``keyframe="0"``). Lines and
+outlines with as many points move point by point, others by equal shares of their length; masks and
+shapes that change their kind stay as they were.
 
-A frame's picture is the one called ``frame_000012`` (any suffix, any folder) or, with ``Wanted.in_order`` or when there
-are as many pictures as frames, the one at its place among all.
+A frame's picture is the one called ``frame_000012`` (any suffix, any folder) or, with
+``Wanted.in_order`` or when there are as many pictures as frames, the one at its place among all.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ class _Track:
 
 
 def frames_of(root: Element, wanted: Wanted, imported: Imported) -> list[Frame]:
-    """Frames in which a track shows something. Tracks that cannot be read, and frames without a picture, are named."""
+    """Frames in which a track shows something. Tracks that cannot be read, and frames without a
+    picture, are named."""
     tracks = []
     for k, element in enumerate(root.iter("track")):
         with imported.one_picture(f"track {element.get('id', k)}"):
@@ -94,7 +96,9 @@ def _length(root: Element, tracks: Sequence[_Track]) -> int:
         return seen
 
 
-def _names(length: int, tracks: Sequence[_Track], wanted: Wanted, imported: Imported) -> dict[int, str]:
+def _names(
+    length: int, tracks: Sequence[_Track], wanted: Wanted, imported: Imported
+) -> dict[int, str]:
     """Frame → the picture that it is; with no pictures to compare with, CVAT's own names."""
     known = list(wanted.sizes)
     if not known:
@@ -103,10 +107,14 @@ def _names(length: int, tracks: Sequence[_Track], wanted: Wanted, imported: Impo
     names = {k: name for k, name in numbered.items() if k < length}
     if wanted.in_order or (not numbered and length == len(known)):
         names = dict(enumerate(known[:length]))
-        imported.note("frame taken as the picture at its place in the order of names", known[0], len(names))
+        imported.note(
+            "frame taken as the picture at its place in the order of names", known[0], len(names)
+        )
     missing = sorted({k for track in tracks for k in track.at} - names.keys())
     if missing:
-        some = ", ".join(f"frame_{k:06d}" for k in missing[:5]) + (", …" if len(missing) > 5 else "")
+        some = ", ".join(f"frame_{k:06d}" for k in missing[:5]) + (
+            ", …" if len(missing) > 5 else ""
+        )
         why = "no picture of this name; where frame k is the k-th picture by name, say --frames in-order"
         imported.refuse(f"{len(missing)} frames ({some})", why)
     return names
@@ -150,10 +158,13 @@ def _points(shape: Element) -> Ring:
 
 
 def _alike(before: Ring, after: Ring, closed: bool) -> tuple[Ring, Ring]:
-    """Both with points at the shares of length at which either has one. A ring starts where the two are nearest."""
+    """Both with points at the shares of length at which either has one. A ring starts where the two
+    are nearest."""
     if closed:
         start = int(np.hypot(*(after - before[0]).T).argmin())
-        before, after = (np.concatenate([r, r[:1]]) for r in (before, np.roll(after, -start, axis=0)))
+        before, after = (
+            np.concatenate([r, r[:1]]) for r in (before, np.roll(after, -start, axis=0))
+        )
     shares = [_shares(line) for line in (before, after)]
     places = np.unique(np.concatenate(shares))
     both = [

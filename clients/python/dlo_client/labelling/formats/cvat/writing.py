@@ -1,7 +1,8 @@
-"""CVAT for images 1.1 (XML): a mask and a polyline for every instance, tied by ``group_id``; crossings as points.
+"""CVAT for images 1.1 (XML): a mask and a polyline for every instance, tied by ``group_id``;
+crossings as points.
 
-CVAT's coordinates are continuous: the first pixel reaches from 0 to 1, so a pixel's center is at a half. Its XML comes
-back through :mod:`dlo_client.labelling.formats.cvat.reading`.
+CVAT's coordinates are continuous: the first pixel reaches from 0 to 1, so a pixel's center is at a
+half. Its XML comes back through :mod:`dlo_client.labelling.formats.cvat.reading`.
 """
 
 from __future__ import annotations
@@ -20,14 +21,19 @@ from dlo_client.labelling.formats.pixels import Mask, Ring, decode
 from dlo_client.labelling.labels import PictureLabel
 
 CENTER = 0.5
-_ATTRIBUTES = {"dlo": ("width_px", "closed", "score"), "crossing": ("over", "over_u", "under", "under_u", "score")}
+_ATTRIBUTES = {
+    "dlo": ("width_px", "closed", "score"),
+    "crossing": ("over", "over_u", "under", "under_u", "score"),
+}
 
 
 def write(labels: Labels, out: Path) -> Path:
     """``cvat.xml``; its job needs the labels that ``<meta>`` lists: ``dlo`` and ``crossing``."""
     file = out / "cvat.xml"
     with written_whole(file) as xml:
-        xml.write(f'<?xml version="1.0" encoding="utf-8"?>\n<annotations>\n<version>1.1</version>\n{_meta()}\n')
+        xml.write(
+            f'<?xml version="1.0" encoding="utf-8"?>\n<annotations>\n<version>1.1</version>\n{_meta()}\n'
+        )
         for number, label in enumerate(labels()):
             size = f'width="{label.width}" height="{label.height}"'
             xml.write(f'<image id="{number}" name={quoteattr(label.name)} {size}>\n')
@@ -51,7 +57,9 @@ def _meta() -> str:
             f"<default_value></default_value><values></values></attribute>"
             for a in attributes
         )
-        labels.append(f"<label><name>{name}</name><type>any</type><attributes>{listed}</attributes></label>")
+        labels.append(
+            f"<label><name>{name}</name><type>any</type><attributes>{listed}</attributes></label>"
+        )
     return f"<meta><task><mode>annotation</mode><labels>{''.join(labels)}</labels></task></meta>"
 
 
@@ -66,9 +74,12 @@ def _shapes(label: PictureLabel) -> Iterator[str]:
             yield f'<polyline {common} points="{_points(item.centerline_xy)}">{_attributes(facts)}</polyline>\n'
     for crossing in label.crossings:
         facts = {
-            "over": crossing.over.instance, "over_u": crossing.over.u, "under": crossing.under.instance,
-            "under_u": crossing.under.u, "score": crossing.score,
-        }  # fmt: skip
+            "over": crossing.over.instance,
+            "over_u": crossing.over.u,
+            "under": crossing.under.instance,
+            "under_u": crossing.under.u,
+            "score": crossing.score,
+        }
         common = 'label="crossing" source="auto" occluded="0" z_order="0"'
         yield f'<points {common} points="{_points([crossing.xy])}">{_attributes(facts)}</points>\n'
 

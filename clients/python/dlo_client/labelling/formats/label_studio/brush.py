@@ -1,8 +1,9 @@
 """Label Studio's run lengths of brush masks.
 
-A bit stream, high bit first: 32 bits of length (values, four a pixel: red, green, blue, alpha, row by row), 5 bits
-of word size - 1, four times 4 bits of a run's size - 1; then runs. A run is a bit (1: one value repeated, 0: as many
-values), 2 bits that pick the size, that many bits of length - 1, and the value or values.
+A bit stream, high bit first: 32 bits of length (values, four a pixel: red, green, blue, alpha, row
+by row), 5 bits of word size - 1, four times 4 bits of a run's size - 1; then runs. A run is a bit
+(1: one value repeated, 0: as many values), 2 bits that pick the size, that many bits of length - 1,
+and the value or values.
 """
 
 from __future__ import annotations
@@ -22,8 +23,14 @@ def encode_brush(mask: Mask) -> list[int]:
     """Bytes of the stream; every channel is 255 in the mask and 0 outside."""
     flat = mask.ravel()
     bounds = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1, [flat.size]))
-    parts = [f"{_CHANNELS * flat.size:032b}", f"{_WORD - 1:05b}", *(f"{size - 1:04b}" for size in _SIZES)]
-    for start, length in zip(bounds[:-1].tolist(), (_CHANNELS * np.diff(bounds)).tolist(), strict=True):
+    parts = [
+        f"{_CHANNELS * flat.size:032b}",
+        f"{_WORD - 1:05b}",
+        *(f"{size - 1:04b}" for size in _SIZES),
+    ]
+    for start, length in zip(
+        bounds[:-1].tolist(), (_CHANNELS * np.diff(bounds)).tolist(), strict=True
+    ):
         parts += _runs(length, 255 if flat[start] else 0)
     bits = "".join(parts)
     bits += "0" * (-len(bits) % 8)
@@ -31,7 +38,8 @@ def encode_brush(mask: Mask) -> list[int]:
 
 
 def decode_brush(data: object, height: int, width: int) -> Mask:
-    """(H, W): where alpha is above a half. Raises Refused when the stream is cut short or of another size."""
+    """(H, W): where alpha is above a half. Raises Refused when the stream is cut short or of
+    another size."""
     stream = _Bits(_bytes(data, height * width))
     total = stream.take(32)
     word = stream.take(5) + 1

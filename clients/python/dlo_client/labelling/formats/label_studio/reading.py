@@ -64,13 +64,17 @@ def _name(task: _Record) -> str:
     if given:
         return str(given)
     values = task["data"]
-    image = values.get("image") or next((v for v in values.values() if isinstance(v, str) and "." in v), "")
+    image = values.get("image") or next(
+        (v for v in values.values() if isinstance(v, str) and "." in v), ""
+    )
     if not image:
         raise Refused("names no picture")
     address = urlsplit(str(image))
     listed = parse_qs(address.query).get("d")
     path = PurePosixPath(listed[0] if listed else unquote(address.path).lstrip("/"))
-    return str(path.with_name(_UPLOADED.sub("", path.name))) if "upload" in path.parts else str(path)
+    return (
+        str(path.with_name(_UPLOADED.sub("", path.name))) if "upload" in path.parts else str(path)
+    )
 
 
 def _label(name: str, task: _Record, wanted: Wanted, imported: Imported) -> PictureLabel | None:
@@ -81,7 +85,11 @@ def _label(name: str, task: _Record, wanted: Wanted, imported: Imported) -> Pict
         imported.not_annotated[name] = "skipped" if given else "never annotated"
         return None
     chosen = max(
-        kept, key=lambda a: (bool(a.get("ground_truth")), str(a.get("updated_at") or a.get("created_at") or ""))
+        kept,
+        key=lambda a: (
+            bool(a.get("ground_truth")),
+            str(a.get("updated_at") or a.get("created_at") or ""),
+        ),
     )
     if len(kept) > 1:
         imported.note("several annotations, the latest taken", name)
@@ -89,7 +97,9 @@ def _label(name: str, task: _Record, wanted: Wanted, imported: Imported) -> Pict
     canvas = Canvas(name, _size(name, results, task["data"], wanted), wanted, imported)
     given_meta = task.get("meta")
     meta: _Record = given_meta if isinstance(given_meta, dict) else {}
-    crossings = {f"crossing-{c.get('id')}": c for c in meta.get("crossings") or [] if isinstance(c, dict)}
+    crossings = {
+        f"crossing-{c.get('id')}": c for c in meta.get("crossings") or [] if isinstance(c, dict)
+    }
     groups: dict[str, list[_Record]] = {}
     for key, region in _regions(results).items():
         if _is_cable(key, region, crossings, canvas, wanted):
@@ -100,8 +110,14 @@ def _label(name: str, task: _Record, wanted: Wanted, imported: Imported) -> Pict
     return canvas.label(meta.get("sha256"))
 
 
-def _size(name: str, results: list[_Record], data: _Record, wanted: Wanted) -> tuple[object, object]:
-    sizes = {(r["original_width"], r.get("original_height")) for r in results if r.get("original_width") is not None}
+def _size(
+    name: str, results: list[_Record], data: _Record, wanted: Wanted
+) -> tuple[object, object]:
+    sizes = {
+        (r["original_width"], r.get("original_height"))
+        for r in results
+        if r.get("original_width") is not None
+    }
     if len(sizes) > 1:
         raise Refused("its regions are of pictures of different sizes")
     if sizes:
@@ -110,7 +126,8 @@ def _size(name: str, results: list[_Record], data: _Record, wanted: Wanted) -> t
 
 
 def _regions(results: list[_Record]) -> dict[str, _Record]:
-    """Results by their id. Those of one id say different things of one region: its shape, its label, a choice."""
+    """Results by their id. Those of one id say different things of one region: its shape, its
+    label, a choice."""
     regions: dict[str, _Record] = {}
     for place, result in enumerate(results):
         key = str(result.get("id") or f"result {place + 1}")[:80]
@@ -123,10 +140,14 @@ def _regions(results: list[_Record]) -> dict[str, _Record]:
     return regions
 
 
-def _is_cable(key: str, region: _Record, crossings: dict[str, _Record], canvas: Canvas, wanted: Wanted) -> bool:
+def _is_cable(
+    key: str, region: _Record, crossings: dict[str, _Record], canvas: Canvas, wanted: Wanted
+) -> bool:
     """Whether a region is to become an instance. What it is otherwise is dealt with here."""
     value = region["value"]
-    called = [str(c) for k, v in value.items() if k.endswith("labels") and isinstance(v, list) for c in v]
+    called = [
+        str(c) for k, v in value.items() if k.endswith("labels") and isinstance(v, list) for c in v
+    ]
     kind = _kind(region)
     if kind is None:
         canvas.leave_out(f"result of type '{region['types'][0]}'")
@@ -171,10 +192,14 @@ def _drawn(key: str, regions: list[_Record], canvas: Canvas) -> Drawn:
         turned = _turned(region, canvas)
         if kind == "brush":
             if turned:
-                raise Refused(f"{drawn.place} is a brush on a turned picture: draw it with the picture upright")
+                raise Refused(
+                    f"{drawn.place} is a brush on a turned picture: draw it with the picture upright"
+                )
             drawn.masks.append(decode_brush(value["rle"], canvas.height, canvas.width))
         elif kind == "line":
-            drawn.lines.append(_upright(_vertices(value, drawn.place, canvas), turned, canvas) - 0.5)
+            drawn.lines.append(
+                _upright(_vertices(value, drawn.place, canvas), turned, canvas) - 0.5
+            )
             drawn.closed = yes(facts.get("closed")) or yes(value.get("closed"))
         elif kind == "polygon" and value.get("closed") is False:
             drawn.lines.append(_upright(pairs(value["points"], drawn.place), turned, canvas) - 0.5)
@@ -216,10 +241,16 @@ def _vertices(value: _Record, place: str, canvas: Canvas) -> Ring:
 
 
 def _cross(region: _Record, known: _Record | None, canvas: Canvas) -> None:
-    """A crossing that was written out by us, where it lies by now; a new one does not say which cables."""
+    """A crossing that was written out by us, where it lies by now; a new one does not say which
+    cables."""
     if known is None:
         canvas.note(UNSAID)
         return
     value = region["value"]
-    xy = _upright(pairs([[value.get("x"), value.get("y")]], "a crossing"), _turned(region, canvas), canvas) - 0.5
+    xy = (
+        _upright(
+            pairs([[value.get("x"), value.get("y")]], "a crossing"), _turned(region, canvas), canvas
+        )
+        - 0.5
+    )
     canvas.cross(known | {"xy": np.round(xy[0], 4).tolist()})

@@ -61,11 +61,18 @@ def _task(label: PictureLabel) -> dict[str, Any]:
 
 def _regions(label: PictureLabel) -> Iterator[dict[str, Any]]:
     common = {
-        "to_name": "image", "original_width": label.width, "original_height": label.height, "image_rotation": 0,
-    }  # fmt: skip
+        "to_name": "image",
+        "original_width": label.width,
+        "original_height": label.height,
+        "image_rotation": 0,
+    }
     for item in label.instances:
         facts = {"meta": {"width_px": item.width_px, "closed": item.closed}, "score": item.score}
-        brush = {"format": "rle", "rle": encode_brush(decode(item.mask_rle)), "brushlabels": [CLASS]}
+        brush = {
+            "format": "rle",
+            "rle": encode_brush(decode(item.mask_rle)),
+            "brushlabels": [CLASS],
+        }
         yield {
             **common,
             **facts,
@@ -75,9 +82,19 @@ def _regions(label: PictureLabel) -> Iterator[dict[str, Any]]:
             "value": brush,
         }
         if len(item.centerline_xy) >= 2:
-            line = {"vertices": list(_vertices(item, label)), "closed": False, "vectorlabels": [LINE]}
-            yield {**common, **facts, "id": f"dlo-{item.id}-line", "from_name": "line", "type": "vectorlabels",
-                   "value": line}  # fmt: skip
+            line = {
+                "vertices": list(_vertices(item, label)),
+                "closed": False,
+                "vectorlabels": [LINE],
+            }
+            yield {
+                **common,
+                **facts,
+                "id": f"dlo-{item.id}-line",
+                "from_name": "line",
+                "type": "vectorlabels",
+                "value": line,
+            }
     for crossing in label.crossings:
         (x, y) = _percent(crossing.xy, label.width, label.height)
         point = {"x": x, "y": y, "width": 0.8, "keypointlabels": [CROSSING]}
