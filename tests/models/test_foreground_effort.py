@@ -70,6 +70,17 @@ class Narrow(Brightness):
         return np.where(inside > 36, -4, seen).astype(np.float32)
 
 
+def test_a_heap_of_thin_strands_is_not_seen_from_afar() -> None:
+    """A disc as wide as a thick strand is in it, but it is no longer than that: of six photographs
+    with such a heap the second look spoiled four."""
+    image, _ = wire((360, 640), 24)
+    cv2.circle(image, (320, 180), 38, (230, 230, 230), -1)
+    once, normal = Brightness(), Brightness()
+    probability_at(image, once, SETTINGS, network_scale(image.shape[:2], SETTINGS))
+    look(image, normal, SETTINGS)
+    assert normal.pixels == once.pixels
+
+
 def test_a_strand_too_thick_for_the_network_is_seen_from_afar() -> None:
     """Of a hose of 100 px half was lost but for its edges."""
     image, true = wire((360, 640), 100)
