@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
-from models.geometry.arrays import FloatArray
+from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.instances.scene import Endpoint, EndpointKind, Instance
 from models.strands.ends import within
 
@@ -22,25 +23,38 @@ def endpoints_of(
     ``border``: within a width of the picture's edge. ``hidden``: the stroke reaches that of another
     instance.
     """
-    found = []
-    for instance in instances:
-        others = [other for other in instances if other is not instance]
-        ends = () if instance.closed else (instance.centerline_xy[0], instance.centerline_xy[-1])
-        found.append(tuple(_endpoint(xy, instance.width_px, others, shape) for xy in ends))
+    owner = [k for k, instance in enumerate(instances) if not instance.closed]
+    found: list[tuple[Endpoint, ...]] = [()] * len(instances)
+    if not owner:
+        return found
+    tips = np.array([instances[k].centerline_xy[[0, -1]] for k in owner])
+    widths = np.array([instances[k].width_px for k in owner])
+    inside = np.array(
+        [within(t, shape, max(w, 2.0)) for t, w in zip(tips, widths.tolist(), strict=True)]
+    )
+    hidden = _hidden(tips, widths, np.array(owner), instances)
+    for k, both, seen, under in zip(
+        owner, tips.tolist(), inside.tolist(), hidden.tolist(), strict=True
+    ):
+        found[k] = tuple(
+            Endpoint((x, y), _kind(*known))
+            for (x, y), *known in zip(both, seen, under, strict=True)
+        )
     return found
 
 
-def _endpoint(
-    xy: FloatArray, width: float, others: Sequence[Instance], shape: tuple[int, ...]
-) -> Endpoint:
-    kind: EndpointKind = "free"
-    if not within(xy, shape, max(width, 2.0)):
-        kind = "border"
-    elif any(_reaches(xy, width, other) for other in others):
-        kind = "hidden"
-    return Endpoint((float(xy[0]), float(xy[1])), kind)
+def _kind(inside: bool, hidden: bool) -> EndpointKind:
+    return "border" if not inside else "hidden" if hidden else "free"
 
 
-def _reaches(xy: FloatArray, width: float, other: Instance) -> bool:
-    apart = np.hypot(*(other.centerline_xy - xy).T)
-    return bool(apart.min() <= (width + other.width_px) / 2 + _MARGIN_PX)
+def _hidden(
+    tips: FloatArray, widths: FloatArray, owner: IntArray, instances: Sequence[Instance]
+) -> BoolArray:
+    """``(n, 2)`` which of the ``(n, 2, 2)`` tips of the instances ``owner`` (n,), ``widths`` wide,
+    the stroke of another instance reaches."""
+    hidden = np.zeros((len(tips), 2), dtype=bool)
+    for k, other in enumerate(instances):
+        apart = cdist(tips.reshape(-1, 2), other.centerline_xy).min(axis=1).reshape(-1, 2)
+        reach = (widths + other.width_px) / 2 + _MARGIN_PX
+        hidden |= (apart <= reach[:, None]) & (owner != k)[:, None]
+    return hidden

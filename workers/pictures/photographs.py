@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,8 +60,8 @@ def _extent(values: NDArray[np.uint8]) -> tuple[int, int]:
     step = max(1, max(values.shape[:2]) // _LOOKED_AT)
     grid = values[::step, ::step]
     extents = []
-    for plane in [grid] if grid.ndim == 2 else np.moveaxis(grid, 2, 0):
-        below = np.cumsum(np.bincount(plane.ravel(), minlength=256))
+    for plane in cv2.split(np.ascontiguousarray(grid)):
+        below = np.cumsum(cv2.calcHist([plane], [0], None, [256], [0, 256]))
         few = _FEW * plane.size
         extents.append(
             (

@@ -11,6 +11,7 @@ import tomllib
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -120,7 +121,7 @@ def _along_shared(sections: Sections) -> tuple[IntArray, IntArray]:
         here, there = ([e for e in at[int(n)] if e >> 1 != section] for n in nodes[section])
         if len(here) > _NEAREST or len(there) > _NEAREST or min(len(here), len(there)) < 2:
             continue
-        leading = float(np.median(sections.end_radius[here + there]))
+        leading = median(sections.end_radius[here + there].tolist())
         thick = sections.radius[section] > _SHARED_THICK * leading
         if thick or sections.length[section] <= _SHARED_RADII * leading:
             found = [(min(a, b), max(a, b)) for a in here for b in there if a >> 1 != b >> 1]
@@ -266,5 +267,5 @@ def _thickening(sections: Sections, shared: IntArray) -> FloatArray:
         around = np.flatnonzero(
             (sections.node == node) & (np.arange(len(sections.node)) >> 1 != section)
         )
-        out[k] = np.log(sections.radius[section] / np.median(sections.end_radius[around]))
+        out[k] = np.log(sections.radius[section] / median(sections.end_radius[around].tolist()))
     return np.clip(out, -1.0, 1.0)
