@@ -19,7 +19,8 @@ from workers.record import TRAINING, JobRecord
 JOBS = "/v1/jobs"
 """Where jobs are."""
 
-_SHORT_BODY = 64 * 1024
+_SHORT_BODY = 256 * 1024
+"""Such a body is read in the time that it takes to ask whether there is room for its job."""
 
 Wait = Annotated[
     float, Query(ge=0, le=60, allow_inf_nan=False, description="seconds to wait for the job to end")

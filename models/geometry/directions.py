@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.geometry.arrays import FloatArray
+from models.geometry.arrays import FloatArray, IntArray
 
 _NOTHING = 1e-9
 """A shorter vector has no direction: it stays about 0."""
@@ -29,6 +29,15 @@ def tangents(line: FloatArray) -> FloatArray:
     steps[1:-1] = line[2:] - line[:-2]
     steps[0], steps[-1] = line[1] - line[0], line[-1] - line[-2]
     return unit(steps)
+
+
+def tangents_of_each(points: FloatArray, owner: IntArray) -> FloatArray:
+    """:func:`tangents` of lines one after the other: ``(N, 2)`` for their points ``(N, 2)`` and the
+    line ``(N,)`` that each belongs to."""
+    place = np.arange(len(points))
+    same = owner[1:] == owner[:-1]
+    after, before = place + np.append(same, False), place - np.append(False, same)
+    return unit(points[after] - points[before])
 
 
 def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@ otherwise."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,22 @@ def resample(points: FloatArray, count: int) -> FloatArray:
     lengths = arc_lengths(points)
     wanted = np.linspace(0.0, lengths[-1], count)
     return np.stack([np.interp(wanted, lengths, axis) for axis in points.T], axis=1)
+
+
+def resample_each(lines: Sequence[FloatArray], counts: IntArray) -> FloatArray:
+    """:func:`resample` of several polylines at once, one after the other: ``(counts.sum(), 2)``,
+    ``counts`` (n,) of at least 2."""
+    sizes = np.array([len(line) for line in lines])
+    points = np.concatenate(lines)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    last = np.cumsum(sizes) - 1
+    steps[last[:-1]] = 1.0
+    along = np.append(0.0, np.cumsum(steps))
+    start, stop = along[last - sizes + 1], along[last]
+    place = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = place / np.repeat(counts - 1, counts)
+    wanted = np.repeat(start, counts) + share * np.repeat(stop - start, counts)
+    return np.stack([np.interp(wanted, along, axis) for axis in points.T], axis=1)
 
 
 def point_at(points_xy: FloatArray, lengths: FloatArray, wanted: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from models.geometry.directions import quarter_turned, tangents
+from models.geometry.directions import quarter_turned, tangents_of_each
 from models.geometry.sampling import read_nearest
 from models.instances.crossings import Meeting
 from models.instances.scene import Crossing, Endpoint, Instance, Reason
@@ -109,7 +109,7 @@ def _beside(instances: Sequence[Instance], points: FloatArray, owner: IntArray) 
     direction; all centerlines' ``points`` (N, 2) and whose they are (N,)."""
     if len(instances) < 2:
         return np.zeros(len(instances))
-    steps = np.concatenate([tangents(i.centerline_xy) for i in instances])
+    steps = tangents_of_each(points, owner)
     width = np.array([i.width_px for i in instances])
     pairs = cKDTree(points).query_pairs(1.2 * float(np.median(width)) + 2, output_type="ndarray")
     a, b = pairs.T
@@ -125,11 +125,12 @@ def _edges(instances: Sequence[Instance], image: ByteArray) -> tuple[FloatArray,
     pixels."""
     lines = [i.centerline_xy[:: max(1, len(i.centerline_xy) // _SAMPLED)] for i in instances]
     owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    normals = quarter_turned(np.concatenate([tangents(line) for line in lines]))
+    points = np.concatenate(lines)
+    normals = quarter_turned(tangents_of_each(points, owner))
     half = np.array([i.width_px / 2 for i in instances])[owner, None]
     offsets = np.maximum(half + _FROM_EDGE, [0.0, 0.0, -np.inf, -np.inf])
     signed = np.concatenate((offsets, -offsets), axis=1)
-    places = np.concatenate(lines)[:, None] + signed[..., None] * normals[:, None]
+    places = points[:, None] + signed[..., None] * normals[:, None]
     colors = read_nearest(image, places).reshape(len(owner), 2, 4, 3)
     steps = (
         np.abs(colors[:, :, a] - colors[:, :, b]).mean(axis=(1, 2)) for a, b in ((3, 0), (2, 1))

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
-from models.geometry.directions import quarter_turned, tangents
-from models.geometry.polylines import resample
+from models.geometry.directions import quarter_turned, tangents_of_each
+from models.geometry.polylines import resample_each
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Instance
 
@@ -71,20 +71,17 @@ def _sections(
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
     """Owner ``(N,)``, middle ``(N, 2)``, unit normal ``(N, 2)`` and half width of the mask
     ``(N,)``."""
-    owner, points, normals = [], [], []
-    for k, instance in enumerate(instances):
-        count = int(np.clip(instance.length_px / _SPACING_PX, 3, _AT_MOST))
-        line = resample(instance.centerline_xy, count)
-        owner.append(np.full(count, k))
-        points.append(line)
-        normals.append(quarter_turned(tangents(line)))
-    if not owner:
+    if not instances:
         return np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
-    names, middle = np.concatenate(owner), np.concatenate(points)
-    widths = np.array([i.width_px for i in instances])[names]
+    lengths = np.array([i.length_px for i in instances])
+    counts = np.clip(lengths / _SPACING_PX, 3, _AT_MOST).astype(np.int64)
+    owner = np.repeat(np.arange(len(instances)), counts)
+    middle = resample_each([i.centerline_xy for i in instances], counts)
+    normals = quarter_turned(tangents_of_each(middle, owner))
+    widths = np.array([i.width_px for i in instances])[owner]
     half = read_nearest(distances, middle) - 0.5
     usual = (half > 0.3 * widths) & (half < 0.75 * widths)
-    return names[usual], middle[usual], np.concatenate(normals)[usual], half[usual]
+    return owner[usual], middle[usual], normals[usual], half[usual]
 
 
 def _alone(places: FloatArray, distances: Float32Array, shape: tuple[int, ...]) -> BoolArray:

@@ -53,8 +53,8 @@ def settle(
     added = continued(scene, likely, probability, kept, image)
     settled = kept | added
     agreed = np.where(settled, probability, np.minimum(probability, threshold - _BELOW))
-    agreed[added] = np.maximum(agreed[added], max(_CONTINUED, threshold))
     if added.any():
+        agreed[added] = np.maximum(agreed[added], max(_CONTINUED, threshold))
         scene = extract(settled, image)
         likely = chances(scene, agreed, settled, image)
     return Settled(settled, np.asarray(agreed, np.float32), rated(scene, likely))

@@ -15,7 +15,10 @@ def width_of(radii: FloatArray) -> float:
 
     Distances are to the centers of pixels, so that a line of one pixel has 1.
     """
-    return max(1.0, 2 * float(np.median(radii)) - 1)
+    count = len(radii)
+    # np.median takes three times as long for so few numbers.
+    middle = np.sort(radii)[(count - 1) // 2 : count // 2 + 1]
+    return max(1.0, float(middle[0] + middle[-1]) - 1)
 
 
 def beyond(

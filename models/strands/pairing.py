@@ -6,6 +6,8 @@ on.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -21,6 +23,18 @@ _SHARED_MARGIN = -1.5
 nowhere."""
 _FORBIDDEN = 1e6
 """Cost of a pair that is no link: larger than any sum of costs."""
+
+Partners = dict[int, int]
+"""Both ways; an end that stops is not in it."""
+
+
+class Link(NamedTuple):
+    """Two ends, what it saves against stopping at both, and the section it shares, -1 for none."""
+
+    a: int
+    b: int
+    saving: float
+    via: int
 
 
 def match(
@@ -41,10 +55,15 @@ def match(
     if not len(pairs):
         return partner
     group = components(pairs, count)
-    order = np.argsort(group[pairs[:, 0]], kind="stable")
-    starts = np.flatnonzero(np.diff(group[pairs[order, 0]], prepend=-1))
-    for rows in np.split(order, starts[1:]):
-        _match_group(pairs[rows], costs[rows], stop, along[rows], partner)
+    savings = stop[pairs[:, 0]] + stop[pairs[:, 1]] - costs
+    links: dict[int, list[Link]] = {}
+    for name, (a, b), saving, section in zip(
+        group[pairs[:, 0]].tolist(), pairs.tolist(), savings.tolist(), along.tolist(), strict=True
+    ):
+        links.setdefault(name, []).append(Link(a, b, saving, section))
+    for own in links.values():
+        for a, b in _match_group(own).items():
+            partner[a] = b
     return partner
 
 
@@ -62,91 +81,58 @@ def greedy(count: int, pairs: IntArray, scores: FloatArray, least: float = -np.i
     return partner
 
 
-def _match_group(
-    pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray, partner: IntArray
-) -> None:
-    """Fill in the partners of one group: sections become shared one by one while that lowers the
-    total."""
+def _match_group(links: list[Link]) -> Partners:
+    """The partners in one group: sections become shared one by one while that saves more."""
     shared: set[int] = set()
-    total, best = _matched(pairs, costs, stop, via, shared)
-    for section in np.unique(via[via >= 0]).tolist()[:_MOST_SHARED]:
-        lower, found = _matched(pairs, costs, stop, via, shared | {section})
-        if lower < total - _SHARED_MARGIN and _followed(found, pairs[via == section]) > 1:
-            shared, total, best = shared | {section}, lower, found
-    for a, b in best.items():
-        partner[a] = b
-
-
-def _followed(partners: dict[int, int], along: IntArray) -> int:
-    """How many of the links along a section are taken: one DLO alone does not share it."""
-    return sum(partners.get(a) == b for a, b in along.tolist() if a ^ b != 1)
-
-
-def _matched(
-    pairs: IntArray, costs: FloatArray, stop: FloatArray, via: IntArray, shared: set[int]
-) -> tuple[float, dict[int, int]]:
-    """Total (against all ends stopping) and partners when exactly these sections are shared."""
-    kept = via < 0
-    if shared:
-        kept &= ~np.isin(pairs >> 1, list(shared)).any(axis=1)
-        kept |= np.isin(via, list(shared))
-    pairs, costs = pairs[kept], costs[kept]
-    if not len(pairs):
-        return 0.0, {}
-    members, local = np.unique(pairs, return_inverse=True)
-    found = _solve(local.reshape(-1, 2), costs, stop[members])
-    best = {int(members[k]): int(members[p]) for k, p in enumerate(found.tolist()) if p != k}
-    # Of several links between the same two ends the cheapest, written last, counts.
-    dearest_first = np.argsort(-costs, kind="stable")
-    cost = {
-        (a, b): c
-        for (a, b), c in zip(
-            pairs[dearest_first].tolist(), costs[dearest_first].tolist(), strict=True
-        )
-    }
-    return sum(cost[a, b] - float(stop[a] + stop[b]) for a, b in best.items() if a < b), best
-
-
-def _solve(pairs: IntArray, costs: FloatArray, stop: FloatArray) -> IntArray:
-    """Partners within one group, ends numbered from 0. Costs become savings against stopping at
-    both ends."""
-    savings = stop[pairs[:, 0]] + stop[pairs[:, 1]] - costs
-    if len(savings) == 1:
-        return np.array([1, 0])
-    if len(stop) <= _EXACT_ENDS:
-        chosen = _best(
-            tuple((int(a), int(b), float(s)) for (a, b), s in zip(pairs, savings, strict=True))
-        )[1]
-    else:
-        chosen = _relaxed(pairs, savings, len(stop))
-    partner = np.arange(len(stop))
-    for a, b in chosen:
-        partner[a], partner[b] = b, a
-    return partner
-
-
-Link = tuple[int, int, float]
-
-
-def _best(links: tuple[Link, ...]) -> tuple[float, list[tuple[int, int]]]:
-    """Largest total saving of disjoint links: with the first end's links one by one, and without
-    it."""
-    if not links:
-        return 0.0, []
-    first = links[0][0]
-    without = tuple(link for link in links if first not in link[:2])
-    best = _best(without)
-    for a, b, saving in links:
-        if first in (a, b):
-            total, chosen = _best(
-                tuple(link for link in without if b not in link[:2] and a not in link[:2])
-            )
-            if total + saving > best[0]:
-                best = total + saving, [(a, b), *chosen]
+    total, best = _matched(links, shared)
+    for section in sorted({link.via for link in links if link.via >= 0})[:_MOST_SHARED]:
+        more, found = _matched(links, shared | {section})
+        along = [link for link in links if link.via == section]
+        if more > total + _SHARED_MARGIN and _followed(found, along) > 1:
+            shared, total, best = shared | {section}, more, found
     return best
 
 
-def _relaxed(pairs: IntArray, savings: FloatArray, count: int) -> list[tuple[int, int]]:
+def _followed(partners: Partners, along: list[Link]) -> int:
+    """How many of the links along a section are taken: one DLO alone does not share it."""
+    return sum(partners.get(link.a) == link.b for link in along if link.a ^ link.b != 1)
+
+
+def _matched(links: list[Link], shared: set[int]) -> tuple[float, Partners]:
+    """Total saving and partners when exactly these sections are shared."""
+    kept = [
+        link
+        for link in links
+        if (link.via in shared if link.via >= 0 else not {link.a >> 1, link.b >> 1} & shared)
+    ]
+    chosen = (
+        _best(kept)
+        if len({e for link in kept for e in link[:2]}) <= _EXACT_ENDS
+        else _relaxed(kept)
+    )
+    partners = {a: b for a, b, *_ in chosen} | {b: a for a, b, *_ in chosen}
+    return sum(link.saving for link in chosen), partners
+
+
+def _best(links: list[Link]) -> list[Link]:
+    """Disjoint links with the largest total saving: with the first end's links one by one, and
+    without it."""
+    if not links:
+        return []
+    first = links[0].a
+    without = [link for link in links if first not in link[:2]]
+    best = _best(without)
+    worth = sum(link.saving for link in best)
+    for link in links:
+        if first in link[:2]:
+            rest = _best([o for o in without if link.a not in o[:2] and link.b not in o[:2]])
+            total = link.saving + sum(o.saving for o in rest)
+            if total > worth:
+                best, worth = [link, *rest], total
+    return best
+
+
+def _relaxed(links: list[Link]) -> list[Link]:
     """Large groups: the assignment problem on the symmetric table, whose cycles are then cut into
     pairs.
 
@@ -154,19 +140,25 @@ def _relaxed(pairs: IntArray, savings: FloatArray, count: int) -> list[tuple[int
     than two ends split into pairs without loss; an odd cycle leaves out the end where that costs
     least.
     """
-    table = np.full((count, count), _FORBIDDEN)
+    ends = sorted({end for link in links for end in link[:2]})
+    number = {end: k for k, end in enumerate(ends)}
+    table = np.full((len(ends), len(ends)), _FORBIDDEN)
     np.fill_diagonal(table, 0.0)
-    table[pairs[:, 0], pairs[:, 1]] = table[pairs[:, 1], pairs[:, 0]] = -savings
+    best: dict[tuple[int, int], Link] = {}
+    for link in sorted(links, key=lambda link: link.saving):
+        a, b = number[link.a], number[link.b]
+        table[a, b] = table[b, a] = -link.saving
+        best[a, b] = best[b, a] = link
     _, following = linear_sum_assignment(table)
-    chosen, seen = [], np.zeros(count, dtype=bool)
-    for start in range(count):
+    chosen, seen = [], np.zeros(len(ends), dtype=bool)
+    for start in range(len(ends)):
         cycle = [start]
         while not seen[start] and following[cycle[-1]] != start:
             cycle.append(int(following[cycle[-1]]))
         if not seen[start] and len(cycle) > 1:
             chosen += _pairs_of_cycle(cycle, table)
         seen[cycle] = True
-    return chosen
+    return [best[pair] for pair in chosen]
 
 
 def _pairs_of_cycle(cycle: list[int], table: FloatArray) -> list[tuple[int, int]]:

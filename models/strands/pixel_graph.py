@@ -210,15 +210,17 @@ def doubled(graph: PixelGraph) -> PixelGraph:
 def uphill(points_xy: IntArray, heights: Float32Array, steps: int) -> IntArray:
     """``(n, 2)`` pixels, each moved so many times to the highest of itself and its 8 neighbors
     (itself if equal)."""
-    offsets = np.array(
-        [(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (1, 1), (-1, 1), (1, -1)]
-    )
     framed = np.pad(heights, 1, constant_values=-np.inf)
     width = framed.shape[1]
-    around = offsets[:, 1] * width + offsets[:, 0]
+    around = (-width, width, -1, 1, -width - 1, width + 1, width - 1, -width + 1)
     flat, values = (points_xy[:, 1] + 1) * width + points_xy[:, 0] + 1, framed.ravel()
     for _ in range(steps):
-        flat = flat + around[values[flat[:, None] + around].argmax(axis=1)]
+        best, highest = flat, values[flat]
+        for step in around:
+            other = values[flat + step]
+            higher = other > highest
+            best, highest = np.where(higher, flat + step, best), np.where(higher, other, highest)
+        flat = best
     return np.stack((flat % width - 1, flat // width - 1), axis=1)
 
 

@@ -242,20 +242,17 @@ def _likeness(
     radius = np.maximum(sections.end_radius[a], sections.end_radius[b])
     normal = quarter_turned(unit(sections.tip[b] - sections.tip[a]))
     bulge = np.sin(np.linspace(0, np.pi, points.shape[1]))[:, None]
-    best = np.zeros(len(rows))
-    for bow in _BOWS_RADII:
-        bowed = points + bow * bulge * (radius[:, None] * normal)[:, None]
-        seen = read_nearest(image, bowed)
-        own = np.minimum(_away(seen, sections.color[a]), _away(seen, sections.color[b]))
-        like = np.exp(-((own / width[:, None]) ** 2))
-        best = np.maximum(best, (like * off).sum(axis=1) / off.sum(axis=1))
-    out[rows] = best
+    sideways = bulge * (radius[:, None] * normal)[:, None]
+    seen = read_nearest(image, points + np.array(_BOWS_RADII)[:, None, None, None] * sideways)
+    own = np.minimum(_away(seen, sections.color[a]), _away(seen, sections.color[b]))
+    like = np.exp(-((own / width[:, None]) ** 2))
+    out[rows] = ((like * off).sum(axis=2) / off.sum(axis=1)).max(axis=0)
     return out
 
 
 def _away(seen: FloatArray, colors: FloatArray) -> FloatArray:
-    """``(m, 16)`` mean absolute difference of ``(m, 16, 3)`` colors to ``(m, 3)`` ones."""
-    out: FloatArray = np.abs(seen - colors[:, None]).mean(axis=2)
+    """``(…, m, 16)`` mean absolute difference of ``(…, m, 16, 3)`` colors to ``(m, 3)`` ones."""
+    out: FloatArray = np.abs(seen - colors[:, None]).mean(axis=-1)
     return out
 
 
