@@ -69,7 +69,7 @@ class Chromium:
             return self._opened(shared, options, OPENS_WITHIN_S)
 
     def close(self) -> None:
-        with self.bounded(self._within_s):
+        with suppress(self._playwright_error), self.bounded(self._within_s):
             self._browser.close()
 
     def put_away(self, opened: Any) -> None:

@@ -32,13 +32,17 @@ NEEDS_FIREFOX = [
 SIZE = {"width": 1300, "height": 900}
 KEYS = {"Control": "\ue009", "Shift": "\ue008", "Enter": "\ue007", "Delete": "\ue017"}
 _ADDRESS = re.compile(r"WebDriver BiDi listening on (ws://\S+)")
-_WITHIN_S = 60.0
+_WITHIN_S = 120.0
 _PREFERENCES = {
     "intl.accept_languages": "en-US",
     "browser.download.folderList": 2,  # the folder named by browser.download.dir
     "browser.download.useDownloadDir": True,
     "browser.download.always_ask_before_handling_new_types": False,
 }
+
+
+class Refused(AssertionError):
+    """A command that Firefox does not carry out, or a script that throws."""
 
 
 class Firefox:
@@ -63,8 +67,8 @@ class Firefox:
         self._process.wait()
 
     def call(self, method: str, **params: Any) -> Any:
-        """The result of a command; raises AssertionError with what Firefox says, TimeoutError where
-        it says nothing."""
+        """The result of a command; raises Refused with what Firefox says, TimeoutError where it says
+        nothing."""
         number = next(self._ids)
         until = time.monotonic() + _WITHIN_S
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
@@ -72,7 +76,8 @@ class Firefox:
             message = json.loads(self._socket.recv(timeout=max(0.0, until - time.monotonic())))
             self._note(message.get("method"), message.get("params", {}))
             if message.get("id") == number:
-                assert message["type"] == "success", message
+                if message["type"] != "success":
+                    raise Refused(message)
                 return message["result"]
 
     def _note(self, event: str | None, params: dict[str, Any]) -> None:
@@ -92,15 +97,22 @@ class Firefox:
         target = {"context": self._tab}
         whole = f"(async () => JSON.stringify(await ({script})) ?? 'null')()"
         found = self.call("script.evaluate", expression=whole, target=target, awaitPromise=True)
-        assert found["type"] == "success", found
+        if found["type"] != "success":
+            raise Refused(found)
         return json.loads(found["result"]["value"])
 
     def wait_for(self, script: str) -> None:
-        """Until the expression is true."""
+        """Until the expression is true. While another page comes there may be nobody to ask."""
         until = time.monotonic() + _WITHIN_S
-        while not self.evaluate(script):
+        while not self._evaluated(script):
             assert time.monotonic() < until, f"{script} is not true; errors: {self.errors}"
             time.sleep(0.05)
+
+    def _evaluated(self, script: str) -> Any:
+        try:
+            return self.evaluate(script)
+        except Refused:
+            return None
 
     def upload(self, selector: str, *files: Path) -> None:
         """Chooses files for an input, as a person does in the dialog."""

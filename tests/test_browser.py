@@ -14,7 +14,7 @@ sync_api = pytest.importorskip("playwright.sync_api")
 pytestmark = [*NEEDS_BROWSER, pytest.mark.timeout(60)]
 
 
-def ended(processes: list[psutil.Process], within_s: float = 10.0) -> bool:
+def ended(processes: list[psutil.Process], within_s: float = 30.0) -> bool:
     """Whether all end in time. A killed process is there for a moment, and as a zombie until its
     parent asks for it."""
     until = time.monotonic() + within_s

@@ -28,13 +28,16 @@ export class Api {
   }
 
   /** Submits one picture or several, or other parts by their names, such as `{ mask }` and `{ image, depth }`, and follows
-      the job to its end; `onChange(job)` sees every state on the way. An aborted `signal` ends the waiting, not the job. */
+      the job to its end; `onChange(job)` sees every state on the way. An aborted `signal` ends the waiting, not the job,
+      unless that is still on its way to the service: then nobody else could end it. */
   async run(request, files, onChange, signal) {
     const body = new FormData();
     body.append("request", JSON.stringify(request));
     const parts = files instanceof Blob || Array.isArray(files) ? { image: files } : files;
     for (const [name, given] of Object.entries(parts)) for (const file of [given ?? []].flat()) body.append(name, file);
-    const job = await this.json(`v1/jobs?wait=${FIRST_WAIT_S}`, { method: "POST", body, signal });
+    const job = await this.json(`v1/jobs?wait=${FIRST_WAIT_S}`, { method: "POST", body });
+    if (signal?.aborted && !FINAL.has(job.state)) this.cancel(job.id).catch(() => {});
+    signal?.throwIfAborted();
     return this.ended(job, onChange, signal);
   }
 

@@ -15,10 +15,10 @@ export class Bench {
   shown = null;
   unkept = 0; // changes on their way into the database
 
-  /** `changed()` is called after every change, `edited(picture)` after one of a label, `settled()` when all is kept,
-   *  `failed(error)` when the browser keeps nothing more. */
-  constructor(changed, edited, settled, failed) {
-    Object.assign(this, { changed, edited, settled, failed });
+  /** `changed()` is called after every change, `edited(picture)` after one of a label, `keeping()` when something is on its
+   *  way into the database and when all is kept, `failed(error)` when the browser keeps nothing more. */
+  constructor(changed, edited, keeping, failed) {
+    Object.assign(this, { changed, edited, keeping, failed });
   }
 
   /** What was kept when the page was left. */
@@ -140,9 +140,10 @@ export class Bench {
   #keep(picture, label = null) {
     const record = Object.fromEntries(KEPT_FIELDS.filter((name) => picture[name] !== undefined).map((name) => [name, picture[name]]));
     this.unkept += 1;
+    this.keeping();
     keep(record, label).catch(this.failed).then(() => {
       this.unkept -= 1;
-      if (!this.unkept) this.settled();
+      if (!this.unkept) this.keeping();
     });
   }
 }

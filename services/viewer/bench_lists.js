@@ -1,7 +1,7 @@
 // The lists beside the picture of the label bench: progress, pictures, cables, and whether all is saved.
 
 import { stateOf } from "./bench.js";
-import { button, byId, element } from "./dom.js";
+import { button, byId, element, refill } from "./dom.js";
 import { t } from "./i18n.js";
 import { swatch } from "./swatches.js";
 
@@ -16,9 +16,9 @@ export function fillLists({ bench, chosen, saving, show, choose, hover }) {
   const counts = { n: count("confirmed"), m: pictures.length, k: count("changed") };
   byId("count").value = pictures.length ? t("{n} of {m} confirmed, {k} changed", counts) : "";
   byId("progress").value = pictures.length ? counts.n / counts.m : 0;
-  byId("pictures").replaceChildren(...around(pictures, shown).map((picture) => pictureRow(picture, picture === shown, show)));
+  refill(byId("pictures"), around(pictures, shown).map((picture) => pictureRow(picture, picture === shown, show)));
   byId("cable-count").value = label ? label.instances.length : "";
-  byId("instances").replaceChildren(...(label?.instances ?? []).map((item) => instanceRow(item, chosen, choose, hover)));
+  refill(byId("instances"), (label?.instances ?? []).map((item) => instanceRow(item, chosen, choose, hover)));
   byId("undo").disabled = !shown || shown.at === 0;
   byId("redo").disabled = !shown?.steps || shown.at >= shown.steps.length - 1;
   byId("confirm").disabled = !label;
@@ -53,7 +53,7 @@ function pictureRow(picture, pressed, show) {
   const made = button("", () => show(picture), state);
   made.append(element("span", "name", picture.name), element("span", "mark", text));
   made.title = picture.name;
-  return rowOf(made, pressed);
+  return Object.assign(rowOf(made, pressed), { of: picture });
 }
 
 function instanceRow(item, chosen, choose, hover) {

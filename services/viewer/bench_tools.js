@@ -24,6 +24,7 @@ export class Tools {
   #resting = 0;
   #last = Promise.resolve();
   #pending = 0;
+  #opening = false;
 
   /** `changed()` when something is to be drawn anew; `failed(error)`. */
   constructor(bench, stage, changed, failed) {
@@ -140,6 +141,12 @@ export class Tools {
     if (at) this.#edit((label) => swap(label, at));
   }
 
+  /** Tells whether a picture is being opened: until it is, lines snap to less than they could. */
+  opens(now) {
+    this.#opening = now;
+    this.#tellBusy();
+  }
+
   /** Resolves when all edits so far are done. */
   settled = () => this.#last;
 
@@ -192,7 +199,7 @@ export class Tools {
   #edit(change) {
     const picture = this.bench.shown;
     this.#pending += 1;
-    this.stage.frame.setAttribute("aria-busy", "true");
+    this.#tellBusy();
     this.#last = this.#last.then(async () => {
       let [label, next] = [null, null];
       do { // anew, where the service's answer took the label's place meanwhile
@@ -202,8 +209,12 @@ export class Tools {
       if (picture === this.bench.shown) this.bench.edit(next);
     }).catch(this.failed).then(() => {
       this.#pending -= 1;
-      if (!this.#pending) this.stage.frame.setAttribute("aria-busy", "false");
+      this.#tellBusy();
     });
+  }
+
+  #tellBusy() {
+    this.stage.frame.setAttribute("aria-busy", String(this.#opening || this.#pending > 0));
   }
 
   #note() {

@@ -18,6 +18,17 @@ export function button(text, act, className = "") {
   return made;
 }
 
+/** Makes `rows` the children of a list that is made anew often. Those that are there already stay, or a click on one that
+ *  comes meanwhile would be lost, and the focus. Rows that look alike are the same if they are `of` the same. */
+export function refill(box, rows) {
+  rows.forEach((row, k) => {
+    const old = box.children[k];
+    if (!old) box.append(row);
+    else if (old.of !== row.of || !old.isEqualNode(row)) old.replaceWith(row);
+  });
+  while (box.children.length > rows.length) box.lastElementChild.remove();
+}
+
 /** A problem in the box, or none: what the service refused, with its fields, or what went wrong here. */
 export function showProblem(problem, box = byId("error")) {
   box.hidden = !problem;

@@ -70,6 +70,8 @@ export class Film {
   }
 
   #sort() {
-    if (this.#items.length > 1) this.box.replaceChildren(...this.#sorted().map(({ made }) => made));
+    const order = this.#sorted().map(({ made }) => made);
+    const moved = order.some((made, k) => made !== this.box.children[k]); // or a click that comes now would be lost
+    if (moved && order.length > 1) this.box.replaceChildren(...order);
   }
 }

@@ -2,7 +2,7 @@
 // seconds while somebody sees it.
 
 import { api } from "./api.js";
-import { button, byId, element, problemOf, showProblem } from "./dom.js";
+import { button, byId, element, problemOf, refill, showProblem } from "./dom.js";
 import { t } from "./i18n.js";
 import { jobLink, recipeLink } from "./joblinks.js";
 import { byLabel, metricsOf, valueOf } from "./metrics.js";
@@ -65,7 +65,7 @@ async function showJobs() {
   if (!older.length) cursor = page.next_cursor;
   byId("more").hidden = !cursor;
   const known = new Set(page.jobs.map(({ id }) => id));
-  byId("jobs").replaceChildren(...[...page.jobs, ...older.filter(({ id }) => !known.has(id))].map(jobRow));
+  refill(byId("jobs"), [...page.jobs, ...older.filter(({ id }) => !known.has(id))].map(jobRow));
 }
 
 async function showOlder() {
@@ -118,7 +118,7 @@ async function showFailures() {
     made.append(reason, element("td", "number", String(all.length)), element("td", "", new Date(all[0].ended_at).toLocaleString()), link);
     return made;
   });
-  byId("failures").replaceChildren(...(rows.length ? rows : [emptyRow(4, t("no job has failed"))]));
+  refill(byId("failures"), rows.length ? rows : [emptyRow(4, t("no job has failed"))]);
 }
 
 /** The record of the job that the address names, and in words why it failed. */
@@ -149,7 +149,7 @@ function fillTable(id, rows, isNumber) {
     row.append(...cells.map((value, i) => element("td", isNumber(value, i) ? "number" : "", String(value))));
     return row;
   });
-  byId(id).replaceChildren(...made);
+  refill(byId(id), made);
 }
 
 function emptyRow(columns, text) {

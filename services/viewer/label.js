@@ -46,6 +46,7 @@ const queue = new Queue(analyze, list, api.cancel);
 const keys = keysOf({ tools, bench, step, confirm, save });
 let mask = null; // of the picture shown: what the network sees
 let decoded = { picture: null, bitmap: null }; // the newest, a promise
+let openings = 0; // of pictures so far
 let known = { view: null, mask: null }; // picture and size, and probability, that the worker has
 
 // Opening ----------------------------------------------------------------------------------------------------------
@@ -54,6 +55,7 @@ const open = (files) => opened(() => listed(files));
 
 /** What `list()` gives, `{ path, blob() }`; labels are saved in the folder `root`, if there is one. */
 async function opened(list, root = null) {
+  await restored; // it would take the place of what is opened before
   showProblem(null);
   try {
     const { pictures, labels, refused } = await sorted(await list());
@@ -135,6 +137,8 @@ async function show(picture) {
   if (!picture) return;
   if (bench.shown !== picture) mask = null;
   bench.shown = picture;
+  const opening = (openings += 1);
+  tools.opens(true);
   tools.resume();
   list();
   try {
@@ -157,6 +161,8 @@ async function show(picture) {
   } catch (error) {
     decoded = known = {};
     report(error);
+  } finally {
+    if (opening === openings) tools.opens(false);
   }
   list();
 }
@@ -172,6 +178,7 @@ async function fetchLabel(picture) {
 /** The network's probability, by which lines snap better than by color alone. */
 async function showMask(picture, file) {
   if (!picture.mask && picture.seen) {
+    if (bench.shown === picture) tools.opens(false); // nobody has to wait for it
     const job = await api.run({ kind: "segment" }, file, () => {}).catch(() => null);
     if (job) bench.note(picture, { mask: await api.file(job.id, "mask.png") });
   }
@@ -341,7 +348,8 @@ offer(byId("samples"), "cables", open);
 listen();
 warnOfSecondTab();
 byId("hint").textContent = t(HINTS.add);
-await bench.restore().catch(report);
+const restored = bench.restore().catch(report);
+await restored;
 await show(bench.pictures.find((picture) => stateOf(picture) !== "confirmed") ?? bench.pictures[0]);
 queue.add(bench.pictures.filter(({ file, seen, at }) => file && !seen && at === 0));
 await offerFolders();

@@ -9,6 +9,7 @@ import { shell } from "./shell.js";
 
 const EXAMPLE = { name: t("Cables on the table"), request: { kind: "instances", files: [] } };
 let [chosen, tried] = [null, null]; // number and version of the stored recipe in the form
+let newest = null; // of the recipes that were put into it
 let [waiting, running] = [null, []]; // ends the waiting; jobs on their way
 
 async function list() {
@@ -43,10 +44,11 @@ function fill({ name, request, camera, output, samples }) {
 }
 
 async function choose(recipe) {
+  newest = recipe;
   chosen = recipe.number;
   show(recipe);
   const versions = await api.json(`v1/recipes/${recipe.number}/versions`);
-  if (chosen !== recipe.number) return;
+  if (newest !== recipe) return;
   byId("versions").hidden = false;
   byId("version").replaceChildren(...versions.map(({ version, name, created_at: at, author }) => {
     const text = [`${version}: ${name}`, new Date(at).toLocaleString(), author].filter(Boolean).join(", ");

@@ -18,9 +18,10 @@ const stage = new Stage(byId("canvas"), paint);
 async function choose(files) {
   if (!files.length) return;
   Object.assign(page, { files, frames: [], results: [], at: 0 });
-  byId("run").disabled = false;
+  byId("run").disabled = true; // until a film has its frames
   await guarded(async () => {
     page.frames = await framesOf(files, byId("rate").valueAsNumber || 5, progress);
+    byId("run").disabled = false;
     await show(0);
   });
 }

@@ -3,6 +3,7 @@ prepared."""
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import socket
 import threading
@@ -33,6 +34,8 @@ class FakeService:
         """Pictures that the service keeps because it was unsure of them."""
         self.next: list[AnyJob] = []
         """Answers to the next submissions, before those are ``finished``."""
+        self.of_picture: dict[str, AnyJob] = {}
+        """Answers by the names of pictures: those that are sent together come in any order."""
         self.file = samples.OVERLAY
         self.preview: bytes | None = None
         """Of every uploaded picture; without one no picture can be decoded."""
@@ -42,6 +45,8 @@ class FakeService:
         self.parts: list[list[str]] = []
         self.keys: list[str | None] = []
         self.cancelled = threading.Event()
+        self.held: threading.Event | None = None
+        """If there is one: submissions are answered when it is set."""
 
     def app(self) -> Starlette:
         return Starlette(
@@ -90,16 +95,19 @@ class FakeService:
         async with request.form() as form:
             self.requests.append(str(form["request"]))
             self.parts.append([name for name in form if name != "request"])
+            named = self.of_picture.get(getattr(form.get("image"), "filename", None) or "")
+        if self.held is not None:
+            await asyncio.to_thread(self.held.wait, 60)
         if self.refusal is not None:
             body = self.refusal.model_dump_json()
             return Response(body, self.refusal.status, media_type="application/problem+json")
         if self.slow:
             return _json(samples.job(JobState.RUNNING, kind="instances"))
-        return _json(self.next.pop(0) if self.next else self.finished)
+        return _json(named or (self.next.pop(0) if self.next else self.finished))
 
     def _job(self, _: Request) -> Response:
         """A slow job ends when it is cancelled; as in the real service the look waits for that."""
-        if self.slow and self.cancelled.wait(timeout=10):
+        if self.slow and self.cancelled.wait(timeout=60):
             return _json(samples.job(JobState.CANCELLED, kind="instances"))
         return _json(self.finished)
 
@@ -110,7 +118,7 @@ class FakeService:
 
         def both() -> Iterator[str]:
             yield _event(JobState.RUNNING, 0.5)
-            if self.cancelled.wait(timeout=10):
+            if self.cancelled.wait(timeout=60):
                 yield _event(JobState.CANCELLED, 1.0)
 
         return StreamingResponse(both(), media_type="text/event-stream")
@@ -153,11 +161,26 @@ def _json(job: AnyJob) -> Response:
     return Response(job.model_dump_json(), media_type="application/json")
 
 
+_USED: set[int] = set()
+"""Ports of the services so far: what a page keeps in the browser belongs to its port, and the system
+gives one again now and then."""
+
+
+def _free_port() -> int:
+    while True:
+        with socket.socket() as tried:
+            tried.bind(("127.0.0.1", 0))
+            port = int(tried.getsockname()[1])
+        if port not in _USED:
+            _USED.add(port)
+            return port
+
+
 @contextmanager
 def served(app: Starlette) -> Iterator[str]:
     """``app`` on a free port of this machine; gives its address."""
     with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
+        listener.bind(("127.0.0.1", _free_port()))
         listener.listen()  # who comes before the server runs waits
         server = uvicorn.Server(uvicorn.Config(app, log_level="warning", lifespan="off"))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})

@@ -20,7 +20,7 @@ from tests.clients import samples
 from tests.clients.browser_pages import NEEDS_BROWSER, opened
 from tests.clients.fake_service import FakeService
 from tests.clients.test_viewer_bench import BENCH, cables, seeing
-from tests.clients.test_viewer_labels import click, png, press, probability, sha256, tool
+from tests.clients.test_viewer_labels import click, png, press, probability, seen, sha256, tool
 
 pytestmark = NEEDS_BROWSER
 NAME = "left/shelf.png"
@@ -84,8 +84,7 @@ def page(browser: Chromium) -> Iterator[Any]:
         write(page, f"out/labels/{NAME}.json", label().model_dump_json().encode())
         write(page, "out/ledger.sqlite", b"")
         page.click("#disk")
-        page.wait_for_selector("#instances button")
-        page.wait_for_selector(".invitation", state="hidden")
+        seen(page, NAME)
         yield page
 
 
@@ -111,8 +110,8 @@ def test_a_change_is_a_draft_in_the_folder_and_confirmed_a_correction(page: Any)
         sha256(PICTURE),
     )
     page.keyboard.press("c")
-    settled(page)
     page.wait_for_selector("#pictures button.confirmed")
+    settled(page)
     corrected = read(page, f"out/corrected/{NAME}.json")
     assert corrected
     assert (len(corrected.instances), corrected.origin) == (1, "corrected")
@@ -194,7 +193,7 @@ def test_of_several_label_folders_somebody_chooses_one(page: Any) -> None:
 def test_pictures_without_labels_get_them_beside_them(page: Any) -> None:
     page.evaluate("folder().then((all) => all.removeEntry('out', { recursive: true }))")
     again(page)
-    page.wait_for_selector("#instances button")
+    seen(page, f"pictures/{NAME}")
     remove_a_cable(page)
     settled(page)
     draft = json.loads(page.evaluate(READ, "drafts/pictures/left/shelf.png.json"))

@@ -14,8 +14,19 @@ from tests.browser import Chromium
 from tests.clients import samples
 from tests.clients.browser_pages import NEEDS_BROWSER, opened, place
 from tests.clients.fake_service import FakeService
-from tests.clients.test_viewer_bench import cables, empty_bench, label, reload, seeing, take
-from tests.clients.test_viewer_labels import click, png, press, probability, saved, tool
+from tests.clients.test_viewer_bench import cables, empty_bench, label, reload, seeing
+from tests.clients.test_viewer_labels import (
+    choose,
+    click,
+    done,
+    png,
+    press,
+    probability,
+    saved,
+    seen,
+    take,
+    tool,
+)
 
 pytestmark = NEEDS_BROWSER
 
@@ -38,15 +49,16 @@ def test_a_picture_of_12_megapixels_is_zoomed_and_drawn_in(
     pixels = np.full((high, wide), 60, np.uint8)
     pixels[1500 - width // 2 : 1500 + width // 2, 200:3800] = 220
     service.refusal = samples.refused(503)  # what a person draws does not wait for the service
-    take(page, "large.png", png(pixels))
+    choose(page, "large.png", png(pixels))
     page.wait_for_function("Number(document.querySelector('#canvas').dataset.scale) < 0.5")
     page.wait_for_selector("#confirm:not([disabled])")
+    done(page)
     scale = "Number(document.querySelector('#canvas').dataset.scale)"
     fitted = page.evaluate(scale)
     page.mouse.move(*place(page, 1000, 1500))
     for _ in range(6):
         page.mouse.wheel(0, -300)
-    assert page.evaluate(scale) > 4 * fitted
+    page.wait_for_function(f"{scale} > {4 * fitted}")
     click(page, 1000, 1500)
     page.keyboard.press("0")
     page.focus("#canvas")
@@ -80,7 +92,6 @@ def test_masks_are_drawn_anew_only_where_one_is_another(page: Any) -> None:
     """Every edit decoded and colored all masks of the picture, in the page's own thread."""
     page.evaluate(ASKED)
     take(page, "dark.png", png(np.zeros((samples.HEIGHT, samples.WIDTH), np.uint8)))
-    page.wait_for_selector("#instances button")
     one, other = place(page, 40, 62), place(page, 82, 30)
     page.wait_for_function(LIT, arg=one)
     before = page.evaluate(MASKS_ASKED)
@@ -101,10 +112,7 @@ def test_a_picture_is_opened_once(page: Any) -> None:
     that."""
     page.evaluate(ASKED)
     take(page, "shelf.png", png(probability()))
-    page.wait_for_function("asked.includes('probability')")
-    page.wait_for_selector("#instances button")
     click(page, 20, 20)
-    page.wait_for_timeout(300)  # in which it was opened again
     calls = page.evaluate("asked")
     assert (calls.count("open"), calls.count("probability")) == (1, 1)
 
@@ -124,7 +132,6 @@ def test_a_click_does_not_keep_the_pictures_bytes_again(page: Any) -> None:
     """Every click and every step wrote the whole picture and its probability into the database."""
     page.evaluate(BYTES_KEPT)
     take(page, "shelf.png", png(probability()))
-    page.wait_for_selector("#instances button")
     page.wait_for_selector("#saved >> text=Every step is kept")
     assert page.evaluate("kept") == 2
     for at in ((17, 99), (147, 98)):
@@ -168,7 +175,8 @@ def test_what_an_earlier_version_kept_is_still_there(
     with opened(browser, service) as page:
         page.evaluate(KEPT_BY_VERSION_1, [base64.b64encode(data).decode(), kept])
         page.click("text=Label")
-        page.wait_for_selector("#instances button")
+        page.wait_for_selector("body[data-ready]")
+        seen(page, "old.png")
         assert cables(page) == 2
         page.wait_for_function(LIT, arg=place(page, 40, 60))
         assert service.requests == [], "its probability was kept, too"

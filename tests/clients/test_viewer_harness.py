@@ -12,6 +12,7 @@ from tests.clients import harness_samples, samples
 from tests.clients.browser_pages import NEEDS_BROWSER, color_at, opened
 from tests.clients.fake_service import FakeService
 from tests.clients.viewer_pictures import picture, request_in
+from tests.processes import wait_until
 
 pytestmark = NEEDS_BROWSER
 
@@ -62,10 +63,12 @@ def test_a_picture_is_sent_with_its_depth(page: Any, service: FakeService) -> No
     page.set_input_files(
         "#depth", {"name": "depth.png", "mimeType": "image/png", "buffer": picture()["buffer"]}
     )
-    assert page.text_content("#curl").count("-F 'depth=@\"depth.png\"'") == 1
+    page.wait_for_function(
+        "document.querySelector('#curl').textContent.split('depth=@\"depth.png\"').length === 2"
+    )
     page.click("#run")
-    page.wait_for_selector("#progress", state="hidden")
-    assert service.parts[-1] == ["image", "depth"]
+    wait_until(lambda: service.parts[1:] == [["image", "depth"]])
+    page.wait_for_selector("#actions button")
     page.set_input_files("#file", {**picture(), "name": "other.jpg"})
     page.wait_for_selector("#canvas[aria-label^='other.jpg:']")
     assert service.parts[-1] == ["image"]

@@ -53,11 +53,25 @@ def page(browser: Chromium) -> Iterator[Any]:
         page.click("text=Label")
         page.wait_for_url("**/label.html")
         page.wait_for_selector("body[data-ready]")
-        page.set_input_files(
-            "#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())}
-        )
-        page.wait_for_selector("#instances button")
+        take(page, "shelf.png", png(probability()))
         yield page
+
+
+def choose(page: Any, name: str, data: bytes, media_type: str = "image/png") -> None:
+    page.set_input_files("#file", {"name": name, "mimeType": media_type, "buffer": data})
+
+
+def take(page: Any, name: str, data: bytes, media_type: str = "image/png") -> None:
+    """Opens a picture, and waits until it is seen with its cables."""
+    choose(page, name, data, media_type)
+    seen(page, name)
+
+
+def seen(page: Any, name: str) -> None:
+    """The picture, its cables and what lines snap to are there; each of them may be the last."""
+    page.wait_for_selector("#instances button")
+    page.wait_for_selector(f"#canvas[aria-label='{name}']")
+    done(page)
 
 
 def click(page: Any, x: float, y: float) -> None:
@@ -67,7 +81,8 @@ def click(page: Any, x: float, y: float) -> None:
 
 
 def done(page: Any) -> None:
-    """Edits that wait for an outline are done, and the tool has nothing in hand."""
+    """The picture is open, edits that wait for an outline are done, and the tool has nothing in
+    hand."""
     page.wait_for_selector("#drop:not([aria-busy=true])")
 
 
@@ -121,10 +136,7 @@ def test_the_service_hashes_where_the_page_may_not(browser: Chromium, tmp_path: 
     with opened(browser, service) as page:
         page.add_init_script("Object.defineProperty(crypto, 'subtle', { value: undefined })")
         page.goto(f"{page.url}viewer/label.html")
-        page.set_input_files(
-            "#file", {"name": "shelf.png", "mimeType": "image/png", "buffer": png(probability())}
-        )
-        page.wait_for_selector("#instances button")
+        take(page, "shelf.png", png(probability()))
         assert saved(page, tmp_path).sha256 == sha256(png(probability()))
 
 
@@ -132,7 +144,7 @@ def test_only_what_somebody_confirmed_is_a_correction(page: Any, tmp_path: Path)
     """Pictures that nobody touched became corrections, and so did those that somebody had only
     begun to change."""
     page.click("#confirm")
-    assert "confirmed" in page.inner_text("#pictures button")
+    page.wait_for_selector("#pictures button >> text=confirmed")
     assert saved(page, tmp_path).origin == "corrected"
     page.click("#confirm")
     assert saved(page, tmp_path).origin == "service"
@@ -310,8 +322,6 @@ def test_coco_from_the_page_is_read_like_any_other(page: Any, tmp_path: Path) ->
 
 
 def test_the_least_certain_picture_comes_first(page: Any) -> None:
-    page.set_input_files(
-        "#file", {"name": "other.png", "mimeType": "image/png", "buffer": png(255 - probability())}
-    )
+    choose(page, "other.png", png(255 - probability()))
     page.wait_for_function("document.querySelectorAll('#pictures button').length === 2")
-    assert "certainty 0.90" in page.inner_text("#pictures button >> nth=0")
+    page.wait_for_selector("#pictures li:nth-child(1) >> text=certainty 0.90")

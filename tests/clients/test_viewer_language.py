@@ -10,7 +10,7 @@ import pytest
 
 from tests.browser import Chromium
 from tests.clients.browser_pages import NEEDS_BROWSER
-from tests.clients.fake_service import FakeService, served
+from tests.clients.fake_service import VIEWER, FakeService, served
 
 pytestmark = NEEDS_BROWSER
 TEXTS = "**/viewer/german.js"
@@ -21,7 +21,7 @@ SEEN = "getComputedStyle(document.querySelector('h2')).visibility"
 def german(browser: Chromium) -> Iterator[Any]:
     """A tab of somebody who reads German and works in the dark."""
     page = browser.new_page(locale="de-DE", color_scheme="dark")
-    page.set_default_timeout(20_000)
+    page.set_default_timeout(60_000)
     yield page
     browser.put_away(page.context)
 
@@ -34,6 +34,8 @@ def url() -> Iterator[str]:
 
 def test_a_german_page_is_not_seen_before_its_texts_are_there(german: Any, url: str) -> None:
     held: list[Any] = []
+    patient = (VIEWER / "style.css").read_text().replace("told 0s 3s", "told 0s 600s")
+    german.route("**/style.css", lambda route: route.fulfill(body=patient, content_type="text/css"))
     german.route(TEXTS, lambda route: held.append(route))
     german.goto(f"{url}/viewer/jobs.html", wait_until="commit")
     german.wait_for_selector("h2", state="attached")

@@ -176,5 +176,6 @@ def test_cameras_that_are_none(page: Any, text: str) -> None:
 
 def test_the_main_page_leads_here(page: Any) -> None:
     page.click("text=Pictures >> nth=0")
+    page.wait_for_selector("#instance-count", state="attached")
     page.click("header >> text=3D")
     page.wait_for_selector("#space")

@@ -45,7 +45,7 @@ def unsure_job() -> Any:
 
 
 def test_several_pictures_are_reviewed_worst_first(page: Any, service: FakeService) -> None:
-    service.next = [samples.instances_job(), unsure_job()]
+    service.of_picture = {"doubtful.jpg": unsure_job()}
     page.set_input_files(
         "#file", [{**picture(), "name": "sure.jpg"}, {**picture(), "name": "doubtful.jpg"}]
     )
@@ -172,4 +172,4 @@ def test_an_answer_has_an_address(page: Any) -> None:
     page.reload()
     page.wait_for_selector("#instances button")
     page.go_back()
-    assert page.url == start
+    page.wait_for_url(start)

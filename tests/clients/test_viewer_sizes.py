@@ -41,7 +41,7 @@ def test_what_is_chosen_can_be_read(browser: Chromium, language: str, width: int
     with served(FakeService().app()) as url:
         for name in PAGES:
             page.goto(f"{url}/viewer/{name}.html")
-            page.wait_for_selector("#service")
+            page.wait_for_selector("#service.good")
             assert (name, page.evaluate(CHOSEN_CUT)) == (name, [])
     browser.put_away(page.context)
 
@@ -55,6 +55,6 @@ def test_nothing_sticks_out_of_its_card_on_a_tablet(browser: Chromium, language:
     with served(FakeService().app()) as url:
         for name in PAGES:
             page.goto(f"{url}/viewer/{name}.html")
-            page.wait_for_selector("h2, legend, form", state="attached")
+            page.wait_for_selector("#service.good")
             assert (name, page.evaluate(STICK_OUT), page.evaluate(CUT, WRITTEN)) == (name, [], [])
     browser.put_away(page.context)

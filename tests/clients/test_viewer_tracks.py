@@ -37,6 +37,15 @@ def test_pictures_become_a_film_with_ids(browser: Chromium, tmp_path: Path) -> N
         assert page.locator("#cables button").count() == 2
 
 
+def test_a_film_that_cannot_be_read_is_not_run(browser: Chromium) -> None:
+    """The button was there before the film had frames: none were sent."""
+    with opened(browser, FakeService(), "viewer/tracks.html") as page:
+        film = {"name": "a.mp4", "mimeType": "video/mp4", "buffer": b"no video"}
+        page.set_input_files("#file", film)
+        page.wait_for_selector("#error >> text=this video cannot be read")
+        assert page.is_disabled("#run")
+
+
 def test_a_sample_is_a_film(browser: Chromium) -> None:
     """Whoever had no video at hand could not try the page."""
     service = FakeService()

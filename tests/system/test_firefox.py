@@ -22,6 +22,7 @@ SCALE = "Number(document.querySelector('#canvas').dataset.scale)"
 ANSWERED = "document.querySelector('#pictures').textContent.includes('certainty')"
 KEPT = "document.querySelector('#saved').textContent.includes('Every step is kept')"
 READY = "document.body?.dataset.ready === 'yes'"
+# Of the bench: the picture is open, and no edit waits.
 IDLE = "document.querySelector('#drop').getAttribute('aria-busy') !== 'true'"
 BRIGHT = """(() => {
     const canvas = document.querySelector("#canvas");
@@ -69,7 +70,8 @@ def test_an_uploaded_picture_is_there_with_its_cables_after_a_reload(
     page.wait_for(BRIGHT)
     page.click("#files a.button")
     page.wait_for(
-        "location.pathname.endsWith('recipes.html') && !document.querySelector('#source')?.hidden"
+        "location.pathname.endsWith('recipes.html')"
+        " && document.querySelector('#source')?.hidden === false"
     )
 
 
@@ -79,7 +81,7 @@ def test_a_line_of_clicks_survives_a_reload_and_is_undone_and_saved(
     page.open(f"{address}/viewer/label.html")
     page.wait_for(READY)
     page.upload("#file", PICTURE)
-    page.wait_for(f"{CABLES} >= 4")
+    page.wait_for(f"{SHOWN} === 'plain.jpg' && {CABLES} >= 4 && {IDLE}")
     count = page.evaluate(CABLES)
     page.click_picture(376, 12)
     page.wait_for(KEPT)
@@ -179,9 +181,7 @@ def test_a_crash_of_the_browser_loses_nothing(address: str, tmp_path: Path) -> N
         page.open(f"{address}/viewer/label.html")
         page.wait_for(READY)
         page.upload("#file", PICTURE)
-        page.wait_for(
-            f"{CABLES} >= 4 && {IDLE} && {KEPT}"
-        )  # the list is made anew meanwhile, and a click on it lost
+        page.wait_for(f"{SHOWN} === 'plain.jpg' && {CABLES} >= 4 && {IDLE} && {KEPT}")
         count = page.evaluate(CABLES)
         page.click("#instances button")
         page.wait_for("document.querySelector('#instances [aria-pressed=true]') !== null")

@@ -26,20 +26,25 @@ from services.page_frame import PAGES
 from tests.browser import NEEDS_BROWSER, Chromium
 from tests.clients.browser_pages import place
 from tests.clients.curve_samples import straight
+from tests.clients.test_viewer_labels import seen
 from tests.processes import ROOT, running_service, wait_until
 
 pytestmark = NEEDS_BROWSER
 OURS = ["", *(f"viewer/{name}.html" for name in PAGES)]
 SAMPLE = ROOT / "services" / "viewer" / "samples" / "plain.jpg"
 WIDTH, HEIGHT, LINE_Y = 640, 360, 30
-FOLDER = "monday"
 NO_CABLES = "#instances:empty"
 
 
 @pytest.fixture(scope="module")
 def labels(tmp_path_factory) -> Path:
-    """A label folder with one picture; its label is one straight cable."""
-    root = tmp_path_factory.mktemp("labels")
+    return tmp_path_factory.mktemp("labels")
+
+
+@pytest.fixture
+def folder(labels: Path) -> Path:
+    """A label folder of its own with one picture; its label is one straight cable."""
+    folder = labels / f"monday{len(list(labels.iterdir()))}"
     mask = np.zeros((HEIGHT, WIDTH), bool)
     mask[LINE_Y - 5 : LINE_Y + 5] = True
     line = [(0.0, float(LINE_Y)), (WIDTH - 1.0, float(LINE_Y))]
@@ -52,13 +57,13 @@ def labels(tmp_path_factory) -> Path:
         mask_rle=MaskRLE(size=mask.shape, counts=encode(mask)),
     )
     sha256 = hashlib.sha256(SAMPLE.read_bytes()).hexdigest()
-    with LabelStore(root / FOLDER, write=True) as store:
+    with LabelStore(folder, write=True) as store:
         store.remember_source(str(SAMPLE.parent))
         label = PictureLabel(
             name=SAMPLE.name, sha256=sha256, width=WIDTH, height=HEIGHT, instances=[cable]
         )
         store.put(Entry(SAMPLE.name, "done", sha256=sha256, certainty=0.9), label)
-    return root
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -131,12 +136,14 @@ def test_a_failed_job_is_one_click_from_the_failures(address: str, browser: Chro
     curve = straight().model_dump(mode="json")
     curve["covariance_m2"] = [[-1e-6, 0, 0, 0, 0, 0]] * len(curve["points_m"])
     with httpx.Client(base_url=address, timeout=60) as client:
-        job = client.post(
-            "/v1/jobs?wait=30", json={"kind": "merge_curves", "curves": [curve]}
-        ).json()
-    assert job["state"] == "failed"
+        job = client.post("/v1/jobs", json={"kind": "merge_curves", "curves": [curve]}).json()
+        wait_until(lambda: client.get(f"/v1/jobs/{job['id']}").json()["state"] == "failed")
     with opened(browser, address, wrong) as page:
         page.goto(f"{address}/viewer/jobs.html")
+        link = page.wait_for_selector("#failures a")
+        page.select_option("#state", "failed")
+        page.wait_for_selector("#jobs:not(:has-text('instances')) >> text=merge_curves")
+        assert link.evaluate("(a) => a.isConnected"), "a click that comes meanwhile is not lost"
         page.click("#failures a")
         page.wait_for_url(f"**/viewer/jobs.html?job={job['id']}")
         page.wait_for_selector("#record-problem:not([hidden])")
@@ -155,6 +162,11 @@ def test_a_finished_job_becomes_a_recipe_that_is_tried(address: str, browser: Ch
         page.wait_for_selector("#source:not([hidden])")
         assert "with 1 of its pictures" in page.inner_text("#source")
         page.fill("#name", "shelf")
+        late: list[Any] = []  # the versions, as they were asked for after the first
+        page.route(
+            "**/v1/recipes/1/versions",
+            lambda route: route.continue_() if late else late.extend([route, route.fetch()]),
+        )
         for version in (1, 2):
             page.click("#store")
             page.wait_for_selector(f"#chosen >> text=recipe 1, version {version}")
@@ -162,9 +174,16 @@ def test_a_finished_job_becomes_a_recipe_that_is_tried(address: str, browser: Ch
         # The state comes with an event, what was found with the answer after it.
         page.wait_for_selector("#outcomes >> text=/succeeded \\(\\d+ cables/")
         page.set_input_files("#pictures", SAMPLE)
+        before = page.get_attribute("#outcomes a", "href")
         page.click("#run")
-        page.wait_for_selector("#outcomes >> text=succeeded")
-        assert page.locator("#version option").count() == 2
+        page.wait_for_selector(
+            f"#outcomes:not(:has([href='{before}'])) >> text=/succeeded \\(\\d+/"
+        )
+        page.wait_for_selector("#version option >> nth=1", state="attached")
+        with page.expect_response("**/versions"):
+            late[0].fulfill(response=late[1])
+        page.evaluate("new Promise((resume) => setTimeout(resume, 100))")  # in which it is shown
+        assert page.locator("#version option").count() == 2, "a late answer is not the newest"
         page.fill("#body", '{"request": {"kind": "instances", "threshold": 2}}')
         page.click("#store")
         page.wait_for_selector("#error >> text=request.threshold")
@@ -205,12 +224,11 @@ def film_frame(shift: int) -> dict[str, Any]:
 
 
 def test_yolo_leaves_the_bench_with_its_pictures(
-    address: str, browser: Chromium, tmp_path: Path
+    address: str, browser: Chromium, folder: Path, tmp_path: Path
 ) -> None:
     wrong: list[str] = []
     with opened(browser, address, wrong) as page:
-        page.goto(f"{address}/viewer/label.html?folder={FOLDER}")
-        page.wait_for_selector("#instances button")
+        open_folder(page, address, folder)
         other = SAMPLE.with_name("busy.jpg")
         page.set_input_files("#file", other)
         wait_until(lambda: len(re.findall(r"certainty 0\.\d\d", page.inner_text("#pictures"))) == 2)
@@ -230,30 +248,34 @@ def test_yolo_leaves_the_bench_with_its_pictures(
     assert wrong == []
 
 
+def open_folder(page: Any, address: str, folder: Path) -> None:
+    page.goto(f"{address}/viewer/label.html?folder={folder.name}")
+    page.wait_for_selector("body[data-ready]")
+    seen(page, SAMPLE.name)
+
+
 def remove_cable(page: Any) -> None:
-    page.wait_for_selector("#instances button")
     page.check("[name=tool][value=delete]")
     page.mouse.click(*place(page, 300, LINE_Y))
     page.wait_for_selector(NO_CABLES, state="attached")
 
 
-def test_two_people_label_one_folder(address: str, browser: Chromium, labels: Path) -> None:
+def test_two_people_label_one_folder(address: str, browser: Chromium, folder: Path) -> None:
     """Who saves second is asked; what is not confirmed is no correction."""
     wrong: list[str] = []
     with opened(browser, address, wrong) as one, opened(browser, address, []) as other:
         for page in (one, other):
-            page.goto(f"{address}/viewer/label.html?folder={FOLDER}")
-            page.wait_for_selector("#instances button")
+            open_folder(page, address, folder)
         remove_cable(one)
-        wait_until(draft_file(labels / FOLDER, SAMPLE.name).exists)
-        assert not corrected_file(labels / FOLDER, SAMPLE.name).exists()
+        wait_until(draft_file(folder, SAMPLE.name).exists)
+        assert not corrected_file(folder, SAMPLE.name).exists()
         one.click("#confirm")
-        wait_until(corrected_file(labels / FOLDER, SAMPLE.name).exists)
+        wait_until(corrected_file(folder, SAMPLE.name).exists)
         asked: list[str] = []
         other.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
         other.keyboard.press("c")
         other.wait_for_selector(NO_CABLES, state="attached")
         assert "somebody else" in asked[0]
-    kept = read_label(corrected_file(labels / FOLDER, SAMPLE.name))
+    kept = read_label(corrected_file(folder, SAMPLE.name))
     assert (kept.origin, kept.instances) == ("corrected", [])
     assert wrong == []
