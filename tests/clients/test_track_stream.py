@@ -102,7 +102,7 @@ def use(service: Service, address: str) -> list[StreamedFrame]:
         assert numbers == [1, 2, 3, 4, 5, 6]
         assert (stream.unanswered, stream.answer(timeout_s=0)) == (3, None)
         service.free.release()
-        looks = (stream.answer(timeout_s=0.01 * (k % 2)) for k in range(2000))
+        looks = (stream.answer(timeout_s=0.01 * (k % 2)) for k in range(12_000))
         first = next(frame for frame in looks if frame is not None)
         service.free.release(2)
         return [first, *stream]
@@ -119,8 +119,12 @@ async def use_on_loop(service: Service, address: str) -> list[StreamedFrame]:
         assert (stream.unanswered, await stream.answer(timeout_s=0)) == (3, None)
         service.free.release()
         first = None
-        for _ in range(20000):
-            first = first or await stream.answer(timeout_s=0)
+        for k in range(20_000):
+            first = await stream.answer(timeout_s=0)
+            if first is not None:
+                break
+            if k % 20 == 0:
+                await asyncio.sleep(0.05)
         assert first is not None
         service.free.release(2)
         return [first, *[frame async for frame in stream]]

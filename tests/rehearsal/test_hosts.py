@@ -88,7 +88,7 @@ def test_the_proxy_takes_turns_and_passes_over_who_does_not_answer():
 
             def ask() -> bytes:
                 try:
-                    with socket.create_connection(("127.0.0.1", port), 5) as connection:
+                    with socket.create_connection(("127.0.0.1", port), 60) as connection:
                         return connection.recv(100)
                 except OSError:
                     return b""

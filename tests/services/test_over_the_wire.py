@@ -22,7 +22,7 @@ def chunks(total: int):
 def test_sender_of_too_much_gets_the_answer_and_the_service_goes_on(address, announced):
     """The answer comes while the sender is still sending; it has to arrive all the same."""
     body = bytes(64 * MEBIBYTE) if announced else chunks(64 * MEBIBYTE)
-    with httpx.Client(base_url=address, timeout=30) as client:
+    with httpx.Client(base_url=address, timeout=60) as client:
         response = client.post("/v1/images", content=body)
         assert (response.status_code, response.json()["errors"][0]["field"]) == (413, "image")
         assert client.post("/v1/images", content=samples.encoded()).status_code == 201
@@ -49,7 +49,7 @@ def test_hundreds_may_wait_for_one_job(address, ledger):
 
 def test_events_arrive_as_they_happen(address, ledger):
     """The first is read while the job is still queued."""
-    with httpx.Client(base_url=address, timeout=30) as client:
+    with httpx.Client(base_url=address, timeout=60) as client:
         job_id = client.post("/v1/jobs", json={"kind": "noop"}).json()["id"]
         with client.stream("GET", f"/v1/jobs/{job_id}/events") as response:
             lines = (line for line in response.iter_lines() if line.startswith("data: "))
@@ -63,8 +63,8 @@ def test_events_arrive_as_they_happen(address, ledger):
 
 def test_job_of_a_real_worker(address, start_worker):
     start_worker()
-    with httpx.Client(base_url=address, timeout=60) as client:
+    with httpx.Client(base_url=address, timeout=90) as client:
         assert client.get("/readyz").status_code == 200
-        answer = client.post("/v1/jobs?wait=30", json={"kind": "noop"})
+        answer = client.post("/v1/jobs?wait=60", json={"kind": "noop"})
     assert answer.status_code == 200
     assert answer.json()["result"] == {"kind": "noop", "held_s": 0}

@@ -25,7 +25,7 @@ def test_a_warm_child_does_jobs_until_it_is_killed(child, job_queue, settings):
             job, _ = job_queue.submit(NoopRequest())
             claim = ledger.claim(job.id, "w")
             child.give(claim)
-            assert child.wait(20)
+            assert child.wait(120)
             child.finish()
             assert job_queue.get(job.id).state is JobState.SUCCEEDED
     child.kill()
@@ -50,7 +50,7 @@ def test_a_child_that_does_not_take_up_its_job_is_frozen(child, job_queue, setti
     assert child.frozen
     assert not child.has_begun
     child.resume()
-    assert child.wait(20)
+    assert child.wait(120)
     assert not child.frozen
     assert child.has_begun
 
@@ -65,7 +65,7 @@ def test_a_job_that_needs_more_memory_than_a_child_may_take_is_too_large(job_que
     with connect(settings) as client:
         job, _ = job_queue.submit(InstancesRequest(image=image))
         child.give(Ledger(client, settings).claim(job.id, "w"))
-        assert child.wait(60)
+        assert child.wait(120)
         child.finish()
     child.kill()
     job = job_queue.get(job.id)
@@ -85,7 +85,7 @@ def test_a_child_that_keeps_half_of_its_memory_is_worn(child, job_queue, setting
         for _ in range(3):
             job, _ = job_queue.submit(NoopRequest())
             child.give(ledger.claim(job.id, "w"))
-            assert child.wait(60)
+            assert child.wait(120)
             child.finish()
             worn.append((child.worn, child.spent))
     assert worn == [(False, False), (True, False), (True, True)]

@@ -41,12 +41,12 @@ def bridge_in_a_thread(rotation: str, tmp_path: Path, reply: str):
 
     thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
     thread.start()
-    assert started.wait(10)
+    assert started.wait(60)
     try:
         yield ports
     finally:
         stop["loop"].call_soon_threadsafe(stop["event"].set)
-        thread.join(10)
+        thread.join(60)
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def connected(tmp_path):
         sent: list[bytes] = []
         with (
             bridge_in_a_thread(rotation, tmp_path, reply) as ports,
-            socket.create_connection(("127.0.0.1", ports[protocol]), timeout=10) as connection,
+            socket.create_connection(("127.0.0.1", ports[protocol]), timeout=60) as connection,
         ):
             yield (
                 lambda data: (sent.append(data), connection.sendall(data)),

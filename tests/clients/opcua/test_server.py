@@ -22,6 +22,9 @@ from tests.clients import samples  # noqa: E402
 from tests.clients.bridge.recipe_service import RecipeService  # noqa: E402
 from workers.embedded import free_port  # noqa: E402
 
+LOOKS = 3000
+"""For what is to come, 20 ms apart: how long it takes is not what is tested."""
+
 
 class Service(RecipeService):
     """Also lists its recipes, and may be away."""
@@ -84,14 +87,14 @@ class Plc:
         return f"{upper}/{automatic}"
 
     async def comes_to(self, state: str) -> None:
-        for _ in range(200):
+        for _ in range(LOOKS):
             if await self.state() == state:
                 return
             await asyncio.sleep(0.02)
         raise AssertionError(f"{await self.state()} instead of {state}")
 
     async def comes_to_result(self, job_id: str) -> None:
-        for _ in range(200):
+        for _ in range(LOOKS):
             if await _latest(self, "JobId") == job_id:
                 return
             await asyncio.sleep(0.02)
@@ -192,7 +195,7 @@ def test_a_single_job_from_start_to_result(talk):
 async def _latest(plc: Plc, name: str):
     """As soon as there is a result."""
     node = await plc.node("ResultManagement", "LatestResult", name)
-    for _ in range(200):
+    for _ in range(LOOKS):
         if (value := await node.read_value()) not in ("", 0, None):
             return value
         await asyncio.sleep(0.02)
@@ -262,7 +265,7 @@ def test_events_reach_a_subscriber(talk):
         await plc.recipe("PrepareRecipe", "7")
         job_id, _ = await plc.automatic("StartSingleJob", "m", "p", "7", "")
         await plc.comes_to_result(job_id)
-        for _ in range(100):
+        for _ in range(LOOKS):
             if any("ResultState 1" in event for event in plc.events):
                 break
             await asyncio.sleep(0.02)
