@@ -72,14 +72,21 @@ def bridge(
 
     ``leaving``, ``arriving``: ``(n, 2)`` unit directions of the curves at their starts and stops.
     """
-    u = shares[None, :, None]
-    length = np.hypot(*(stops_xy - starts_xy).T)[:, None, None]
-    out: FloatArray = (
-        (2 * u**3 - 3 * u**2 + 1) * starts_xy[:, None]
-        + (u**3 - 2 * u**2 + u) * length * leaving[:, None]
-        + (3 * u**2 - 2 * u**3) * stops_xy[:, None]
-        + (u**3 - u**2) * length * arriving[:, None]
+    way = stops_xy - starts_xy
+    length = np.hypot(way[:, 0], way[:, 1])[:, None]
+    square, cube = shares * shares, shares * shares * shares
+    # Hermite's polynomials, (s, 4), and what they weigh, (n, 4, 2).
+    shapes = np.stack(
+        (
+            2 * cube - 3 * square + 1,
+            cube - 2 * square + shares,
+            3 * square - 2 * cube,
+            cube - square,
+        ),
+        axis=1,
     )
+    weighed = np.stack((starts_xy, length * leaving, stops_xy, length * arriving), axis=1)
+    out: FloatArray = shapes @ weighed
     return out
 
 

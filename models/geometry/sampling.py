@@ -58,6 +58,14 @@ def thin_to_grid(points_xy: IntArray, at_most: int) -> IntArray:
     return kept
 
 
+def middle(values: FloatArray, axis: int) -> FloatArray:
+    """The median along an axis, as ``np.median``, which takes three times as long for few numbers."""
+    count = values.shape[axis]
+    ordered = np.sort(values, axis=axis)
+    low, high = ((count - 1) // 2, count // 2)
+    return np.asarray((ordered.take(low, axis) + ordered.take(high, axis)) / 2)
+
+
 def read_nearest(image: Float32Array | BoolArray | ByteArray, points_xy: FloatArray) -> FloatArray:
     """Values ``(…,)`` of an ``(H, W)`` array at the pixels nearest to ``(…, 2)`` points, clamped;
     ``(…, C)`` of an ``(H, W, C)`` one."""

@@ -51,7 +51,10 @@ def edge_shifts(
         alone = _alone(places, distances, image.shape)
         share = _explained(read_nearest(image, places[alone]).astype(np.float32))
         mine = owner[alone]
-        explained += [np.bincount(mine, column, len(instances)) for column in share]
+        cells = np.arange(len(share))[:, None] * len(instances) + mine
+        explained += np.bincount(cells.ravel(), share.ravel(), explained.size).reshape(
+            explained.shape
+        )
         weight += np.bincount(mine, minlength=len(instances))
     return _best_shifts((explained / np.maximum(weight, 1)).T, weight > 8)
 

@@ -29,9 +29,7 @@ def endpoints_of(
         return found
     tips = np.array([instances[k].centerline_xy[[0, -1]] for k in owner])
     widths = np.array([instances[k].width_px for k in owner])
-    inside = np.array(
-        [within(t, shape, max(w, 2.0)) for t, w in zip(tips, widths.tolist(), strict=True)]
-    )
+    inside = within(tips, shape, np.maximum(widths, 2.0)[:, None, None])
     hidden = _hidden(tips, widths, np.array(owner), instances)
     for k, both, seen, under in zip(
         owner, tips.tolist(), inside.tolist(), hidden.tolist(), strict=True

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray
+from models.geometry.sampling import middle
 
 
 def width_of(radii: FloatArray) -> float:
@@ -15,10 +16,7 @@ def width_of(radii: FloatArray) -> float:
 
     Distances are to the centers of pixels, so that a line of one pixel has 1.
     """
-    count = len(radii)
-    # np.median takes three times as long for so few numbers.
-    middle = np.sort(radii)[(count - 1) // 2 : count // 2 + 1]
-    return max(1.0, float(middle[0] + middle[-1]) - 1)
+    return max(1.0, 2 * float(middle(radii, axis=0)) - 1)
 
 
 def beyond(
@@ -49,7 +47,7 @@ def beyond(
     return np.array([[x + reached * step_x, y + reached * step_y]]) if reached else line[:0]
 
 
-def within(points_xy: FloatArray, shape: tuple[int, ...], margin: float) -> BoolArray:
+def within(points_xy: FloatArray, shape: tuple[int, ...], margin: float | FloatArray) -> BoolArray:
     """``(…,)`` which of ``(…, 2)`` points are in the picture and at least ``margin`` pixels from
     its edge."""
     limit = np.array(shape[1::-1]) - 1 - margin

@@ -53,11 +53,21 @@ class Foreground:
         if not self.mask.size or self.beyond.all():
             return np.zeros(self.mask.shape, dtype=np.float32)
         cut = self.margin - 1
-        binary = self.beyond[cut:-cut, cut:-cut].view(np.uint8)
-        found = np.asarray(
-            cv2.distanceTransform(binary, cv2.DIST_L2, cv2.DIST_MASK_5), dtype=np.float32
-        )
-        return np.ascontiguousarray(found[1:-1, 1:-1])
+        around = self.beyond[cut:-cut, cut:-cut]
+        if _is_repeated(around):  # what is repeated outside is farther than what it repeats
+            return _distances(self.mask)
+        return np.ascontiguousarray(_distances(around)[1:-1, 1:-1])
+
+
+def _is_repeated(framed_mask: BoolArray) -> bool:
+    """Whether the outermost pixels, but for the corners, are as those beside them."""
+    sides = (framed_mask, framed_mask[::-1], framed_mask.T, framed_mask.T[::-1])
+    return all(np.array_equal(side[0, 1:-1], side[1, 1:-1]) for side in sides)
+
+
+def _distances(mask: BoolArray) -> Float32Array:
+    binary = mask.view(np.uint8)
+    return np.asarray(cv2.distanceTransform(binary, cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)
 
 
 def distance_map(mask: BoolArray) -> Float32Array:
@@ -86,6 +96,8 @@ def framed(mask: BoolArray | ByteArray, margin: int) -> ByteArray:
 def _wall(framed_mask: ByteArray, size: int) -> None:
     """Clear, in place, what the upper margin holds above foreground that runs along the edge."""
     inner = framed_mask[size : framed_mask.shape[0] - size, size : framed_mask.shape[1] - size]
+    if not inner[0].any():
+        return
     change = np.flatnonzero(np.diff(inner[0], prepend=0, append=0))
     for start, stop in change.reshape(-1, 2).tolist():
         # Deeper than its length divided by ALONG, it cannot be foreground along the edge.

@@ -59,8 +59,9 @@ def skeleton_of(mask: BoolArray) -> BoolArray:
     """``(H, W)`` one pixel wide."""
     out = np.zeros(mask.shape, dtype=bool)
     left, top, width, height = cv2.boundingRect(np.ascontiguousarray(mask).view(np.uint8))
-    window = np.s_[top : top + height, left : left + width]
-    out[window] = skeletonize(np.pad(mask[window], 1))[1:-1, 1:-1] if width else out[window]
+    if width:
+        window = np.s_[top : top + height, left : left + width]
+        out[window] = skeletonize(mask[window])
     return out
 
 
@@ -210,17 +211,15 @@ def doubled(graph: PixelGraph) -> PixelGraph:
 def uphill(points_xy: IntArray, heights: Float32Array, steps: int) -> IntArray:
     """``(n, 2)`` pixels, each moved so many times to the highest of itself and its 8 neighbors
     (itself if equal)."""
-    framed = np.pad(heights, 1, constant_values=-np.inf)
+    offsets = np.array(
+        [(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (1, 1), (-1, 1), (1, -1)]
+    )
+    framed = np.asarray(cv2.copyMakeBorder(heights, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=-1))
     width = framed.shape[1]
-    around = (-width, width, -1, 1, -width - 1, width + 1, width - 1, -width + 1)
+    around = offsets[:, 1] * width + offsets[:, 0]
     flat, values = (points_xy[:, 1] + 1) * width + points_xy[:, 0] + 1, framed.ravel()
     for _ in range(steps):
-        best, highest = flat, values[flat]
-        for step in around:
-            other = values[flat + step]
-            higher = other > highest
-            best, highest = np.where(higher, flat + step, best), np.where(higher, other, highest)
-        flat = best
+        flat = flat + around[values[flat[:, None] + around].argmax(axis=1)]
     return np.stack((flat % width - 1, flat // width - 1), axis=1)
 
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.components import components
 from models.geometry.directions import quarter_turned, unit
-from models.geometry.sampling import read_nearest
+from models.geometry.sampling import middle, read_nearest
 from models.strands.pixel_graph import FREE, PixelGraph, smoothed
 
 _SMOOTHING_PX = 3
@@ -154,7 +154,7 @@ def _with_ends(
     step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) > 1 else np.zeros(0)
     along = np.concatenate(([0.0], np.cumsum(step)))
     length = along[bounds[1:] - 1] - along[bounds[:-1]] if count else np.zeros(0)
-    radius = np.maximum(np.median(radii[samples], axis=1), _LEAST_OF_TYPICAL * typical)
+    radius = np.maximum(middle(radii[samples], axis=1), _LEAST_OF_TYPICAL * typical)
     tip = looked[:, 0]
     margin = np.minimum(tip, np.array(shape[::-1]) - 1 - tip).min(axis=1)
     return Sections(
@@ -167,7 +167,7 @@ def _with_ends(
         tip,
         outward,
         radius,
-        np.median(colors[samples], axis=1),
+        middle(colors[samples], axis=1),
         _beside(half, outward, typical, image),
         margin,
     )
