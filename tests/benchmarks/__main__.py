@@ -63,6 +63,7 @@ def commands(shared: Path) -> dict[str, list[str]]:
         "chroma_key": ["tests.benchmarks.bench_chroma_key", str(shared)],
         "synthesis": ["tests.benchmarks.bench_synthesis"],
         "methods": ["tests.benchmarks.bench_methods", str(shared)],
+        "before": ["tests.benchmarks.bench_before", str(shared)],
         "masks": ["tests.benchmarks.bench_masks", str(shared)],
         "tangles": ["tests.benchmarks.bench_tangles"],
         "instances_sbhc": [

@@ -17,7 +17,12 @@ from tests.benchmarks import (
 )
 from tests.benchmarks.markdown import table as _table
 from tests.benchmarks.report_adaptation import adaptation, reference
-from tests.benchmarks.report_methods import masks_section, methods_section, tangles_section
+from tests.benchmarks.report_methods import (
+    before_section,
+    masks_section,
+    methods_section,
+    tangles_section,
+)
 from tests.benchmarks.report_photographs import photographs
 from tests.benchmarks.report_plant import (
     bridge_section,
@@ -227,6 +232,7 @@ SECTIONS: dict[str, Any] = {
     "reconstruction": report_reconstruction.section,
     **report_labelling.SECTIONS,
     "methods": methods_section,
+    "before": before_section,
     "masks": masks_section,
     "tangles": tangles_section,
     "topology": report_topology.topology,

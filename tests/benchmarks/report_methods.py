@@ -83,6 +83,26 @@ def masks_section(data: dict[str, Any]) -> str:
     )
 
 
+def before_section(data: dict[str, Any]) -> str:
+    """The default method's time beside that of an earlier commit."""
+    return (
+        "## The default method against the first release\n\n`python -m tests.benchmarks.bench_before SHARED`: the "
+        f"{data['pictures']} pictures of `ewd` with their published masks, one thread, processor ms a picture, both "
+        f"trees (`{data['commit']}` and this one) in turn. Floor: 0.8 times as long, aim 0.45.\n\n"
+        + _table(
+            ["before", "now", "ratio of each round", "median"],
+            [
+                [
+                    data["before_ms"],
+                    data["now_ms"],
+                    ", ".join(map(str, data["ratios"])),
+                    data["ratio"],
+                ]
+            ],
+        )
+    )
+
+
 def tangles_section(data: dict[str, Any]) -> str:
     """Share of rendered scenes whose whole crossing sequence is right."""
     rows = [[r["crossings"], r["scenes"], r["sequence"], r["order"]] for r in data["rows"]]
