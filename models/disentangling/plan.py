@@ -10,8 +10,9 @@ picture's resolution changes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
@@ -126,13 +127,20 @@ off."""
 def plan(
     topology: Topology, classifier: Classifier, params: DisentangleParams | None = None
 ) -> list[Action]:
+    """The best of :func:`proposed`, at most ``params.at_most``."""
+    settings = params or DisentangleParams()
+    return list(islice(proposed(topology, classifier, settings), settings.at_most))
+
+
+def proposed(
+    topology: Topology, classifier: Classifier, settings: DisentangleParams
+) -> Iterator[Action]:
     """Actions that leave fewer crossings than there are, or as many where only a preparing one is
-    likely to lead on; best first, one for every place to hold.
+    likely to lead on; best first, one for every place to hold, however many are ``at_most`` wanted.
 
     Where everything is held at both ends, actions follow that suppose one branch-point to be a mere
     touch. ``classifier``: of :data:`evidence.MOVE_FEATURES`, the probability that a turn works.
     """
-    settings = params or DisentangleParams()
     hand_px = settings.hand_px or usual_hand_px(topology)
     frame = Frame.of(topology, hand_px, settings.margin_px)
     scene = in_hands(topology, hand_px)
@@ -145,8 +153,8 @@ def plan(
             for branch, loose in loosened(scene, _MOST_SUPPOSED)
             for o in search.ranked(loose)
         ]
-    best = _preferred(options)[: settings.at_most]
-    return [action_of(scene, o.turn, o.score, o.touching).scaled(hand_px) for o in best]
+    for option in _preferred(options):
+        yield action_of(scene, option.turn, option.score, option.touching).scaled(hand_px)
 
 
 def _preferred(options: list[Option]) -> list[Option]:

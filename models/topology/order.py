@@ -27,6 +27,16 @@ _DEPTH_NOISE_M = 0.001
 """Meters that mean nothing: the noise of a good depth camera near the table."""
 _MOST_DEPTH_ODDS = 3.0
 _LEAST_SINE = 0.35
+_NEAR_WIDTHS, _NEAR_PX = 3.0, 8.0
+"""About a crossing so far along a strand the place is looked for where the lines meet."""
+_PARTED_PX = 0.5
+"""Beside each other with so much room, in px, the outlines of two strands have parted."""
+_LEAST_ARM_PX, _ARM_WIDTHS = 6.0, 1.5
+"""So far beyond a crossing is looked, in px at least and in widths …"""
+_PARTED_SHARE = 0.25
+"""… and this share of it where outlines part: an upper strand comes down soon."""
+_MOST_PLACES = 200
+"""On a strand about a crossing: enough for a step of a pixel where strands are up to 32 px wide."""
 _SHARPNESS = 1.5
 """How fast the score follows the ratio of the deviations."""
 
@@ -107,6 +117,7 @@ def _order(
 def log_odds(one: Place, other: Place, sections: Sequence[Stretch], surface: Surface) -> float:
     """Positive if ``one`` runs through unchanged while ``other`` does not; 0 if the surface does
     not tell."""
+    one, other = _met(one, other, sections)
     sine = _sine(one, other, sections)
     first = _deviation(one, sections[one.section], sections[other.section].width / sine, surface)
     second = _deviation(other, sections[other.section], sections[one.section].width / sine, surface)
@@ -114,10 +125,95 @@ def log_odds(one: Place, other: Place, sections: Sequence[Stretch], surface: Sur
         return 0.0
     odds = _SHARPNESS * float(np.log(second[0] / first[0]))
     if surface.is_depth:
-        odds += float(
-            np.clip((second[1] - first[1]) / surface.noise, -_MOST_DEPTH_ODDS, _MOST_DEPTH_ODDS)
-        )
+        odds += _nearer(second[1] - first[1], surface)
+        odds += _nearer(_lifted(one, other, sections, surface), surface)
     return odds
+
+
+def _nearer(apart_m: float, surface: Surface) -> float:
+    return float(np.clip(apart_m / surface.noise, -_MOST_DEPTH_ODDS, _MOST_DEPTH_ODDS))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """A strand about a crossing: arc lengths ``(n,)`` px, at most some pixels apart, that of the
+    crossing, and ``(n,)`` how far away the other strand is."""
+
+    lengths: FloatArray
+    at: float
+    away: FloatArray
+
+    def run(self, most: float) -> tuple[int, int]:
+        """First and last index of those next to each other that are no farther than ``most`` from
+        the other strand, about the one nearest to the crossing."""
+        near = np.flatnonzero(self.away <= most)
+        if not len(near):
+            near = np.array([self.away.argmin()])
+        runs = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
+        run = min(runs, key=lambda r: float(np.abs(self.lengths[r] - self.at).min()))
+        return int(run[0]), int(run[-1])
+
+
+def _stretches(one: Place, other: Place, sections: Sequence[Stretch]) -> tuple[_Stretch, _Stretch]:
+    strands = sections[one.section], sections[other.section]
+    width = (strands[0].width + strands[1].width) / 2
+    reach = _NEAR_WIDTHS * width + _NEAR_PX
+    places, at, lines = [], [], []
+    for place, strand in zip((one, other), strands, strict=True):
+        lengths = arc_lengths(strand.xy)
+        at.append(place.u * float(lengths[-1]))
+        first, last = np.clip([at[-1] - reach, at[-1] + reach], 0, lengths[-1])
+        places.append(np.linspace(first, last, int(np.clip(last - first, 1, _MOST_PLACES - 1)) + 1))
+        lines.append(point_at(strand.xy, lengths, places[-1]))
+    away = np.hypot(*np.moveaxis(lines[0][:, None] - lines[1][None], -1, 0))
+    if one.section == other.section:  # a strand is not near itself where it is one pass
+        away[np.abs(places[0][:, None] - places[1]) < _NEAR_WIDTHS * width] = np.inf
+    nearest = away.min(axis=1), away.min(axis=0)
+    return _Stretch(places[0], at[0], nearest[0]), _Stretch(places[1], at[1], nearest[1])
+
+
+def _met(one: Place, other: Place, sections: Sequence[Stretch]) -> tuple[Place, Place]:
+    """The places where the two lines meet, or the middle of where they are one: what was walked is
+    shorter than the smooth line with its tips, and so its places are some pixels off."""
+
+    def at(place: Place, stretch: _Stretch) -> Place:
+        first, last = stretch.run(float(stretch.away.min()) + 1)
+        whole = max(float(arc_lengths(sections[place.section].xy)[-1]), 1e-9)
+        return replace(place, u=min(1.0, float(stretch.lengths[(first + last) // 2]) / whole))
+
+    of_one, of_other = _stretches(one, other, sections)
+    return at(one, of_one), at(other, of_other)
+
+
+def _lifted(one: Place, other: Place, sections: Sequence[Stretch], depth: Surface) -> float:
+    """By how much ``one`` is nearer to the camera than ``other`` (m) right where their outlines
+    part, at a flat angle far from where they cross; 0 where that is not seen."""
+    width = (sections[one.section].width + sections[other.section].width) / 2
+    of_one, of_other = (
+        _where_parted(sections[place.section], stretch, width, depth)
+        for place, stretch in zip((one, other), _stretches(one, other, sections), strict=True)
+    )
+    return 0.0 if np.isnan(of_one + of_other) else of_other - of_one
+
+
+def _where_parted(strand: Stretch, stretch: _Stretch, width: float, depth: Surface) -> float:
+    """Mean distance of a strand to the camera (m) where its outline has left that of the other, on
+    either side; NaN where that is not seen."""
+    lengths = arc_lengths(strand.xy)
+    first, last = stretch.run(width + _PARTED_PX)
+    beyond = 1 + np.linspace(0, _PARTED_SHARE * _arm(strand), 3)
+    at = np.concatenate(
+        (
+            stretch.lengths[first] - beyond if first > 0 else np.zeros(0),
+            stretch.lengths[last] + beyond if last < len(stretch.lengths) - 1 else np.zeros(0),
+        )
+    )
+    seen = _profile(strand, lengths, at[(at >= 0) & (at <= lengths[-1])], depth)
+    return float(np.nanmean(seen)) if np.isfinite(seen).any() else float("nan")
+
+
+def _arm(strand: Stretch) -> float:
+    return max(_LEAST_ARM_PX, _ARM_WIDTHS * strand.width)
 
 
 def _sine(one: Place, other: Place, sections: Sequence[Stretch]) -> float:
@@ -143,7 +239,7 @@ def _deviation(
     lengths = arc_lengths(section.xy)
     at = place.u * lengths[-1]
     half = 0.5 * overlap + 1
-    arm = max(6.0, 1.5 * section.width)
+    arm = _arm(section)
     inner = np.linspace(at - half, at + half, 9)
     before, after = (
         np.linspace(at - half - arm, at - half - 2, 6),

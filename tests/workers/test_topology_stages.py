@@ -314,6 +314,22 @@ def test_out_of_reach_is_a_reason(tools):
     assert "reach" in result.message
 
 
+def test_an_action_within_reach_is_found_behind_better_ones_that_are_not(tools):
+    """Only the ``at_most`` best ones were looked at, and the answer said that none is in reach."""
+    mask = put(tools, harness_mask())
+    anywhere = stages.run(DisentangleRequest(mask=mask, at_most=50), tools).result.actions
+    wanted = next(a for a in anywhere if np.hypot(*np.subtract(a.hold.xy, anywhere[0].hold.xy)) > 5)
+    far = np.hypot(*np.subtract(wanted.pick.xy, wanted.hold.xy)) + 1
+    arms = [
+        ArmBase(name=name, xy=wanted.hold.xy, reach_px=reach)
+        for name, reach in (("holds", 1), ("turns", far))
+    ]
+    result = stages.run(DisentangleRequest(mask=mask, arms=arms, at_most=1), tools).result
+    assert result.status in ("planned", "unsure")
+    assert result.actions[0].hold.xy == wanted.hold.xy
+    assert result.actions[0].hold.arm == "holds"
+
+
 def test_arms_reach_in_pixels_or_in_meters(tools):
     mask = put(tools, harness_mask())
 

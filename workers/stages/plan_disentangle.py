@@ -3,6 +3,8 @@ crossing."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import chain, islice
 from typing import Literal
 
 import numpy as np
@@ -26,7 +28,7 @@ from models.disentangling.plan import (
     DisentangleParams,
     Grasp,
     assign_arms,
-    plan,
+    proposed,
 )
 from models.strands.stopwatch import Stopwatch
 from models.topology import scene as found
@@ -40,6 +42,8 @@ from workers.stages.pictures import read_picture
 from workers.stages.seen_harness import SeenHarness, see_harness
 
 PlanStatus = Literal["planned", "unsure", "no_crossing", "no_action"]
+_Pair = tuple[str | None, str | None]
+"""Names of the holding and the moving arm."""
 
 
 def run(request: DisentangleRequest, tools: Tools) -> Outcome:
@@ -58,12 +62,10 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
         settings = DisentangleParams(
             hand_px, margin_px=request.margin_px, at_most=request.at_most, attempts=done
         )
-        actions = plan(topology, network, settings)
-        assigned = [(a, _arms(a, request.arms)) for a in actions]
-        feasible = [(a, arms) for a, arms in assigned if arms is not None]
+        any_helps, feasible = _within_reach(proposed(topology, network, settings), request)
     with watch.step("encode"):
         height, width = topology.size
-        status, message = _status(topology, actions, [a for a, _ in feasible])
+        status, message = _status(topology, any_helps, [a for a, _ in feasible])
         result = DisentangleResult(
             width=width,
             height=height,
@@ -93,7 +95,19 @@ def _attempt(given: AttemptGiven) -> Attempt:
     return Attempt(done.hold.xy, done.turn_rad, done.score, given.crossings <= done.crossings_after)
 
 
-def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None] | None:
+def _within_reach(
+    actions: Iterator[Action], request: DisentangleRequest
+) -> tuple[bool, list[tuple[Action, _Pair]]]:
+    """Whether there is any action; and of those that the arms reach as many as are asked for."""
+    first = next(actions, None)
+    if first is None:
+        return False, []
+    assigned = ((a, _arms(a, request.arms)) for a in chain([first], actions))
+    reached = ((a, arms) for a, arms in assigned if arms is not None)
+    return True, list(islice(reached, request.at_most))
+
+
+def _arms(action: Action, bases: list[ArmBase]) -> _Pair | None:
     """Names of the holding and the moving arm; None if the action is out of their reach."""
     if not bases:
         return None, None
@@ -102,11 +116,11 @@ def _arms(action: Action, bases: list[ArmBase]) -> tuple[str | None, str | None]
 
 
 def _status(
-    topology: found.Topology, actions: list[Action], feasible: list[Action]
+    topology: found.Topology, any_helps: bool, feasible: list[Action]
 ) -> tuple[PlanStatus, str]:
     if not topology.crossings:
         return "no_crossing", "there is no crossing to remove"
-    if not actions:
+    if not any_helps:
         return (
             "no_action",
             "no section can be turned so that crossings go: they are held at both ends, or meet others",
