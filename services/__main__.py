@@ -1,4 +1,4 @@
-"""``python -m services``: start everything; ``--help`` says how."""
+"""``python -m services``: start everything; ``--help`` states how."""
 
 from __future__ import annotations
 

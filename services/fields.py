@@ -26,7 +26,7 @@ class _Place(NamedTuple):
 
 
 def parameter_problems(errors: Iterable[Error]) -> list[FieldProblem]:
-    """Problems of path, query and header parameters; the first step of a place says only which of
+    """Problems of path, query and header parameters; the first step of a place states only which of
     these."""
     return [
         _problem(error, _Place(error["loc"][1:], None, None, {}), whole="request")
@@ -37,7 +37,7 @@ def parameter_problems(errors: Iterable[Error]) -> list[FieldProblem]:
 def body_problems(errors: Iterable[Error], given: object, *, whole: str) -> list[FieldProblem]:
     """Problems of a JSON body.
 
-    ``given`` is the parsed body: it tells the user's names from those of union members, which
+    ``given`` is the parsed body: it separates the user's names from those of union members, which
     pydantic mixes into an error's place. Of a union's members only the nearest is reported: the one
     with the fewest errors, where what is missing counts twice: what is there names the member that
     was meant. ``whole`` names the body itself, for errors of no single field.

@@ -2,7 +2,7 @@
 dropped.
 
 A client sends a picture as a binary message; a text message before it, ``{"time_s": 12.5, "number":
-7}``, tells when it was taken, and a number that its answer repeats. Each answer is a text message:
+7}``, states when it was taken, and a number that its answer repeats. Each answer is a text message:
 a frame result with ``dropped``, the pictures passed over since the answer before; or ``{"problem":
 {…}}``, an RFC 9457 problem, and the stream goes on.
 """

@@ -39,7 +39,7 @@ _KEPT_S = 120.0
 
 
 def described(record: TrackRecord) -> TrackInfo:
-    """What the API tells of a track."""
+    """What the API states of a track."""
     options = TrackOptions.model_validate_json(record.options)
     return TrackInfo(
         id=record.id,

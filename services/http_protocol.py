@@ -1,4 +1,4 @@
-"""HTTP connections with limits: how many, and how long one may take to say what it wants.
+"""HTTP connections with limits: how many, and how long one may take to state its request.
 
 For ``uvicorn --http services.http_protocol:BoundedHttp``; ``python -m services`` uses it by itself.
 """

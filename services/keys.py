@@ -115,7 +115,7 @@ class KeyRing:
 
 
 def read(file: Path) -> tuple[Key, ...]:
-    """The keys of a file; raises OSError, or ValueError that says what is wrong with it."""
+    """The keys of a file; raises OSError, or ValueError that states what is wrong with it."""
     try:
         keys = _KEYS.validate_python(tomllib.loads(file.read_text(encoding="utf-8"))).get(
             "keys", ()

@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from services.problems import ProblemError, field_error
 
 ExportFormat = Literal["coco", "coco-polygons", "cvat", "label-studio", "png", "yolo", "json"]
-"""YOLO's folder holds the pictures too: ``images.json`` in its archive says where each of them
+"""YOLO's folder holds the pictures too: ``images.json`` in its archive states where each of them
 belongs."""
 MEDIA_TYPE = "application/zip"
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import errno
 import uuid
 from collections.abc import Mapping
+from dataclasses import dataclass
 from http import HTTPStatus
 
 import structlog
@@ -82,9 +83,72 @@ def _clipped(text: str, length: int) -> str:
     return text if len(text) <= length else f"{text[: length - 1]}…"
 
 
+@dataclass(frozen=True)
+class _Answer:
+    """The problem that all errors of a type are; ``retry_s``: when to try again; ``log``: what the
+    log states of it."""
+
+    status: int
+    code: str
+    detail: str
+    retry_s: float | None = None
+    log: str | None = None
+
+
+_ANSWERS: dict[type[Exception], _Answer] = {
+    JobUnknown: _Answer(404, "unknown_job", "no job has this id"),
+    JobGone: _Answer(410, "job_expired", "the job has ended and its result is no longer kept"),
+    NetworkUnknownError: _Answer(
+        404, "unknown_network", "no network that was adapted or brought here has this name"
+    ),
+    TrackUnknown: _Answer(404, "unknown_track", "no track has this id (any longer)"),
+    TrackBusy: _Answer(
+        409,
+        "track_busy",
+        "another frame of this track is being looked at; send one after the other",
+        retry_s=1.0,
+    ),
+    BlobMissing: _Answer(410, "file_expired", "the file is no longer kept"),
+    NoRoomError: _Answer(
+        507,
+        "storage_full",
+        "the disk of the service is too full for this; try again later",
+        retry_s=60.0,
+        log="no room on the disk",
+    ),
+    BlobsUnreachableError: _Answer(
+        503,
+        "storage_unavailable",
+        "the store of pictures cannot be reached; try again later",
+        retry_s=2.0,
+        log="pictures not reachable",
+    ),
+    QuotaExceededError: _Answer(
+        507,
+        "quota_exceeded",
+        "this API key keeps as many bytes as it may; try again later",
+        retry_s=3600.0,
+    ),
+    RedisError: _Answer(
+        503,
+        "queue_unavailable",
+        "the queue cannot be reached; try again later",
+        retry_s=1.0,
+        log="queue not reachable",
+    ),
+}
+
+
 def problem_of(error: Exception) -> ProblemError:
     """Sort ``error`` by whose fault it is. What is not known is ours, and in the log with its
     incident id."""
+    known = next((_ANSWERS[kind] for kind in type(error).__mro__ if kind in _ANSWERS), None)
+    if known is not None:
+        if known.log is not None:
+            log.warning(known.log, error=str(error))
+        if known.retry_s is not None:
+            return _retry(known.status, known.code, known.detail, known.retry_s)
+        return ProblemError(known.status, known.code, known.detail)
     match error:
         case ProblemError():
             return error
@@ -94,65 +158,18 @@ def problem_of(error: Exception) -> ProblemError:
         case HTTPException():
             code = HTTPStatus(error.status_code).name.lower()
             return ProblemError(error.status_code, code, str(error.detail), headers=error.headers)
-        case JobUnknown():
-            return ProblemError(404, "unknown_job", "no job has this id")
-        case JobGone():
-            return ProblemError(
-                410, "job_expired", "the job has ended and its result is no longer kept"
-            )
-        case NetworkUnknownError():
-            return ProblemError(
-                404, "unknown_network", "no network that was adapted or brought here has this name"
-            )
-        case TrackUnknown():
-            return ProblemError(404, "unknown_track", "no track has this id (any longer)")
-        case TrackBusy():
-            detail = "another frame of this track is being looked at; send one after the other"
-            return _retry(409, "track_busy", detail, 1.0)
         case TracksFull():
-            return _retry(
-                429, "too_many_tracks", f"{error}; end those that are over", error.retry_after_s
-            )
-        case BlobMissing():
-            return ProblemError(410, "file_expired", "the file is no longer kept")
+            detail = f"{error}; end those that are over"
+            return _retry(429, "too_many_tracks", detail, error.retry_after_s)
         case IdempotencyConflict():
             message = "this Idempotency-Key was used before, for another request"
             return field_error("Idempotency-Key", message, code="idempotency_conflict", status=409)
-        case NoRoomError():
-            log.warning("no room on the disk", error=str(error))
-            return _retry(
-                507,
-                "storage_full",
-                "the disk of the service is too full for this; try again later",
-                60.0,
-            )
-        case BlobsUnreachableError():
-            log.error("pictures not reachable", error=str(error))
-            return _retry(
-                503,
-                "storage_unavailable",
-                "the store of pictures cannot be reached; try again later",
-                2.0,
-            )
-        case QuotaExceededError():
-            return _retry(
-                507,
-                "quota_exceeded",
-                "this API key keeps as many bytes as it may; try again later",
-                3600.0,
-            )
         case OSError() if error.errno in (errno.EMFILE, errno.ENFILE):
             log.warning("out of file descriptors")
-            return _retry(
-                503, "overloaded", "the service does too much at once; try again later", 2.0
-            )
+            detail = "the service does too much at once; try again later"
+            return _retry(503, "overloaded", detail, 2.0)
         case QueueFull():
             return _retry(429, "queue_full", f"{error}; try again later", error.retry_after_s)
-        case RedisError():
-            log.warning("queue not reachable", error=str(error))
-            return _retry(
-                503, "queue_unavailable", "the queue cannot be reached; try again later", 1.0
-            )
         case _:
             return _internal(error)
 
@@ -186,23 +203,7 @@ async def _answer(_: Request, error: Exception) -> Response:
 def install(app: FastAPI) -> None:
     """Let ``app`` answer the errors that are known by type; the others reach
     :mod:`services.middleware`."""
-    known = (
-        ProblemError,
-        RequestValidationError,
-        HTTPException,
-        JobUnknown,
-        JobGone,
-        BlobMissing,
-        NetworkUnknownError,
-        NoRoomError,
-        BlobsUnreachableError,
-        QuotaExceededError,
-        IdempotencyConflict,
-        QueueFull,
-        TrackUnknown,
-        TrackBusy,
-        TracksFull,
-        RedisError,
-    )
+    by_value = (IdempotencyConflict, QueueFull, TracksFull)
+    known = (ProblemError, RequestValidationError, HTTPException, *by_value, *_ANSWERS)
     for kind in known:
         app.add_exception_handler(kind, _answer)

@@ -73,6 +73,18 @@ def _view(x: float) -> dict[str, Any]:
 
 
 @cache
+def _seen() -> tuple[Example, ...]:
+    """What takes a picture or a mask alone."""
+    ten_points = {"kind": "instances", "points_per_instance": 10}
+    one_action = {"kind": "plan_disentangle", "at_most": 1}
+    return (
+        Example({"kind": "segment"}, "Foreground probability of a picture.", (_PICTURE,)),
+        Example(ten_points, "The cables of a picture.", (_PICTURE,)),
+        Example({"kind": "topology"}, "A wire harness in a mask.", mask=_HARNESS),
+        Example(one_action, "How to remove its crossing.", mask=_HARNESS),
+    )
+
+
 def examples() -> tuple[Example, ...]:
     """In the order of the page; a curve that a request needs is that of the example before."""
     views = [_view(x) for x in (-0.03, 0.0, 0.03)]
@@ -85,16 +97,7 @@ def examples() -> tuple[Example, ...]:
     looked = {"curve": _curve(-0.05, 0.05), "cameras": [views[0], views[2]]}
     shape = {"state_m": _LINE, "target_m": _ARC, "object": {"mass_kg": 0.05}}
     return (
-        Example({"kind": "segment"}, "Foreground probability of a picture.", (_PICTURE,)),
-        Example(
-            {"kind": "instances", "points_per_instance": 10},
-            "The cables of a picture.",
-            (_PICTURE,),
-        ),
-        Example({"kind": "topology"}, "A wire harness in a mask.", mask=_HARNESS),
-        Example(
-            {"kind": "plan_disentangle", "at_most": 1}, "How to remove its crossing.", mask=_HARNESS
-        ),
+        *_seen(),
         Example(
             {"kind": "reconstruct", "points": 20, "views": views}, "A cable in space.", _FROM_POSES
         ),

@@ -16,7 +16,7 @@ from workers.dispatch import RUN
 
 
 class AllowedJob(Job):
-    """A queue entry that says in ``refusal`` why it must not run, instead of upsetting the
+    """A queue entry that states in ``refusal`` why it must not run, instead of upsetting the
     worker."""
 
     refusal: str | None = None
@@ -43,7 +43,7 @@ class AllowedJob(Job):
         self.restore({b"data": data})
 
     def restore(self, raw_data: Any) -> None:
-        """Called by RQ with what lies in the queue server."""
+        """Called by RQ with what is in the queue server."""
         try:
             super().restore(raw_data)
             if (self.func_name, self.instance, list(self.args), self.kwargs) != (

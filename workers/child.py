@@ -1,5 +1,5 @@
 """What runs in the warm child: load the networks once, then one job after another as the parent
-says.
+states.
 
 Started by :mod:`workers.child_process`, with a socket to the parent: settings come in, the list of
 networks goes out, then for each job a claim in, at its end the memory in use out.

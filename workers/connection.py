@@ -48,7 +48,7 @@ class Patience(Retry):
 def connect(settings: Settings, *, patient: bool = False, text: bool = True) -> redis.Redis:
     """A client; a patient one waits for a server that is away, for ever, instead of raising.
 
-    It answers text, which is all that a job's record holds; RQ wants one that answers bytes.
+    It answers text, which is all that a job's record holds; RQ needs one that answers bytes.
     """
     retry = (
         Patience(ConstantBackoff(_PAUSE_S), -1) if patient else Retry(ConstantBackoff(_PAUSE_S), 1)

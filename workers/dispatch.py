@@ -1,7 +1,7 @@
 """How ids of queued jobs come to workers: RQ by default, behind a protocol that another engine can
 fill.
 
-Strategy: a job's record says how it stands; an engine only carries ids, and may lose one (the
+Strategy: a job's record states how it stands; an engine only carries ids, and may lose one (the
 reaper puts it back) or bring one twice (the claim refuses it). So little is asked of it: five
 functions in Lua that the ledger's steps call inside the queue server, and what the first of them
 needs to put an id into a queue. The other side, what brings ids to a worker, is

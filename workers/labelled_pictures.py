@@ -18,7 +18,7 @@ _MOST_UNPACKED = 4
 
 
 class ArchiveError(ValueError):
-    """The bytes are no such archive; the message says what is wrong with them."""
+    """The bytes are no such archive; the message states what is wrong with them."""
 
 
 @dataclass(frozen=True)

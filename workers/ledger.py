@@ -193,7 +193,7 @@ class Ledger:
         return cast(str | None, self._step("lost", claim.job_id, claim.attempt))
 
     def reap(self, job_id: str) -> str | None:
-        """Put right what nobody works on any more; says what was done, if anything."""
+        """Put right what nobody works on any more; states what was done, if anything."""
         return cast(str | None, self._step("reap", job_id, GRACE_MS))
 
     def _end(

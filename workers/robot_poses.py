@@ -51,7 +51,7 @@ class _NowhereError(Exception):
 
 
 def robot_poses(output: Output, result: Any, *, in_camera: bool = False) -> RobotPoses:
-    """The places of ``result`` as ``output`` wants them; what cannot be placed is named in the
+    """The places of ``result`` as ``output`` has them; what cannot be placed is named in the
     warnings.
 
     ``in_camera``: curves that depth gave are in the camera's frame, as the request does not place

@@ -1,4 +1,4 @@
-"""Which cable is on top, from the depth beside what the picture says."""
+"""Which cable is on top, from the depth beside what the picture shows."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def reordered(scene: Scene, depth_m: Float32Array) -> Scene:
 
 
 def covered_stretches(scene: Scene, number: int) -> list[tuple[float, float]]:
-    """Where the instance of this id lies under another strand, in shares of its length."""
+    """Where the instance of this id is under another strand, in shares of its length."""
     item = scene.instances[number - 1]
     found = []
     for crossing in scene.crossings:

@@ -11,6 +11,8 @@ from models.disentangling.hold_candidates import Held
 from models.geometry.polylines import arc_lengths, point_at
 from models.topology.scene import Topology
 
+_FAR, _FARTHEST = 12.0, 40.0
+"""Hands; what is farther is as far (within a piece, and within the picture)."""
 _ALIKE = 0.3
 """Sections whose widths differ by a larger log ratio are not the same one."""
 
@@ -110,11 +112,11 @@ def held_evidence(topology: Topology, held: Held) -> HeldEvidence:
         moving_share=moving / max(moving + resting, 1),
         reach=min(
             max(float(np.hypot(*(xy - body.center).T).max()) for _, xy in body.moving if len(xy)),
-            40.0,
+            _FARTHEST,
         ),
         next_branch=min(nearest / max(2.5 * section.width, 1.0), 6.0),
-        pick_distance=min(_away(held, pick), 12.0),
-        crossing_distance=min(_away(held, topology.crossings[held.parted[0][0]].xy), 12.0),
+        pick_distance=min(_away(held, pick), _FAR),
+        crossing_distance=min(_away(held, topology.crossings[held.parted[0][0]].xy), _FAR),
         moving_sections=float(len(body.moving)),
         width=section.width,
         sections=float(len(topology.sections)),
@@ -151,4 +153,4 @@ def _entering(topology: Topology, moving: set[int]) -> tuple[int, float]:
         for b, other in entering
         if abs(np.log(wide / other)) < _ALIKE
     ]
-    return len(alike), min([*alike, 40.0])
+    return len(alike), min([*alike, _FARTHEST])

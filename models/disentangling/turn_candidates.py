@@ -42,6 +42,8 @@ _SET_BACK = (5 / 12, 11 / 12)
 _FAR, _BESIDE = (4.0, 2 / 3), (1.5, 1 / 3)
 """Widths and hands from the place held: beyond the first the piece should be clear of what rests,
 beyond the second it should at least lead away."""
+_AMPLE = 8
+"""Widths of the piece; more room counts no more."""
 _LEAST = 1 / 12
 """Hands below which no distance is wished: a picture does not show less."""
 
@@ -183,12 +185,12 @@ class _Space:
         inside = np.minimum(xy, self._limits - xy).min(axis=1)
         clearance, share, sideways, ends = self._room(lines)
         evidence = RoomEvidence(
-            clearance=float(np.clip(clearance / self._own, -2, 8)),
+            clearance=float(np.clip(clearance / self._own, -2, _AMPLE)),
             room_share=share,
             sideways=sideways,
-            ends=float(np.clip(ends / self._own, 0, 8)),
+            ends=float(np.clip(ends / self._own, 0, _AMPLE)),
             in_picture=float((inside >= 0).mean()),
-            border=float(np.clip(inside.min() / self._own, -8, 8)),
+            border=float(np.clip(inside.min() / self._own, -_AMPLE, _AMPLE)),
             turn=abs(angle) / np.pi,
         )
         return clearance, float((inside >= -self._margin).mean()), evidence

@@ -131,7 +131,7 @@ class Camera:
         return np.asarray(bent * self._focal + self._middle)
 
     def undistort(self, picture_xy: FloatArray) -> FloatArray:
-        """(n, 2) pixels of the picture to ideal pixels; NaN for what lies outside of the lens's
+        """(n, 2) pixels of the picture to ideal pixels; NaN for what is outside of the lens's
         field."""
         i = self.intrinsics
         if not i.distorted or not len(picture_xy):

@@ -23,6 +23,12 @@ def quarter_turned(directions: FloatArray) -> FloatArray:
     return np.stack((-directions[..., 1], directions[..., 0]), axis=-1)
 
 
+def middle_lanes(normals: FloatArray, width: float) -> FloatArray:
+    """``(3, …, 2)`` offsets along ``normals`` that span the middle half of a strand of this width:
+    averaged over it, a highlight counts little."""
+    return np.linspace(-width / 4, width / 4, 3).reshape(3, *[1] * normals.ndim) * normals
+
+
 def tangents(line: FloatArray) -> FloatArray:
     """``(n, 2)`` unit directions along a line of ``(n, 2)`` points, ``n >= 2``."""
     steps = np.empty_like(line, dtype=np.float64)

@@ -5,7 +5,7 @@ ones, which the camera matrix takes to pixels of the picture as it was taken. Co
 OpenCV's order.
 
 A polynomial lens folds at some radius: beyond it, places further out would be seen further in,
-which no lens does. All that lies beyond is outside of the lens's field, for both directions.
+which no lens does. All that is beyond is outside of the lens's field, for both directions.
 """
 
 from __future__ import annotations

@@ -10,6 +10,8 @@ from scipy.interpolate import BSpline, make_lsq_spline
 from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths
 
+_MOST_SPANS = 64
+
 
 @dataclass(frozen=True, eq=False)
 class Spline:
@@ -27,20 +29,18 @@ class Spline:
         return points
 
 
-def fit_spline(
-    points_xy: FloatArray, *, tolerance_px: float, spans: int | None = None, spans_at_most: int = 64
-) -> Spline:
+def fit_spline(points_xy: FloatArray, *, tolerance_px: float, spans: int | None = None) -> Spline:
     """Clamped least-squares spline (cubic if there are 4 points or more) within the tolerance.
 
     ``points_xy``: ``(n, 2)``, ``n >= 2``, no two neighbors equal. The number of spans starts at
     ``spans``, else at one per 8 points, and doubles until the root mean square distance between
-    points and curve is at most ``tolerance_px``, there are two points a span, or ``spans_at_most``
-    is reached. The curve starts and ends at the outer points.
+    points and curve is at most ``tolerance_px``, there are two points a span, or 64 spans.
+    The curve starts and ends at the outer points.
     """
     lengths = arc_lengths(points_xy)
     parameters = lengths / lengths[-1]
     degree = min(3, len(points_xy) - 1)
-    at_most = max(1, min((len(points_xy) - degree) // 2, spans_at_most))
+    at_most = max(1, min((len(points_xy) - degree) // 2, _MOST_SPANS))
     weights = np.ones(len(points_xy))
     weights[[0, -1]] = 1e3
     count = min(at_most, max(1, len(points_xy) // 8 if spans is None else spans))

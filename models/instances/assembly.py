@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.painting import stroke
 from models.geometry.polylines import arc_lengths, resample
 from models.geometry.sampling import read_nearest
 from models.geometry.splines import fit_spline
@@ -20,7 +21,7 @@ from models.instances.confidence import (
     rated_crossings,
 )
 from models.instances.crossings import Meeting, Strand, find_meetings, order_meetings
-from models.instances.drawing import draw_labels, stroke
+from models.instances.drawing import draw_labels
 from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
 from models.instances.scene import Crossing, Instance, Scene
@@ -65,19 +66,16 @@ def assemble(
 ) -> Scene:
     """Splines, widths, endpoints, crossings and labels of the chains, longest first.
 
-    What is too short for a DLO, or lies on another one, is left out; at most 255 instances remain.
+    What is too short for a DLO, or is on another one, is left out; at most 255 instances remain.
     With ``follow_edges`` outlines and widths are those of the picture, where it shows them near the
     mask's. ``tip_widths``: how far a chain may be moved on to the strand's tip. ``order``: what
-    decides which strand lies on top. ``method``: whose calibration turns evidence into
+    decides which strand is on top. ``method``: whose calibration turns evidence into
     probabilities; what is short and less likely a DLO than not is left out. ``watch`` measures the
     steps.
     """
     with watch.step("splines"):
-        fitted = [
-            (found, c.doubt)
-            for c in chains
-            if (found := _fit(c, mask, distances, tip_widths)) is not None
-        ]
+        fits = ((_fit(c, mask, distances, tip_widths), c.doubt) for c in chains)
+        fitted = [(found, doubt) for found, doubt in fits if found is not None]
         instances, doubts = _without_fragments(fitted, mask.shape)
         shifts = None
         if follow_edges and image is not None:

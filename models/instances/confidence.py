@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.special import expit
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.directions import quarter_turned, tangents_of_each
@@ -44,6 +45,8 @@ _SAMPLED = 40
 _FROM_EDGE = np.array([-4.0, -1.5, 1.5, 4.0])
 """Pixels from an edge, outward, at which colors are read; inside at most to the middle."""
 _FADING_LEVELS = 20.0
+_DOUBTFUL, _ALONGSIDE = 0.7, 0.15
+"""Doubt, and share beside another, that are reasons to be unsure."""
 _FAINT_LEVELS = 12.0
 _SHARP = 0.4
 """Contrast at which its lack counts 1/e, below which it is a reason; sharpness below which blur is
@@ -54,7 +57,7 @@ one."""
 class Evidence:
     """Per instance ``(I,)``: ``gap`` share of the centerline off the foreground; ``doubt`` minus
     the log probability of its joints; ``beside`` share that runs along another instance;
-    ``contrast`` mean difference in gray levels to what lies next to it and ``sharpness`` of its
+    ``contrast`` mean difference in gray levels to what is next to it and ``sharpness`` of its
     edges, 0 to 1 (both nan without a picture)."""
 
     gap: FloatArray
@@ -77,9 +80,7 @@ def probability(
     table = coefficients().get(method, {}).get(part)
     if table is None:
         return None
-    out: FloatArray = 1 / (
-        1 + np.exp(-np.clip(features @ np.array([table[n] for n in names]), -30, 30))
-    )
+    out: FloatArray = expit(features @ np.array([table[n] for n in names]))
     return out
 
 
@@ -105,7 +106,7 @@ def evidence_of(
 
 
 def _beside(instances: Sequence[Instance], points: FloatArray, owner: IntArray) -> FloatArray:
-    """Share of each centerline along which another instance's lies within both widths, in about its
+    """Share of each centerline along which another instance's is within both widths, in about its
     direction; all centerlines' ``points`` (N, 2) and whose they are (N,)."""
     if len(instances) < 2:
         return np.zeros(len(instances))
@@ -121,7 +122,7 @@ def _beside(instances: Sequence[Instance], points: FloatArray, owner: IntArray) 
 
 
 def _edges(instances: Sequence[Instance], image: ByteArray) -> tuple[FloatArray, FloatArray]:
-    """``(I,)`` contrast in gray levels over both edges, and the share of it that lies within three
+    """``(I,)`` contrast in gray levels over both edges, and the share of it that is within three
     pixels."""
     lines = [i.centerline_xy[:: max(1, len(i.centerline_xy) // _SAMPLED)] for i in instances]
     owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -191,10 +192,11 @@ def reasons_of(
     at_border = any(e.kind == "border" for e in ends)
     found: list[tuple[bool, Reason]] = [
         (
-            evidence.gap[k] * instance.length_px > instance.width_px or evidence.doubt[k] > 0.7,
+            evidence.gap[k] * instance.length_px > instance.width_px
+            or evidence.doubt[k] > _DOUBTFUL,
             "gap",
         ),
-        (bool(evidence.beside[k] > 0.15), "parallel"),
+        (bool(evidence.beside[k] > _ALONGSIDE), "parallel"),
         (bool(evidence.contrast[k] < _FAINT_LEVELS), "low_contrast"),
         (bool(evidence.sharpness[k] < _SHARP), "blur"),
         (at_border and instance.length_px < 12 * instance.width_px, "border"),

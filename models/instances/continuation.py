@@ -26,6 +26,7 @@ import numpy as np
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from models.geometry.colors import LAB_OF_A_LEVEL
 from models.geometry.directions import quarter_turned, unit
+from models.geometry.painting import stroke
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
 from models.instances.lookalikes import IN_COMPANY
@@ -138,8 +139,7 @@ def continued(
             tip = _tip(line, instance.width_px * scale, lab, settings)
             path = None if tip is None else _followed(tip, lab, foreground, settings)
             if tip is not None and path is not None:
-                points = [np.rint(path * 16).astype(np.int32)]
-                cv2.polylines(drawn, points, False, 1, max(1, round(tip.width)), cv2.LINE_8, 4)
+                stroke(drawn, path, 1, tip.width)
     return np.asarray((_resized(drawn, cable.shape[::-1], cv2.INTER_NEAREST) > 0) & ~cable)
 
 
@@ -193,7 +193,7 @@ def _tip(line: FloatArray, width: float, lab: ByteArray, params: ContinuationPar
 
 
 def _strips(lab: ByteArray, xy: FloatArray, direction: FloatArray, width: float) -> _Strip:
-    """What lies across (…, 2) points in a ``direction`` (…, 2)."""
+    """What is across (…, 2) points in a ``direction`` (…, 2)."""
     at = xy[..., None, :] + (width * _ACROSS)[:, None] * quarter_turned(direction)[..., None, :]
     x, y = (at[..., axis].reshape(-1, len(_ACROSS)).astype(np.float32) for axis in (0, 1))
     read = cv2.remap(lab, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

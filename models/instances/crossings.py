@@ -1,4 +1,4 @@
-"""Where DLOs cross, and which strand lies on top (thesis 3.5.6)."""
+"""Where DLOs cross, and which strand is on top (thesis 3.5.6)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.geometry.arrays import ByteArray, FloatArray
-from models.geometry.directions import quarter_turned, unit
+from models.geometry.directions import middle_lanes, quarter_turned, unit
 from models.geometry.polylines import arc_lengths, crossing_segments, point_at
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, StrandPosition
 
+_LEAST_SINE = 0.3
+"""At a flatter angle strands lie on one another for longer, but not that much."""
 _NOISE_LEVELS = 3.0
 """Standard deviation of a color along one strand that means nothing, in gray levels."""
 
@@ -103,7 +105,7 @@ def order_meetings(
 
 
 def order_meeting(meeting: Meeting, strands: list[Strand], image: ByteArray | None) -> Crossing:
-    """The crossing with its order: the strand whose color varies less along the crossing lies on
+    """The crossing with its order: the strand whose color varies less along the crossing is on
     top.
 
     ``image``: ``(H, W, 3)`` or None (then the order is arbitrary and the score 0.5). The score is
@@ -112,8 +114,9 @@ def order_meeting(meeting: Meeting, strands: list[Strand], image: ByteArray | No
     a, b = strands[meeting.a], strands[meeting.b]
     if image is None:
         return ordered(meeting, strands, True, 0.5)
-    var_a = _color_variance(image, a, meeting.at_a, b.width / max(meeting.sine, 0.3))
-    var_b = _color_variance(image, b, meeting.at_b, a.width / max(meeting.sine, 0.3))
+    sine = max(meeting.sine, _LEAST_SINE)
+    var_a = _color_variance(image, a, meeting.at_a, b.width / sine)
+    var_b = _color_variance(image, b, meeting.at_b, a.width / sine)
     score = max(var_a, var_b) / (var_a + var_b)
     return ordered(meeting, strands, var_a <= var_b, score)
 
@@ -134,16 +137,13 @@ def _color_variance(image: ByteArray, strand: Strand, at: float, other_extent: f
     """Mean over R, G, B of the color's variance along the strand, across the other strand and a
     width beyond.
 
-    The color is averaged over the middle half of the strand's width, so that a highlight counts
-    little.
+    The color is averaged over the middle half of the strand's width.
     """
     reach = other_extent / 2 + strand.width
     along = np.clip(np.arange(at - reach, at + reach + 1.0), 0.0, strand.lengths[-1])
     points = point_at(strand.xy, strand.lengths, along)
     tangent = points[-1] - points[0]
-    lanes = (
-        np.linspace(-0.25, 0.25, 3)[:, None, None] * strand.width * quarter_turned(unit(tangent))
-    )
+    lanes = middle_lanes(quarter_turned(unit(tangent)), strand.width)[:, None]
     colors = np.add.reduce(read_nearest(image, points + lanes)) / len(lanes)
     away = colors - np.add.reduce(colors) / len(colors)
     return float(np.vdot(away, away)) / colors.size + _NOISE_LEVELS**2

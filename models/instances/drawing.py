@@ -9,12 +9,18 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
-from models.geometry.polylines import arc_lengths, point_at
+from models.geometry.painting import GOLDEN, stroke
+from models.geometry.polylines import around
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, Instance
 
-_SHIFT = 4
-"""Bits of a pixel's fraction in OpenCV's fixed-point coordinates."""
+_ROUNDS = (1.6, 1.0, 0.6)
+"""Widths of the strokes of a strand, in its own."""
+_OVER = 1.2
+"""How far on either side of a crossing the upper strand is painted again, in widths of the lower."""
+_FIRST_HUE, _OF_A_KIND = 0.02, 12
+_STRONG, _WEAKER = np.array([0.9, 1.0]), np.array([0.2, 0.15])
+"""Saturation and value of so many labels' colors, and by how much those of the next are less."""
 
 
 def draw_labels(
@@ -34,7 +40,7 @@ def draw_labels(
     moved outwards by as much.
     """
     labels = np.zeros(mask.shape, dtype=np.uint8)
-    for factor in (1.6, 1.0, 0.6):
+    for factor in _ROUNDS:
         for number, instance in enumerate(instances, start=1):
             width = max(
                 factor * instance.width_px,
@@ -43,7 +49,7 @@ def draw_labels(
             stroke(labels, instance.centerline_xy, number, width)
     for crossing in sorted(crossings, key=lambda c: c.score):
         upper, lower = instances[crossing.over.instance - 1], instances[crossing.under.instance - 1]
-        piece = piece_around(upper, crossing.over.u, 1.2 * lower.width_px)
+        piece = around(upper.centerline_xy, crossing.over.u, _OVER * lower.width_px)
         stroke(labels, piece, crossing.over.instance, 1.1 * upper.width_px)
     evidence = _bridged(mask, instances)
     if shifts is not None and np.any(shifts):
@@ -78,31 +84,12 @@ def _runs(flags: BoolArray) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def piece_around(instance: Instance, u: float, reach_px: float) -> FloatArray:
-    """The centerline from ``reach_px`` before to ``reach_px`` after the place ``u``, ``(n, 2)``."""
-    lengths = arc_lengths(instance.centerline_xy)
-    at = u * lengths[-1]
-    return point_at(instance.centerline_xy, lengths, np.linspace(at - reach_px, at + reach_px, 9))
-
-
-def stroke(
-    picture: ByteArray,
-    points_xy: FloatArray,
-    color: int | tuple[int, int, int],
-    width_px: float,
-    line: int = cv2.LINE_8,
-) -> None:
-    """Paint a polyline of this width, clipped to the picture."""
-    fixed = np.rint(points_xy * (1 << _SHIFT)).astype(np.int32)
-    cv2.polylines(picture, [fixed], False, color, max(1, round(width_px)), line, _SHIFT)
-
-
 def palette() -> ByteArray:
     """``(256, 3)`` RGB colors of the labels: 0 black, then hues a golden section apart: neighbors
     differ."""
     colors = [(0.0, 0.0, 0.0)]
     for number in range(255):
-        hue, dim = (0.02 + number * 0.61803398875) % 1.0, number // 12 % 3
-        colors.append(colorsys.hsv_to_rgb(hue, 0.9 - 0.2 * dim, 1.0 - 0.15 * dim))
+        hue, dim = (_FIRST_HUE + number * GOLDEN) % 1.0, number // _OF_A_KIND % 3
+        colors.append(colorsys.hsv_to_rgb(hue, *(_STRONG - dim * _WEAKER)))
     rounded: ByteArray = np.rint(np.array(colors) * 255).astype(np.uint8)
     return rounded

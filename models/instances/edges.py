@@ -19,6 +19,8 @@ _INSIDE_PX, _OUTSIDE_PX = 4, 7
 """How far a profile reaches to both sides of the mask's edge."""
 _MOST_SHIFT = 4
 """Edges inside the mask's are not believed: foreground that a network is sure of stays."""
+_USUAL = (0.3, 0.75)
+"""Half widths, in widths of the instance, between which a place is neither damaged nor a crossing."""
 _SPACING_PX = 4.0
 _AT_MOST = 120
 """Sections across an instance."""
@@ -83,12 +85,13 @@ def _sections(
     normals = quarter_turned(tangents_of_each(middle, owner))
     widths = np.array([i.width_px for i in instances])[owner]
     half = read_nearest(distances, middle) - 0.5
-    usual = (half > 0.3 * widths) & (half < 0.75 * widths)
+    thin, thick = _USUAL
+    usual = (half > thin * widths) & (half < thick * widths)
     return owner[usual], middle[usual], normals[usual], half[usual]
 
 
 def _alone(places: FloatArray, distances: Float32Array, shape: tuple[int, ...]) -> BoolArray:
-    """``(N,)`` nothing but background lies outside the edge, and all of ``(N, M, 2)`` is in the
+    """``(N,)`` nothing but background is outside the edge, and all of ``(N, M, 2)`` is in the
     picture: as both of its ends are."""
     outside = read_nearest(distances, places[:, _INSIDE_PX + 2 :]) > 0
     ends = places[:, [0, -1]]

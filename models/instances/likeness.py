@@ -1,4 +1,4 @@
-"""What tells a cable from its lookalikes, measured along every instance of a scene.
+"""What distinguishes a cable from its lookalikes, measured along every instance of a scene.
 
 Symbols: I instances, N points along them all, T positions across.
 """

@@ -29,7 +29,7 @@ COEFFICIENTS = Path(__file__).with_name("lookalikes.toml")
 _EVEN = 0.5
 _ALONE = 0.5
 """Share of the probability below which an instance leaves the foreground, where no other is likely
-a cable: a straight cable that lies alone on a table is much like a joint."""
+a cable: a straight cable that is alone on a table is much like a joint."""
 IN_COMPANY = 0.25
 """Probability at which an instance is left out beside others: a cable left out costs as much as
 three lookalikes that are kept."""

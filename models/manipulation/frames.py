@@ -3,7 +3,7 @@ never mirrored.
 
 Two kinds. ``principal``, the thesis's: the origin is the mean of the nodes, x their first principal
 axis, nodes run from negative to positive x. ``edge``, ours: the origin is the middle of the gripped
-edge, x its direction, and nodes are renumbered so that the edge lies in the first half. There what
+edge, x its direction, and nodes are renumbered so that the edge is in the first half. There what
 the gripper does is the same picture for every place of the DLO on the table, and for both
 directions of counting.
 """

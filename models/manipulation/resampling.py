@@ -26,14 +26,14 @@ def back_to_points(points: FloatArray, nodes: FloatArray, moved: FloatArray) -> 
 
 
 def edge_of_points(points: FloatArray, node_edge: int, nodes: int = NODES) -> int:
-    """The edge between given points in which the middle of this edge between nodes lies."""
+    """The edge between given points in which the middle of this edge between nodes is."""
     shares = arc_lengths(points) / arc_lengths(points)[-1]
     middle = (node_edge + 0.5) / (nodes - 1)
     return int(np.clip(np.searchsorted(shares, middle, "right") - 1, 0, len(points) - 2))
 
 
 def node_edge_of(points: FloatArray, edge: int, nodes: int = NODES) -> int:
-    """The edge between nodes in which the middle of this edge between given points lies."""
+    """The edge between nodes in which the middle of this edge between given points is."""
     lengths = arc_lengths(points)
     middle = (lengths[edge] + lengths[edge + 1]) / 2 / lengths[-1]
     return int(np.clip(middle * (nodes - 1), 0, nodes - 2))

@@ -1,6 +1,6 @@
 """The next pick-and-place (or pull) for a DLO among fixtures: around pegs, into clips.
 
-Strategy: the network knows no contact, so dry friction with contact (:mod:`sliding`,
+Strategy: the network has no model of contact, so dry friction with contact (:mod:`sliding`,
 :mod:`contact`) foresees what an action does. The distance to the target is the mean way of the
 DLO's points around the fixtures (:mod:`detours`), which has no rest where the DLO is on the wrong
 side of a peg: there the way leads back around it, so an end is pulled out and threaded. For several

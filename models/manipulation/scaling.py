@@ -28,8 +28,3 @@ def scale_move(move: FloatArray) -> FloatArray:
 def scale_rope(rope: FloatArray) -> FloatArray:
     """(…, 3) mass kg, k_b, k_d to 0 … 1."""
     return np.asarray((rope - _LOW) / _SPAN)
-
-
-def unscale_rope(scaled: FloatArray) -> FloatArray:
-    """The inverse of :func:`scale_rope`."""
-    return np.asarray(scaled * _SPAN + _LOW)

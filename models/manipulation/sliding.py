@@ -124,11 +124,9 @@ def ways_slid(
     return np.stack([*way, _released(chains, here, pace, ropes, params, at_last)], 1)
 
 
-def left_alone(
-    states: FloatArray, ropes: Sliders, params: SlidingParams | None = None
-) -> FloatArray:
+def left_alone(states: FloatArray, ropes: Sliders) -> FloatArray:
     """(B, n, 2) states to those at which the DLO comes to rest when nobody holds it."""
-    params = params or SlidingParams(released=40)
+    params = SlidingParams(released=40)
     return _released(
         _Chains.of(states), states, np.full(states.shape[:2], params.slip_m), ropes, params
     )

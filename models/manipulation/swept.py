@@ -47,7 +47,7 @@ def enters(shapes: FloatArray, zone: FloatArray) -> bool:
 
 
 def _any_in_triangle(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> bool:
-    """Whether one of the points (m, 2) lies in one of the triangles with corners ``a``, ``b``,
+    """Whether one of the points (m, 2) is in one of the triangles with corners ``a``, ``b``,
     ``c`` (t, 2)."""
     sides = np.stack([_side(points, *pair) for pair in ((a, b), (b, c), (c, a))])
     ab, ac = b - a, c - a

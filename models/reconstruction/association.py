@@ -20,7 +20,7 @@ _LEAST_SHARE = 0.08
 _FITS = 0.4
 """Share of the samples in a picture that must lie on strands for its view to count."""
 _SAME_SHAPE_PX = 4.0
-"""A strand that, shifted as a whole, lies this near to where the DLO should be is the DLO seen from
+"""A strand that, shifted as a whole, is this near to where the DLO should be is the DLO seen from
 another pose."""
 
 
@@ -34,7 +34,7 @@ class Support:
     share: float
     reprojection_px: float
     off_px: float = 0.0
-    """For a view that does not fit: how far its strand lies from where the DLO should be."""
+    """For a view that does not fit: how far its strand is from where the DLO should be."""
 
 
 def belonging(points_m: FloatArray, view: View, reach_px: float = _VOTE_PX) -> IntArray:
@@ -95,7 +95,7 @@ def _shifted(expected_xy: FloatArray, view: View) -> float | None:
 
 
 def claimed(points_m: FloatArray, view: View, reach_px: float = 4.0) -> dict[int, float]:
-    """Share of each strand of ``view`` that lies on a curve of (n, 3) dense points."""
+    """Share of each strand of ``view`` that is on a curve of (n, 3) dense points."""
     samples = view.samples
     if not len(samples.xy):
         return {}

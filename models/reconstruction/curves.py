@@ -39,7 +39,7 @@ class Curve:
     """One DLO in the world.
 
     ``points_m`` (n, 3) at about equal arc length; ``covariance_m2`` (n, 3, 3) of the position
-    *across* the curve (how far along it a point lies is a matter of convention, so the direction of
+    *across* the curve (how far along it a point is, is a matter of convention, so the direction of
     the curve carries none); ``radius_m`` (n,), NaN where it is not known, and ``radius_sigma_m`` of
     the whole.
     """

@@ -8,9 +8,9 @@ import numpy as np
 from models.geometry.arrays import ByteArray, FloatArray
 from models.geometry.cameras import Camera
 from models.geometry.directions import quarter_turned, tangents
+from models.geometry.painting import DARK, Color, stroke
 from models.reconstruction.curves import Curve
 
-_DARK = (20, 20, 20)
 _TARGET = (255, 214, 10)
 _OTHERS = (
     (64, 196, 255),
@@ -24,9 +24,7 @@ _OTHERS = (
     (245, 245, 245),
     (150, 110, 80),
 )
-_FRACTION_BITS = 4
-
-Color = tuple[int, int, int]
+_DROPPED = (220, 40, 30)
 
 
 def reprojection(
@@ -41,28 +39,16 @@ def reprojection(
         color = _TARGET if number == 0 else _OTHERS[(number - 1) % len(_OTHERS)]
         points = curve.spline.at(np.linspace(0, 1, 400))
         xy = camera.project_to_picture(points)
-        _line(picture, xy, _DARK, round(3 * unit))
-        _line(picture, xy, color, max(1, round(1.4 * unit)))
+        _line(picture, xy, DARK, 3 * unit)
+        _line(picture, xy, color, 1.4 * unit)
         if np.isfinite(curve.mean_radius_m):
             for side in _outline(points, camera, curve.mean_radius_m):
                 _line(picture, side, color, 1)
     if dropped:
-        cv2.rectangle(
-            picture,
-            (0, 0),
-            (picture.shape[1] - 1, picture.shape[0] - 1),
-            (220, 40, 30),
-            round(4 * unit),
-        )
-        cv2.putText(
-            picture,
-            dropped,
-            (10, round(24 * unit)),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.5 * unit,
-            (220, 40, 30),
-            1,
-        )
+        corner = picture.shape[1] - 1, picture.shape[0] - 1
+        cv2.rectangle(picture, (0, 0), corner, _DROPPED, round(4 * unit))
+        place, font = (10, round(24 * unit)), cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(picture, dropped, place, font, 0.5 * unit, _DROPPED, 1)
     return picture
 
 
@@ -73,12 +59,11 @@ def _outline(points: FloatArray, camera: Camera, radius: float) -> list[FloatArr
     return [camera.distort(ideal + normal), camera.distort(ideal - normal)]
 
 
-def _line(picture: ByteArray, xy: FloatArray, color: Color, thickness: int) -> None:
+def _line(picture: ByteArray, xy: FloatArray, color: Color, thickness: float) -> None:
     """Pieces between points that are not in front of the camera, or far outside the picture, are
     left out."""
     limit = 4 * max(picture.shape[:2])
     good = np.isfinite(xy).all(axis=1) & (np.abs(np.nan_to_num(xy)) < limit).all(axis=1)
     for piece in np.split(np.arange(len(xy)), np.flatnonzero(np.diff(good)) + 1):
         if len(piece) > 1 and good[piece[0]]:
-            fixed = np.rint(xy[piece] * (1 << _FRACTION_BITS)).astype(np.int32)
-            cv2.polylines(picture, [fixed], False, color, thickness, cv2.LINE_AA, _FRACTION_BITS)
+            stroke(picture, xy[piece], color, thickness, cv2.LINE_AA)

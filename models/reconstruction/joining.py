@@ -39,7 +39,7 @@ class JoinParams:
     ``turn`` (radians): what directions are off by; ``bend`` (radians a pixel): how much DLOs bend;
     ``rise``: how much their slope changes, pixels of disparity a pixel; ``depth_at_most``: a depth
     may have been matched wrongly; ``steepest_turn`` (radians) of an end against the chord;
-    ``far_widths``: a gap so wide costs 1; ``beside``: cost of a bridge that lies beside the
+    ``far_widths``: a gap so wide costs 1; ``beside``: cost of a bridge that is beside the
     foreground; ``kept``: what is taken off for a join that the instance method made too.
     ``dearest``: join that is made; ``margin``: by which any other way must be dearer.
     ``gap_widths``: longest gap; up to ``short_widths`` the bridge counts as seen.
@@ -71,10 +71,10 @@ class Rejoined:
     share_px: FloatArray
 
 
-def rejoin(views: list[View], params: JoinParams | None = None) -> list[Rejoined]:
+def rejoin(views: list[View]) -> list[Rejoined]:
     """The views with strands that all of them agree on; a view without any doubtful stretch stays
     as it is."""
-    settings = params or JoinParams()
+    settings = JoinParams()
     cut = [_pieces(view, settings) for view in views]
     return [_rejoined(k, cut, views[k], settings) for k in range(len(views))]
 
@@ -169,7 +169,7 @@ def _angle(reference: FloatArray, vector: FloatArray) -> FloatArray:
 def _beside(
     ends: PieceEnds, possible: BoolArray, whole: View, width_px: float, params: JoinParams
 ) -> FloatArray:
-    """(E, E) cost of the share of each possible bridge that lies beside all strands as they were
+    """(E, E) cost of the share of each possible bridge that is beside all strands as they were
     found."""
     cost = np.zeros(possible.shape)
     tree = cKDTree(np.concatenate([s.xy for s in whole.strands]))

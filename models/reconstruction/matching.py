@@ -1,6 +1,6 @@
 """Which point of the other pictures is which point of this one: dynamic programming along the DLO.
 
-Strategy: a sample of the reference strand lies, in every other view, somewhere on its epipolar
+Strategy: a sample of the reference strand is, in every other view, somewhere on its epipolar
 line. Where the line crosses a strand of that view, and where a strand runs along it (tangency: no
 crossing, or a whole stretch of equally good ones), is a candidate depth. A candidate costs what the
 *other* views say about it: how far from any strand its point falls there, and whether the widths
@@ -18,12 +18,12 @@ from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.cameras import NEAREST_M, Camera, epipolar_lines
 from models.geometry.directions import unit
 from models.reconstruction.triangulation import depth_on_ray
-from models.reconstruction.views import Samples, Strand, View
+from models.reconstruction.views import Strand, View
 
 
 @dataclass(frozen=True)
 class MatchParams:
-    """Distances in pixels, costs in units of a point that lies nowhere near a strand.
+    """Distances in pixels, costs in units of a point that is nowhere near a strand.
 
     ``reach_px``: farther from every strand than this is all the same (the DLO is hidden or was not
     found there). ``tangent_px``: a strand this near to an epipolar line runs along it;
@@ -144,7 +144,7 @@ def _candidates(
     row, column = np.nonzero((left * right <= 0) & (left != right) & joined)
     share = left[row, column] / (left[row, column] - right[row, column])
     crossing = samples.xy[column] + share[:, None] * (samples.xy[column + 1] - samples.xy[column])
-    near_row, near_column = _along(off, samples, params)
+    near_row, near_column = _along(off, params)
     onto = samples.xy[near_column] - off[near_row, near_column, None] * lines[near_row, :2]
     sample = np.concatenate([row, near_row])
     place = np.concatenate([crossing, onto])
@@ -158,7 +158,7 @@ def _candidates(
     return _Candidates(sample[fine], depth[fine], np.full(int(fine.sum()), number), strand[fine])
 
 
-def _along(off: FloatArray, samples: Samples, params: MatchParams) -> tuple[IntArray, IntArray]:
+def _along(off: FloatArray, params: MatchParams) -> tuple[IntArray, IntArray]:
     """Where strands run along a line: every few samples of a stretch within ``tangent_px``, and the
     nearest point of a strand that only comes near."""
     near = np.abs(off) < params.tangent_px

@@ -1,7 +1,7 @@
 """Sections of one DLO to one filtered curve (thesis section 4.5.5): local regression, as LOWESS.
 
 Strategy: the sections are laid behind one another along a common arc length: each is projected onto
-what lies there already and adds what reaches beyond it. At every place of the result a parabola is
+what is there already and adds what reaches beyond it. At every place of the result a parabola is
 fitted to the points around it, weighted by nearness (tricube), by their stated uncertainty, and by
 how well they fitted the last time (bisquare). A parabola where LOWESS has a line: a line cuts the
 bends. Points of one section err together, those of different sections apart: the covariance of the
@@ -96,7 +96,7 @@ def merge(sections: list[Curve], params: MergeParams) -> Merged:
 
 def _laid_out(sections: list[Curve], params: MergeParams) -> tuple[list[Curve], FloatArray]:
     """The sections, all in the direction of the first, and the arc length (n,) of all their points;
-    it counts from where the first section begins, and is negative for what lies before."""
+    it counts from where the first section begins, and is negative for what is before."""
     placed, places = [sections[0]], [arc_lengths(sections[0].points_m)]
     backbone, origin = sections[0].points_m, 0.0
     for number, section in enumerate(sections[1:], start=1):

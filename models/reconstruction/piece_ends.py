@@ -1,4 +1,4 @@
-"""The ends of pieces of strands: where each lies, which way it points, and how deep it is.
+"""The ends of pieces of strands: where each is, which way it points, and how deep it is.
 
 Symbols: P pieces, E = 2 P ends; end ``2 p`` is the first sample of piece ``p``, ``2 p + 1`` its
 last.
@@ -15,7 +15,7 @@ from models.reconstruction.matching import MatchParams, match, steepness
 from models.reconstruction.views import Strand, View
 
 _LOOK_PX = 40
-"""So much of a piece tells its direction; twice as much its depth."""
+"""So much of a piece gives its direction; twice as much its depth."""
 _CURVED_FROM_PX = 20
 _SAMPLE_PX = 5.0
 _DEPTH_PX = 0.7

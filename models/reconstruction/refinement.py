@@ -192,7 +192,7 @@ def _held(state: _State, parameters: FloatArray, weights: FloatArray, slide: flo
     ``slide`` spacings.
 
     That is for the steps: as information about the DLO it would be wrong, for it ties where a curve
-    lies to how its samples are spread along it.
+    is to how its samples are spread along it.
     """
     tangents = state.spline.tangents(parameters)
     steps = np.linalg.norm(np.diff(state.spline.at(parameters), axis=0), axis=1)

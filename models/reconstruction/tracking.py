@@ -1,5 +1,5 @@
 """Following a DLO from section to section (thesis section 4.5.5): the part that was reconstructed
-before tells which strand to go on with, and how deep it lies."""
+before tells which strand to go on with, and how deep it is."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def expected_depth(previous: Curve, camera: Camera, ideal_xy: FloatArray) -> Flo
 
 
 def overlap(curve: Curve, previous: Curve) -> float:
-    """Share of ``curve`` that lies on ``previous``: within 3 mm or three standard deviations."""
+    """Share of ``curve`` that is on ``previous``: within 3 mm or three standard deviations."""
     apart = distances(curve.points_m, previous.spline.at(np.linspace(0, 1, 600)))
     return float(np.mean(apart < np.maximum(3e-3, 3 * curve.sigma_m)))
 

@@ -18,7 +18,7 @@ Network = Callable[[Float32Array], Float32Array]
 
 @dataclass(frozen=True)
 class ForegroundInput:
-    """How the network wants its picture: longest side in pixels, sides multiples of ``multiple``,
+    """How the network takes its picture: longest side in pixels, sides multiples of ``multiple``,
     values ``(x / 255 - mean) / std``; ``threshold`` is the one value that turns probability into a
     mask. A connected patch of that mask needs a mean probability of ``certainty`` and
     ``least_area`` pixels at the network's scale. A picture shorter than ``long_side`` is enlarged

@@ -39,7 +39,7 @@ def look_from_afar(
 
 
 def _middles(mask: BoolArray, width: float) -> BoolArray:
-    """(h, w) what lies more than half a ``width`` inside."""
+    """(h, w) what is more than half a ``width`` inside."""
     inside = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     return np.asarray(inside > width / 2)
 

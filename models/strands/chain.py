@@ -12,7 +12,7 @@ class Chain:
     """Ordered points ``(n, 2)`` found along one DLO; a closed one does not repeat its first point.
 
     ``doubt``: minus the logarithm of the probability that its pieces belong together, where a
-    method knows it.
+    method has it.
     """
 
     xy: FloatArray

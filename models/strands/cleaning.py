@@ -16,7 +16,7 @@ _SPECK_WIDTHS = 0.5
 """Smaller patches than this times the squared typical width (and that many pixels) are specks."""
 _MOST_SLIT_WIDTHS = 15.0
 """Larger holes, in squares of the typical width, are no slits."""
-_WIDEST, _LEAST_LENGTH_WIDTHS = 1 / 8, 3.0
+_WIDEST, _LEAST_LENGTH_WIDTHS, _REDUCED = 1 / 8, 3.0, 4
 """Foreground wider than this share of the picture's longer side is no DLO, unless it is so many
 times longer."""
 
@@ -56,17 +56,19 @@ def _pixels(areas: FloatArray, lengths: FloatArray, is_hole: BoolArray) -> Float
 
 
 def _remove_slabs(binary: ByteArray) -> None:
-    """Clear what is wider than any DLO and not long, in place. Looked for at a quarter of the size:
-    it is large."""
-    limit = round(_WIDEST * max(binary.shape, default=0) / 4)
-    if limit < 3 or min(binary.shape) < 4 * limit:
+    """Clear what is wider than any DLO and not long, in place. Looked for in a smaller mask: it is
+    large."""
+    limit = round(_WIDEST * max(binary.shape, default=0) / _REDUCED)
+    if limit < 3 or min(binary.shape) < _REDUCED * limit:
         return
-    small = cv2.resize(binary, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    scale = 1 / _REDUCED
+    small = cv2.resize(binary, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (limit, limit))
     core = cv2.erode(small, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     if not cv2.countNonZero(core):
         return
-    slab = cv2.dilate(core, np.ones((round(1.5 * limit), round(1.5 * limit)), np.uint8))
+    beyond = round(1.5 * limit)
+    slab = cv2.dilate(core, np.ones((beyond, beyond), np.uint8))
     outlines, _ = cv2.findContours(slab, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     cv2.drawContours(slab, [o for o in outlines if _is_long(o)], -1, 0, cv2.FILLED)
     binary[cv2.resize(slab, binary.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0] = 0
@@ -75,6 +77,6 @@ def _remove_slabs(binary: ByteArray) -> None:
 def _is_long(outline: NDArray[Any]) -> bool:
     """Whether a slab is a few times longer than wide, as the rectangle of the same area and outline
     is."""
-    half = cv2.arcLength(outline, True) / 2
-    across = (half - np.sqrt(max(half**2 - 4 * cv2.contourArea(outline), 0.0))) / 2
-    return bool(half - across >= _LEAST_LENGTH_WIDTHS * across)
+    half = cv2.arcLength(outline, True) / 4
+    across = half - np.sqrt(max(half**2 - cv2.contourArea(outline), 0.0))
+    return bool(2 * half - across >= _LEAST_LENGTH_WIDTHS * across)

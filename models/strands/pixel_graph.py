@@ -101,7 +101,7 @@ def _neighbors(skeleton: BoolArray) -> tuple[IntArray, IntArray]:
     corners = np.array([-width + 1, width + 1, width - 1, -width - 1])
     near = index[flat[:, None] + sides]
     far = index[flat[:, None] + corners]
-    # Corner k lies between sides k and k + 1: with either of them there, the two pixels are linked
+    # Corner k is between sides k and k + 1: with either of them there, the two pixels are linked
     # already.
     far[(near >= 0) | (np.roll(near, -1, axis=1) >= 0)] = -1
     pixels = np.stack((flat % width - 1, flat // width - 1), axis=1).astype(np.int64)

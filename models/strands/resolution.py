@@ -50,10 +50,11 @@ def reduced(mask: BoolArray, image: ByteArray | None, max_pixels: int) -> Reduce
     if factor <= 1:
         return None
     size = (max(1, mask.shape[1] // factor), max(1, mask.shape[0] // factor))
-    share = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
+    full = np.iinfo(np.uint8).max
+    share = cv2.resize(mask * np.uint8(full), size, interpolation=cv2.INTER_AREA)
     small = (
         None
         if image is None
         else np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
     )
-    return Reduced(share >= 255 * _LEAST_SHARE, small, np.array(mask.shape[::-1]) / np.array(size))
+    return Reduced(share >= full * _LEAST_SHARE, small, np.array(mask.shape[::-1]) / np.array(size))

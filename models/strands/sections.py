@@ -1,4 +1,4 @@
-"""Skeleton chains as sections of DLOs, cut back from the places where the skeleton lies.
+"""Skeleton chains as sections of DLOs, cut back from the places where the skeleton leaves the DLO.
 
 Symbols: S sections, E = 2 S ends (end ``2 s`` is the start of section ``s``, ``2 s + 1`` its other
 end).
@@ -19,7 +19,7 @@ from models.strands.pixel_graph import FREE, PixelGraph, smoothed
 
 _SMOOTHING_PX = 3
 _LOOK = 24
-"""Samples of the stretch behind an end that tells its direction, width and color."""
+"""Samples of the stretch behind an end that gives its direction, width and color."""
 _LOOK_RADII = 6.0
 _CUT_RADII = 1.0
 """What is cut off at a junction, in radii there: the skeleton runs into the junction, not along a
@@ -31,7 +31,7 @@ _LEAST_OF_TYPICAL = 0.75
 """Where a mask breaks off it is often thin: an end counts as at least so much of its section's
 typical radius."""
 _INSIDE_RADII = 1.0
-"""What is left of a chain between two junctions once it is cut, up to so many radii, lies inside a
+"""What is left of a chain between two junctions once it is cut, up to so many radii, is inside a
 crossing, too."""
 _SPUR_RADII = 1.5
 _MAX_SECTIONS = 3_000
@@ -84,7 +84,7 @@ def sections_of(
     ``shared_radii``: a chain up to so many radii long between two forks is the foreground that two
     crossing DLOs share: it is left out and the forks become one group.
 
-    Strategy: a chain that would be cut to nothing lies inside a crossing; its two junctions become
+    Strategy: a chain that would be cut to nothing is inside a crossing; its two junctions become
     one group. All values at ends come from one gather: ``_LOOK`` samples a few radii back along the
     chain from each end.
     """
@@ -95,15 +95,14 @@ def sections_of(
     cut = _cuts(graph, radii, typical, junction_radius)
     inside = cut.sum(axis=1) + _INSIDE_RADII * typical
     inner = (graph.ends != FREE).all(axis=1) & (lengths <= inside) & ~graph.closed
-    spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, cut, junction_radius)
+    spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, junction_radius)
     if shared_radii > 0:
         inner[
             _between_forks(graph, ~inner & ~spur, lengths / np.maximum(typical, 1.0), shared_radii)
         ] = True
     group = components(graph.ends[inner], len(junction_radius))
     kept = np.flatnonzero(~inner & ~spur & (lengths >= 2))
-    if len(kept) > _MAX_SECTIONS:
-        kept = np.sort(kept[np.argsort(-lengths[kept], kind="stable")[:_MAX_SECTIONS]])
+    kept = np.sort(kept[np.argsort(-lengths[kept], kind="stable")[:_MAX_SECTIONS]])
     cut = np.minimum(cut[kept], np.maximum(lengths[kept, None] // 2 - 1, 0))
     first, last = bounds[kept] + cut[:, 0], bounds[kept + 1] - cut[:, 1]
     smooth = smoothed(graph.xy, bounds, _SMOOTHING_PX)
@@ -223,9 +222,7 @@ def _cuts(
     return np.stack(cuts, axis=1)
 
 
-def _is_spur(
-    graph: PixelGraph, lengths: IntArray, cut: IntArray, junction_radius: FloatArray
-) -> BoolArray:
+def _is_spur(graph: PixelGraph, lengths: IntArray, junction_radius: FloatArray) -> BoolArray:
     """Short chains from a junction to nowhere: an uneven outline makes them."""
     at = np.append(junction_radius, 0.0)[graph.ends].max(axis=1)
     out: BoolArray = lengths <= np.maximum(_SPUR_RADII * at, 3)

@@ -130,11 +130,11 @@ def _beside(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
     if sections.node[2 * shared] != sections.node[a]:
         points = points[::-1]
     along = arc_lengths(points)
-    share = (along / max(float(along[-1]), 1e-9))[:, None]
+    share = (along / along[-1])[:, None]
     first = _across(sections.tip[a] - points[0], points[min(4, len(points) - 1)] - points[0])
     last = _across(sections.tip[b] - points[-1], points[-1] - points[max(len(points) - 5, 0)])
     limit = 0.5 * sections.radius[shared]
-    first, last = (v * min(1.0, limit / max(float(np.hypot(*v)), 1e-9)) for v in (first, last))
+    first, last = (unit(v) * min(limit, float(np.hypot(*v))) for v in (first, last))
     out: FloatArray = points + (1 - share) * first + share * last
     return out[2:-2:2]
 

@@ -31,6 +31,12 @@ _LONG = 12.0
 _REACH_WIDTHS = 3.2
 _REACH_PX = 14.0
 """How far an end looks ahead: so many widths, and pixels for what a thin strand loses at a gap."""
+_LOOK_WIDTHS, _LOOK_PX = np.array([0.4, 1.6, 1.8, 3.4]), np.array([0, 2, 2, 4])
+_LOOK_SHARES = np.array([0.2, 0.6, 0.6, 1.0])
+"""Where behind its tip an end is looked at: from the first place to the second for its direction,
+from the third to the last for how it turns; on a short strand at most at these shares of it."""
+_ASIDE = 1.2
+"""How much further a node counts that is at a right angle to where an end points."""
 _CONE = np.cos(np.deg2rad(65))
 _BORDER_PX = 4.0
 _OWN_NODES = 6
@@ -79,15 +85,12 @@ def free_ends(graph: Graph) -> list[End]:
 
 
 def _end(knot: int, strand: int, xy: FloatArray, radii: FloatArray) -> End:
-    """Strategy: the outermost half width of a medial line follows the shape of the tip; what lies
-    behind it tells."""
+    """Strategy: the outermost half width of a medial line follows the shape of the tip; what is
+    behind it shows it."""
     lengths = arc_lengths(xy)
     total = float(lengths[-1])
     width = max(2.0, width_of(radii))
-    at = np.minimum(
-        np.array([0.4, 1.6, 1.8, 3.4]) * width + [0, 2, 2, 4],
-        total * np.array([0.2, 0.6, 0.6, 1.0]),
-    )
+    at = np.minimum(_LOOK_WIDTHS * width + _LOOK_PX, _LOOK_SHARES * total)
     outer, middle, again, inner = point_at(xy, lengths, at)
     near, far = unit(outer - middle), unit(again - inner)
     turn = float(np.arctan2(far[0] * near[1] - far[1] * near[0], far @ near))
@@ -132,10 +135,8 @@ class _View:
         self.segments: IntArray = graph.edges[:, graph.traced]
         self.knots = list(ends)
         self.tree = cKDTree(np.stack([e.xy for e in ends.values()]))
-        self.reach = (
-            _REACH_PX
-            + 3.2 * float(graph.radii.max())
-            + _REACH_WIDTHS * max(e.width for e in ends.values())
+        self.reach = _REACH_PX + _REACH_WIDTHS * (
+            float(graph.radii.max()) + max(e.width for e in ends.values())
         )
         self.nearest = {knot: self._nearest(e) for knot, e in ends.items()}
         self.loose, self.traced = (
@@ -156,12 +157,12 @@ class _View:
         return [self.ends[self.knots[k]] for k in found if self.knots[k] != end.knot]
 
     def _nearest(self, end: End) -> int:
-        """The free end nearest to another that lies ahead of it, or -1."""
+        """The free end nearest to another that is ahead of it, or -1."""
         others = [e for e in self.near(end) if (e.xy - end.xy) @ end.heading > 0]
         return min(others, key=lambda e: float(np.hypot(*(e.xy - end.xy)))).knot if others else -1
 
     def own(self, end: End, node: int) -> bool:
-        """Whether a node lies on the end's own strand, within a few nodes of it."""
+        """Whether a node is on the end's own strand, within a few nodes of it."""
         chain = self.graph.chains[end.strand]
         places = [
             p if chain[0] == end.knot else len(chain) - 1 - p
@@ -172,14 +173,14 @@ class _View:
 
 
 def _ahead(view: _View, end: End) -> list[int]:
-    """The nodes that the end may go on to: of every strand ahead the one that lies most nearly
+    """The nodes that the end may go on to: of every strand ahead the one that is most nearly
     ahead."""
     graph = view.graph
     step = graph.xy - end.xy
     size = np.hypot(*step.T)
     reach = _REACH_WIDTHS * end.width + _REACH_PX + graph.radii
     cosine = step @ end.heading / np.maximum(size, 1e-9)
-    cost = size * (2.2 - 1.2 * cosine) - graph.radii
+    cost = size * (1 + _ASIDE - _ASIDE * cosine) - graph.radii
     best: dict[int, tuple[float, int]] = {}
     for node in np.flatnonzero((size < reach) & (cosine > _CONE) & (size > 0)).tolist():
         if view.own(end, node) or (
@@ -216,11 +217,8 @@ def _face(one: End, other: End) -> bool:
 
 def _spans(graph: Graph, one: End, other: End, between: int) -> bool:
     """Whether two ends are near enough for a bridge through a node."""
-    reach = (
-        _REACH_WIDTHS * (one.width + other.width) / 2
-        + _REACH_PX
-        + 3.2 * float(graph.radii[between])
-    )
+    half = (one.width + other.width) / 2
+    reach = _REACH_WIDTHS * (half + float(graph.radii[between])) + _REACH_PX
     return bool(np.hypot(*(other.xy - one.xy)) <= reach)
 
 

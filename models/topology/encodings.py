@@ -2,7 +2,7 @@
 
 The thesis convolves the whole distance transform and then reads it at the nodes; here the same two
 convolutions see a window of it around each node, scaled by the nodes' spacing. Absolute positions
-(its F_P) are left out: where in the picture a harness lies is no part of its topology. An edge's
+(its F_P) are left out: the place of a harness in the picture is no part of its topology. An edge's
 direction is periodic over 180 degrees; its first three harmonics stand in for the 180 values of a
 Gaussian.
 """

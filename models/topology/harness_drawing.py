@@ -32,6 +32,8 @@ _DROPPED = 0.15
 _MOST_DROPPED = 4
 _SHORT = 0.6
 """Only sections shorter than this share of the typical one are taken off."""
+_BEYOND, _LENGTH_BEYOND = 0.25, 0.2
+"""Cost of a branch more or less beyond a branch-point, and of how its length differs there."""
 _CUT_OFF = 0.3
 """How much cheaper it is that a section which leaves the picture is shorter than drawn."""
 
@@ -309,10 +311,7 @@ def _grow(
     # Looking ahead: a branch fits better where as much hangs on its far end as in the drawing.
     table = np.array(
         [
-            [
-                _cost(w, f, scale) + _shape_cost(drawn, seen, w, f, point, place, scale)
-                for f in found
-            ]
+            [_cost(w, f, scale) + _shape_cost(drawn, seen, w, f, scale) for f in found]
             for w in wanted
         ]
     )
@@ -346,8 +345,6 @@ def _shape_cost(
     seen: Mapping[object, list[_Edge]],
     wanted: _Edge,
     found: _Edge,
-    point: object,
-    place: object,
     scale: float,
 ) -> float:
     """Difference in number of branches beyond, and of their summed length, discounted."""
@@ -356,7 +353,7 @@ def _shape_cost(
         sum(e.length for e in tree[edge.there] if e.key != edge.key)
         for tree, edge in ((drawn, wanted), (seen, found))
     ]
-    difference = 0.25 * abs(count[0] - count[1]) * (0.3 if found.cut else 1.0)
+    difference = _BEYOND * abs(count[0] - count[1]) * (_CUT_OFF if found.cut else 1.0)
     if min(beyond) > 0:
-        difference += 0.2 * abs(float(np.log(beyond[1] / (beyond[0] * scale))))
+        difference += _LENGTH_BEYOND * abs(float(np.log(beyond[1] / (beyond[0] * scale))))
     return difference

@@ -1,7 +1,7 @@
 """Whether strands lie upon one another where they meet: seen in depth, whatever the outlines look
 like.
 
-Where a harness branches, its bundle is as high as the joint. Where a strand lies upon another one,
+Where a harness branches, its bundle is as high as the joint. Where a strand is upon another one,
 the place they share is nearer to the camera than all arms some widths away: also where a free end
 hardly passes the other strand, which a mask shows as a branch-point.
 """
@@ -45,7 +45,7 @@ def raised_odds(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> flo
 
 
 def touching(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> tuple[int, float] | None:
-    """Of three arms that meet the one that lies upon or under the strand of the two others, and the
+    """Of three arms that meet the one that is upon or under the strand of the two others, and the
     probability that it does; None where no depth shows it."""
     odds = raised_odds(depths, web, arms)
     stem = max(range(3), key=lambda k: -bend(arms[k - 1], arms[k - 2]))

@@ -1,4 +1,4 @@
-"""Which strand lies on top at a crossing: from the picture, a depth map, or points in space (thesis
+"""Which strand is on top at a crossing: from the picture, a depth map, or points in space (thesis
 6.7, line 4).
 
 One rule for all three: what is seen along the upper strand runs through the crossing unchanged;
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray
-from models.geometry.directions import quarter_turned, unit
+from models.geometry.directions import middle_lanes, quarter_turned, unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
 from models.topology.scene import Crossing, Place, Section
@@ -37,6 +37,8 @@ _PARTED_SHARE = 0.25
 """… and this share of it where outlines part: an upper strand comes down soon."""
 _MOST_PLACES = 200
 """On a strand about a crossing: enough for a step of a pixel where strands are up to 32 px wide."""
+_ACROSS, _BESIDE = 9, 6
+"""Samples along the crossing, and before and after it."""
 _SHARPNESS = 1.5
 """How fast the score follows the ratio of the deviations."""
 
@@ -240,10 +242,10 @@ def _deviation(
     at = place.u * lengths[-1]
     half = 0.5 * overlap + 1
     arm = _arm(section)
-    inner = np.linspace(at - half, at + half, 9)
+    inner = np.linspace(at - half, at + half, _ACROSS)
     before, after = (
-        np.linspace(at - half - arm, at - half - 2, 6),
-        np.linspace(at + half + 2, at + half + arm, 6),
+        np.linspace(at - half - arm, at - half - 2, _BESIDE),
+        np.linspace(at + half + 2, at + half + arm, _BESIDE),
     )
     center, left, right = (_profile(section, lengths, s, surface) for s in (inner, before, after))
     if any(np.isnan(part).all(axis=0).any() for part in (center, left, right)):
@@ -255,15 +257,13 @@ def _deviation(
 
 
 def _profile(section: Stretch, lengths: FloatArray, at: FloatArray, surface: Surface) -> FloatArray:
-    """``(n, C)`` along the section, averaged over the middle of its width so that highlights count
-    little."""
+    """``(n, C)`` along the section, averaged over the middle of its width."""
     along = np.clip(at, 0, lengths[-1])
     places = point_at(section.xy, lengths, along)
     ahead = point_at(section.xy, lengths, np.clip(along + 3, 0, lengths[-1]))
     behind = point_at(section.xy, lengths, np.clip(along - 3, 0, lengths[-1]))
     normal = quarter_turned(unit(ahead - behind))
-    lanes = places + np.linspace(-0.25, 0.25, 3)[:, None, None] * section.width * normal
-    values = surface.read(lanes)
+    values = surface.read(places + middle_lanes(normal, section.width))
     known = np.isfinite(values).sum(axis=0)
     out: FloatArray = np.where(known > 0, np.nansum(values, axis=0) / np.maximum(known, 1), np.nan)
     return out

@@ -172,7 +172,7 @@ def branch_points_of(solution: Solution, sections: list[Section]) -> list[Branch
 
 def crossings_of(walks: list[Walk], solution: Solution) -> list[Crossing]:
     """One for every two walks through a passage, or two passes of one walk, at each place where
-    they cross; which lies above is not yet known."""
+    they cross; which is above is not yet known."""
     passes: dict[tuple[int, int], list[Place]] = {}
     for k, walk in enumerate(walks):
         whole = max(float(arc_lengths(walk.xy)[-1]), 1e-9)

@@ -26,6 +26,9 @@ from models.topology.scene import Predictions
 
 _LONGEST_MIDDLE = 9.0
 """A middle strand of more widths than this is a bundle, no crossing."""
+_JOINT, _NEAR_PX = 1.2, 60
+"""How far a joint reaches, in radii there (or widths of its arms), and how far beyond an arm's width
+is measured."""
 _ARM_WIDTHS = 2.5
 """Over how many widths an arm's direction is taken, from the joint's disc on."""
 
@@ -89,8 +92,8 @@ def measure_arm(web: Web, strand: int, end: int) -> Arm:
 
 def _width_beyond(seen: Strand, lengths: FloatArray) -> float:
     """Typical width outside the joint's disc, near it."""
-    radius = float(seen.radii[0])
-    outside = (lengths >= min(1.2 * radius, 0.5 * lengths[-1])) & (lengths <= 1.2 * radius + 60)
+    disc = _JOINT * float(seen.radii[0])
+    outside = (lengths >= min(disc, 0.5 * lengths[-1])) & (lengths <= disc + _NEAR_PX)
     return width_of(seen.radii[outside] if outside.any() else seen.radii)
 
 
@@ -146,7 +149,7 @@ def bend(one: Arm, other: Arm) -> float:
     """How much a strand through both arms turns in all, radians: 0 straight, up to 2 pi."""
     chord = other.xy - one.xy
     size = float(np.hypot(*chord))
-    if size < 1e-6:
+    if size == 0:
         return float(angle_between(-one.heading, other.heading))
     chord = chord / size
     return float(angle_between(-one.heading, chord) + angle_between(chord, other.heading))
@@ -252,6 +255,6 @@ def _classes_near(
 ) -> tuple[float, float]:
     """Strongest class scores among the nodes within a width of a place, or of its nearest node."""
     away = np.hypot(*(nodes_xy - xy).T)
-    near = away <= max(1.2 * width, float(away.min()) + 1e-6)
+    near = away <= max(_JOINT * width, float(away.min()))
     branch, cross = predictions.classes[near].max(axis=0).tolist()
     return branch, cross

@@ -160,7 +160,7 @@ def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, in
 def _touched(
     web: Web, knot: int, ends: list[End], depths: Sequence[Surface]
 ) -> tuple[Passage | None, int]:
-    """A joint of three arms of which one only lies upon, or under, the strand of the others; or all
+    """A joint of three arms of which one only is upon, or under, the strand of the others; or all
     three left."""
     if not depths:
         return None, len(ends)
@@ -193,5 +193,5 @@ def _branch_score(
         default=0.0,
     )
     away = np.hypot(*(graph.xy - web.knots_xy[knot]).T)
-    near = away <= max(graph.spacing, float(away.min()) + 1e-6)
+    near = away <= max(graph.spacing, float(away.min()))
     return (1 - rival) * (0.5 + 0.5 * float(predictions.classes[near, 0].max()))

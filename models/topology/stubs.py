@@ -56,7 +56,7 @@ def candidates(graph: Graph, predictions: Predictions) -> list[Candidate]:
     found = []
     for k, strand in enumerate(graph.web.strands):
         joints = [j for j in (strand.a, strand.b) if count[j] > 2]
-        if not joints or strand.a == strand.b or not _is_short(strand, joints, count):
+        if not joints or strand.a == strand.b or not _is_short(strand, joints):
             continue
         tip = next((t for t in (strand.a, strand.b) if count[t] == 1), -1)
         if tip >= 0 or len(joints) == 2:
@@ -64,7 +64,7 @@ def candidates(graph: Graph, predictions: Predictions) -> list[Candidate]:
     return found
 
 
-def _is_short(strand: Strand, joints: list[int], count: dict[int, int]) -> bool:
+def _is_short(strand: Strand, joints: list[int]) -> bool:
     if len(joints) == 1:
         return protrusion(strand, joints[0]) < _LONGEST * float(
             strand.seen_from(joints[0]).radii[0]

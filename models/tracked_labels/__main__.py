@@ -45,7 +45,7 @@ def flange_from_camera(file: Path) -> FloatArray:
     return np.asarray(np.linalg.inv(pose), np.float64)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m models.tracked_labels",
         description=__doc__,
@@ -89,7 +89,11 @@ def main(arguments: list[str] | None = None) -> int:
         "--camera", type=Path, help="JSON with T_flange_camera, as `dlo calibrate` prints it"
     )
     parser.add_argument("--form", choices=FORMS, default="json")
-    asked = parser.parse_args(arguments)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    asked = _parser().parse_args(arguments)
     low, high = np.radians(asked.zenith)
     first, last = np.radians(asked.azimuth)
     a, b, c = asked.axes

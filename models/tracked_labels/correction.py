@@ -38,6 +38,10 @@ corrected."""
 _LEAST_TRUST = 0.3
 """A crop that shows nothing has some trust in its middle, and would hold its view where it was
 believed to be."""
+_REWEIGHTED = 5
+_STEP_M = 1e-4
+_OUTLIER_PX = 2.0
+"""A vote that is so far off what all explain counts half (Cauchy)."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +223,7 @@ def _explain(
     Unknowns: control points of the displacements, a shift (3) of all strokes, and for each view a
     shift in x and y, a turn and a growth about the picture's middle. What a stroke shows across
     itself so moves the others along themselves. One linear equation a vote: its offset along its
-    normal. Reweighted five times (Cauchy).
+    normal.
     """
     bases = [_basis(len(points), params.per_control) for points in strokes]
     starts = np.concatenate(([0], np.cumsum([3 * b.shape[1] for b in bases])))
@@ -229,34 +233,25 @@ def _explain(
     for v, (camera, row) in enumerate(zip(cameras, votes, strict=True)):
         for s, vote in enumerate(row):
             use = np.flatnonzero((vote.trust > _LEAST_TRUST) & np.isfinite(vote.normal[:, 0]))
-            if not len(use):
-                continue
+            normal = vote.normal[use]
+            along = np.einsum("ni,nij->nj", normal, _jacobian(camera, (strokes[s] + moved[s])[use]))
             block = np.zeros((len(use), size))
-            jacobian = _jacobian(camera, (strokes[s] + moved[s])[use])
-            along = np.einsum("ni,nij->nj", vote.normal[use], jacobian)
-            block[:, starts[s] : starts[s + 1]] = (
-                bases[s][use][:, :, None] * along[:, None]
-            ).reshape(len(use), -1)
+            part = block[:, starts[s] : starts[s + 1]]
+            part[:] = (bases[s][use][:, :, None] * along[:, None]).reshape(part.shape)
             block[:, shared] = along
             first = shared.stop + 4 * v
             block[:, first : first + 4] = np.einsum(
-                "ni,nij->nj", vote.normal[use], _motions(vote.xy[use], camera)
+                "ni,nij->nj", normal, _motions(vote.xy[use], camera)
             )
             rows.append(block)
             values.append(vote.offset[use])
             weights.append(vote.trust[use])
-    if not rows:
-        return list(moved), list(shifts)
-    matrix, wanted, trust = np.concatenate(rows), np.concatenate(values), np.concatenate(weights)
-    prior = _prior(bases, starts, size, params)
-    solution: FloatArray = np.zeros(size)
-    weight: FloatArray = trust
-    for _ in range(5):
-        weighted = matrix * weight[:, None]
-        solution = np.asarray(
-            np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted), np.float64
-        )
-        weight = trust / (1 + ((wanted - matrix @ solution) / 2.0) ** 2)
+    solution = _robust_solution(
+        np.concatenate(rows),
+        np.concatenate(values),
+        np.concatenate(weights),
+        _prior(bases, starts, size, params),
+    )
     displaced = [
         m + basis @ solution[a:b].reshape(-1, 3) + solution[shared]
         for m, basis, a, b in zip(moved, bases, starts[:-1], starts[1:], strict=True)
@@ -264,6 +259,23 @@ def _explain(
     return displaced, [
         shift + solution[shared.stop + 4 * v :][:4] for v, shift in enumerate(shifts)
     ]
+
+
+def _robust_solution(
+    matrix: FloatArray, wanted: FloatArray, trust: FloatArray, prior: FloatArray
+) -> FloatArray:
+    """Least squares of V votes: ``matrix`` (V, unknowns) times the solution is to be ``wanted``
+    (V,), each as its ``trust`` (V,) counts and less the further off it stays; ``prior``: inverse
+    variances of the unknowns. Without votes it is 0."""
+    solution: FloatArray = np.zeros(len(prior))
+    weight = trust
+    for _ in range(_REWEIGHTED):
+        weighted = matrix * weight[:, None]
+        solution = np.asarray(
+            np.linalg.solve(matrix.T @ weighted + prior, weighted.T @ wanted), np.float64
+        )
+        weight = trust / (1 + ((wanted - matrix @ solution) / _OUTLIER_PX) ** 2)
+    return solution
 
 
 def _prior(
@@ -293,13 +305,13 @@ def _basis(samples: int, per_control: int) -> FloatArray:
     return np.asarray(BSpline.design_matrix(np.linspace(0, 1, samples), knots, 3).todense())
 
 
-def _jacobian(camera: Camera, points_m: FloatArray, step_m: float = 1e-4) -> FloatArray:
+def _jacobian(camera: Camera, points_m: FloatArray) -> FloatArray:
     """(n, 2, 3) change of the pixels with the points, without the lens's bending."""
     columns = [
-        camera.project(points_m + step_m * axis) - camera.project(points_m - step_m * axis)
+        camera.project(points_m + _STEP_M * axis) - camera.project(points_m - _STEP_M * axis)
         for axis in np.eye(3)
     ]
-    return np.stack(columns, axis=2) / (2 * step_m)
+    return np.stack(columns, axis=2) / (2 * _STEP_M)
 
 
 def _motions(xy: FloatArray, camera: Camera) -> FloatArray:

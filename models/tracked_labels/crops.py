@@ -42,7 +42,7 @@ def upright_crops(
     image: ByteArray, points_xy: FloatArray, tangents_xy: FloatArray, scales: FloatArray
 ) -> ByteArray:
     """(n, SIZE, SIZE, 3) crops of ``image`` (H, W, 3) at (n, 2) points with (n, 2) tangents; ``scales`` (n,) as
-    :func:`pixels_per_crop_pixel` gives them. What lies outside the picture repeats its border."""
+    :func:`pixels_per_crop_pixel` gives them. What is outside the picture repeats its border."""
     crops = np.empty((len(points_xy), SIZE, SIZE, 3), np.uint8)
     rows = across_xy(tangents_xy)
     for k, (point, row, scale) in enumerate(zip(points_xy, rows, scales, strict=True)):

@@ -23,7 +23,7 @@ _REACH = 4
 
 class LineReading(NamedTuple):
     """(n,) ``offsets`` of the centerline from the crop's middle and ``widths`` of the DLO, both in
-    pixels of the crop; ``trust`` 0 to 1, the probability that lies around the peak."""
+    pixels of the crop; ``trust`` 0 to 1, the probability that is around the peak."""
 
     offsets: FloatArray
     widths: FloatArray

@@ -11,6 +11,7 @@ from scipy.interpolate import make_splprep
 from models.geometry.arrays import BoolArray, FloatArray
 from models.geometry.cameras import Camera
 
+_MOST_SAMPLES = 400
 _COMB_M = 1e-4
 """Points of a stroke nearer to one another than this are one: a pen held still."""
 _NEAR_PX = 100.0
@@ -33,9 +34,7 @@ class ProjectedStroke:
     inside: BoolArray
 
 
-def smooth_stroke(
-    points_m: FloatArray, step_m: float, tolerance_m: float, most: int = 400
-) -> FloatArray:
+def smooth_stroke(points_m: FloatArray, step_m: float, tolerance_m: float) -> FloatArray:
     """(n, 3) samples, about ``step_m`` apart, of an approximating spline through a hand's (k, 3)
     points.
 
@@ -49,7 +48,9 @@ def smooth_stroke(
     points = points[np.concatenate(([True], steps > _COMB_M))] if len(points) else points
     if len(points) < 2:
         raise StrokeError("a stroke needs two different points")
-    count = int(np.clip(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / step_m, 8, most))
+    count = int(
+        np.clip(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / step_m, 8, _MOST_SAMPLES)
+    )
     if len(points) < 4:
         return _along(points, count)
     spline, _ = make_splprep(list(points.T), s=len(points) * tolerance_m**2)

@@ -3,7 +3,7 @@ of view goes on.
 
 Strategy: a cable that is moved turns and bends smoothly: what is added to its direction is a sum of
 a few cosines along it, the smaller the shorter their waves. The rest of its course stays. So the
-course seen over many frames tells how far a piece that shows no end has slid along the cable,
+course seen over many frames shows how far a piece that shows no end has slid along the cable,
 without a sum of errors from frame to frame.
 """
 
@@ -27,7 +27,7 @@ _BASIS = waves(_MIDDLES_U)
 _NOISE_RAD, _INDEPENDENT = 0.06, 3.0
 """Of a direction between two samples; so many neighboring ones err alike."""
 _SLIDE_WIDTHS, _OF_ADRIFT = 0.1, 0.15
-"""By which the place that the motion tells is off, usually: in widths, and as a share of how far
+"""By which the place that the motion shows is off, usually: in widths, and as a share of how far
 the cable may have slid since an end of it was seen."""
 _MOST_SLIDE_WIDTHS, _ROUNDS = 3.0, 3
 _LEARNED = 0.03

@@ -1,4 +1,4 @@
-"""Whether something lies over the cables: an arm, a hand, a tool.
+"""Whether something is over the cables: an arm, a hand, a tool.
 
 Strategy: cables do not vanish where they lay a moment ago. When much of what was in view is gone at
 once, and of some cable a part is still there, something covers the rest. Until about as much is in

@@ -53,7 +53,7 @@ _OF_TANGLED, _OF_SHARED, _OF_UNKNOWN = 0.03, 0.01, 0.003
 supposed to move on as it did, against that of one alone."""
 _SLACK_WIDTHS = 0.7
 _KNOWN_WIDTHS = 1.5
-"""A node that may be further off than this tells nothing."""
+"""A node that may be further off than this shows nothing."""
 _MODES = waves(np.linspace(0, 1, NODES))
 _STIFFNESS = np.diag(0.02 * np.arange(6.0) ** 4)
 
@@ -85,13 +85,7 @@ def moved(
     )
     off = _smooth(np.where((seen | known)[:, None], xy - predicted, 0.0), weight, cable)
     hidden = ~seen[:, None]
-    nodes, there = np.arange(NODES), np.flatnonzero(alone if alone.any() else seen)
-    rest = (xy - predicted - off)[there]
-    seam = (
-        np.stack([np.interp(nodes, there, axis) for axis in rest.T], axis=1)
-        if len(there)
-        else np.zeros_like(off)
-    )
+    seam = _seam(xy - predicted - off, alone if alone.any() else seen)
     model = predicted + off + seam
     model += _toward(xy - model, cable.width_px) * (seen & ~alone)[:, None]
     xy, course = laid_on(cable, np.where(alone[:, None], xy, model), seen)
@@ -167,6 +161,15 @@ def _smooth(off: FloatArray, weight: FloatArray, cable: TrackedCable) -> FloatAr
     weighted = (_MODES * weight[:, None]).T
     prior = np.diag(precision(cable)[: len(_STIFFNESS)]) + _STIFFNESS
     return np.asarray(_MODES @ np.linalg.solve(weighted @ _MODES + prior, weighted @ off))
+
+
+def _seam(rest: FloatArray, there: BoolArray) -> FloatArray:
+    """(NODES, 2) what is left of ``rest`` at the nodes that are ``there``, interpolated between
+    them."""
+    nodes, known = np.arange(NODES), np.flatnonzero(there)
+    if not len(known):
+        return np.zeros_like(rest)
+    return np.stack([np.interp(nodes, known, axis) for axis in rest[known].T], axis=1)
 
 
 def _toward(off: FloatArray, width_px: float) -> FloatArray:

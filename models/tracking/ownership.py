@@ -232,7 +232,7 @@ def _long_gaps(weight: FloatArray, of: IntArray) -> BoolArray:
 
 def _in_view(starts: IntArray, stops: IntArray, samples: Samples) -> tuple[list[int], list[int]]:
     """The stretches without a long gap at their beginning or end, where something covers the
-    cables: what was bridged there tells nothing of where they are. Those that are a gap altogether
+    cables: what was bridged there shows nothing of where they are. Those that are a gap altogether
     are left out."""
     shown = np.flatnonzero(~samples.gap)
     first, last = np.searchsorted(shown, starts), np.searchsorted(shown, stops) - 1

@@ -58,7 +58,7 @@ def shows_all(piece: Piece, cable: TrackedCable) -> bool:
 
 def placed(run: Run, cable: TrackedCable) -> Piece:
     """The run at its place on ``cable``."""
-    sign = _sign(run, cable)
+    sign = _sign(run)
     offset = run.place - sign * run.along
     start = _circular(offset, cable.length_px) if cable.closed else middle(offset)
     return piece_at(run, cable, sign, start)
@@ -74,7 +74,7 @@ def piece_at(run: Run, cable: TrackedCable, sign: float, start: float) -> Piece:
     )
 
 
-def _sign(run: Run, cable: TrackedCable) -> float:
+def _sign(run: Run) -> float:
     """Most steps decide: where the cable crosses itself a few places may be on its other strand."""
     steps = np.diff(run.place)
     usual = np.abs(steps) < 3 * np.diff(run.along).mean() if len(steps) else steps

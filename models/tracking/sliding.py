@@ -1,7 +1,7 @@
 """By how much a piece that shows no end has slid along its cable.
 
 Strategy: on a curve, only what is moved across it shows. But a cable moves smoothly and does not
-stretch: the plainest such motion that explains what is seen across it also tells what happened
+stretch: the plainest such motion that explains what is seen across it also shows what happened
 along it. The motion of the nodes is a sum of a few cosines along the cable; their factors follow
 from least squares, with stiffness and without stretch. What is seen in a tangle may be another
 cable's, and counts little.
@@ -52,7 +52,7 @@ class _Points(NamedTuple):
 
 
 def slid(pieces: Sequence[Piece], cable: TrackedCable, expected: FloatArray) -> list[Piece]:
-    """The pieces, those that no end pins down moved along the cable by what its motion tells."""
+    """The pieces, those that no end pins down moved along the cable by what its motion shows."""
     if cable.closed or all(piece.pinned for piece in pieces):
         return list(pieces)
     points = _points(pieces, cable, expected)

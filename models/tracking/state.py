@@ -92,7 +92,7 @@ class TrackedCable:
 
 
 class CrossingOrder(NamedTuple):
-    """``over`` lies on ``under``, both cable ids, at ``over_u`` and ``under_u`` of their lengths;
+    """``over`` is on ``under``, both cable ids, at ``over_u`` and ``under_u`` of their lengths;
     ``evidence`` log odds that the order is right, gathered over the frames."""
 
     over: int
@@ -110,7 +110,7 @@ class CrossingOrder(NamedTuple):
 
 @dataclass(frozen=True)
 class Cover:
-    """``shown_px``: length of all strands in view, the most of late; ``covered``: something lies
+    """``shown_px``: length of all strands in view, the most of late; ``covered``: something is
     over a part of them now."""
 
     shown_px: float = 0.0
@@ -121,7 +121,7 @@ class Cover:
 class Track:
     """All cables met so far that may come back; ``next_id`` goes to the next new one. ``time_s`` of
     the last frame and ``step_s``, the usual time between two, where times are known; ``cover``:
-    whether something lies over them."""
+    whether something is over them."""
 
     frame: int = 0
     cables: tuple[TrackedCable, ...] = ()

@@ -11,11 +11,11 @@ from models.weights.inference import Network, NetworkSpec, Runtime, opened
 
 _MOST_LOGIT = 1e4
 _SIZES = ((1, 1), (2, 3))
-"""Of the pictures that it is tried on, in multiples of what it asks for."""
+"""Of the pictures that it is tried on, in multiples of what it needs."""
 
 
 class UnfitNetworkError(ValueError):
-    """The file is no foreground network that could be used; the message says why."""
+    """The file is no foreground network that could be used; the message states why."""
 
 
 def fit_foreground(spec: NetworkSpec, data: bytes, runtime: Runtime | None = None) -> Network:

@@ -19,92 +19,79 @@ OUT = Path("build/bench")
 
 
 def commands(shared: Path) -> dict[str, list[str]]:
-    """Module and arguments of each benchmark, by name."""
-    instances = ["tests.benchmarks.bench_instances", str(shared)]
-    clicks = ["tests.benchmarks.bench_clicks", str(shared)]
+    """Module and arguments of each benchmark, by name, in the order in which they run."""
+    return _of_the_service() | _of_planning() | _of_pictures(shared) | _of_labels(shared)
+
+
+def _bench(name: str, *arguments: str) -> list[str]:
+    return [f"tests.benchmarks.bench_{name}", *arguments]
+
+
+def _of_the_service() -> dict[str, list[str]]:
     return {
-        "http": ["tests.benchmarks.bench_http"],
-        "plant": ["tests.benchmarks.bench_plant"],
-        "throughput": ["tests.benchmarks.bench_throughput"],
+        "http": _bench("http"),
+        "plant": _bench("plant"),
+        "throughput": _bench("throughput"),
         "hosts": ["tests.rehearsal.hosts", "--rate", "100"],
-        "bridge": ["tests.benchmarks.bench_bridge"],
+        "bridge": _bench("bridge"),
         "load": ["tests.load.__main__"],
         "faults": ["tests.faults.__main__"],
         "fuzz": ["tests.fuzz.__main__"],
         "properties": ["tests.properties.__main__", "--count", "2000"],
-        "large": ["tests.benchmarks.bench_large"],
-        "foreground": [
-            "tests.benchmarks.bench_foreground",
-            str(shared),
-            "--sheets",
-            "build/sheets",
-        ],
-        "photographs": [
-            "tests.benchmarks.bench_photographs",
-            str(shared),
-            "--sheets",
-            "build/sheets",
-        ],
-        "adaptation": ["tests.benchmarks.bench_adaptation", str(shared)],
-        "reference": ["tests.benchmarks.bench_reference"],
-        "planner": ["tests.benchmarks.bench_planner"],
-        "fixtures": ["tests.benchmarks.bench_fixtures"],
-        "obstacles": ["tests.benchmarks.bench_obstacles"],
+        "large": _bench("large"),
+        "files": _bench("files"),
+    }
+
+
+def _of_planning() -> dict[str, list[str]]:
+    return {
+        "planner": _bench("planner"),
+        "fixtures": _bench("fixtures"),
+        "obstacles": _bench("obstacles"),
         "hard": ["tests.benchmarks.hard_tasks"],
-        "instances_ewd": [
-            *instances,
-            "--set",
-            "ewd",
-            "--repeats",
-            "15",
-            "--sheet",
-            "build/sheets/rt_dlo_ewd.png",
-        ],
-        "chroma_key": ["tests.benchmarks.bench_chroma_key", str(shared)],
-        "synthesis": ["tests.benchmarks.bench_synthesis"],
-        "methods": ["tests.benchmarks.bench_methods", str(shared)],
-        "before": ["tests.benchmarks.bench_before", str(shared)],
-        "masks": ["tests.benchmarks.bench_masks", str(shared)],
-        "tangles": ["tests.benchmarks.bench_tangles"],
-        "instances_sbhc": [
-            *instances,
-            "--set",
-            "sbhc",
-            "--repeats",
-            "3",
-            "--sheet",
-            "build/sheets/rt_dlo_sbhc.png",
-        ],
-        "topology": [
-            "tests.benchmarks.bench_topology",
-            str(shared),
-            "--sheet",
-            "build/sheets/topology.png",
-        ],
-        "disentangling": [
-            "tests.benchmarks.bench_disentangling",
-            "--single",
-            "200",
-            "--triple",
-            "240",
-        ],
-        "reconstruction": ["tests.benchmarks.bench_reconstruction", str(shared)],
-        "labelling": ["tests.benchmarks.bench_labelling"],
-        "tracking": ["tests.benchmarks.bench_tracking"],
-        "depth": ["tests.benchmarks.bench_depth"],
-        "harness_depth": [
-            "tests.benchmarks.bench_harness_depth",
-            "--sheet",
-            "build/sheets/harness_depth.png",
-        ],
-        "tracked": ["tests.benchmarks.bench_tracked", "--sheet", "build/sheets/tracked.png"],
+        "disentangling": _bench("disentangling", "--single", "200", "--triple", "240"),
+    }
+
+
+def _of_pictures(shared: Path) -> dict[str, list[str]]:
+    data, sheets = str(shared), ["--sheets", "build/sheets"]
+
+    def instances(name: str, repeats: int) -> list[str]:
+        sheet = f"build/sheets/rt_dlo_{name}.png"
+        return _bench("instances", data, "--set", name, "--repeats", str(repeats), "--sheet", sheet)
+
+    return {
+        "foreground": _bench("foreground", data, *sheets),
+        "photographs": _bench("photographs", data, *sheets),
+        "adaptation": _bench("adaptation", data),
+        "reference": _bench("reference"),
+        "instances_ewd": instances("ewd", 15),
+        "chroma_key": _bench("chroma_key", data),
+        "synthesis": _bench("synthesis"),
+        "methods": _bench("methods", data),
+        "before": _bench("before", data),
+        "masks": _bench("masks", data),
+        "tangles": _bench("tangles"),
+        "instances_sbhc": instances("sbhc", 3),
+        "topology": _bench("topology", data, "--sheet", "build/sheets/topology.png"),
+        "reconstruction": _bench("reconstruction", data),
+        "tracking": _bench("tracking"),
+        "depth": _bench("depth"),
+        "harness_depth": _bench("harness_depth", "--sheet", "build/sheets/harness_depth.png"),
+        "border": _bench("border"),
+    }
+
+
+def _of_labels(shared: Path) -> dict[str, list[str]]:
+    clicks = _bench("clicks", str(shared))
+    return {
+        "labelling": _bench("labelling"),
+        "tracked": _bench("tracked", "--sheet", "build/sheets/tracked.png"),
         "clicks": clicks,
         "clicks_hand1": [*clicks, "--hand", "1"],
         "clicks_rendered": [*clicks, "--rendered"],
         "clicks_rendered_hand1": [*clicks, "--rendered", "--hand", "1"],
-        "pages": ["tests.benchmarks.bench_pages"],
-        "border": ["tests.benchmarks.bench_border"],
-        "files": ["tests.benchmarks.bench_files"],
+        "pages": _bench("pages"),
     }
 
 

@@ -18,7 +18,8 @@ from types import FrameType
 
 import numpy as np
 
-from models.synthesis.harness import HarnessParams, make_harness
+from models.synthesis.harness import HarnessParams
+from models.synthesis.harness_growth import make_harness
 from models.synthesis.harness_masks import MaskParams, draw_mask
 from models.topology.extraction import extract
 from tests.models.harnesses import shipped

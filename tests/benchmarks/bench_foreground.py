@@ -271,33 +271,32 @@ def measure(args: argparse.Namespace) -> None:
 
     if args.sheets:
         args.sheets.mkdir(parents=True, exist_ok=True)
-    report: dict = {
+    data, least = args.shared / "data", settings.threshold
+    report = {
         "network": seeing.spec.name,
         "sha256": seeing.spec.sha256[:12],
-        "threshold": settings.threshold,
+        "threshold": least,
+        "sets": {
+            name: measure_set(data / name, truth, probability, least, sheet(name))
+            for name, truth in SETS.items()
+        },
+        "alone": {
+            name: measure_set(data / name, truth, alone, least, None)["groups"]
+            for name, truth in SETS.items()
+        },
+        "strokes": measure_strokes(data / "m4nh", probability, least, sheet("m4nh")),
+        "empty": measure_empty(args.shared, probability, least, instances, args.empty),
+        "rgb_to_instances": measure_rgb(args.shared, instances, sheet("rgb")),
+        "time_ms": measure_time(alone),
+        "others": measure_others(data / "ewd", seeing.spec.name),
     }
-    report["sets"] = {
-        name: measure_set(
-            args.shared / "data" / name, truth, probability, settings.threshold, sheet(name)
-        )
-        for name, truth in SETS.items()
-    }
-    report["alone"] = {
-        name: measure_set(args.shared / "data" / name, truth, alone, settings.threshold, None)[
-            "groups"
-        ]
-        for name, truth in SETS.items()
-    }
-    strokes = args.shared / "data" / "m4nh"
-    report["strokes"] = measure_strokes(strokes, probability, settings.threshold, sheet("m4nh"))
-    report["empty"] = measure_empty(
-        args.shared, probability, settings.threshold, instances, args.empty
-    )
-    report["rgb_to_instances"] = measure_rgb(args.shared, instances, sheet("rgb"))
-    report["time_ms"] = measure_time(alone)
-    report["others"] = measure_others(args.shared / "data" / "ewd", seeing.spec.name)
-    args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "foreground.json").write_text(json.dumps(report, indent=1))
+    _save(report, args.out)
+
+
+def _save(report: dict, folder: Path) -> None:
+    """Write ``foreground.json`` and print the parts that are not per picture."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "foreground.json").write_text(json.dumps(report, indent=1))
     for name, part in report["sets"].items():
         print(name, json.dumps(part["groups"]))
     for name in ("strokes", "empty", "rgb_to_instances", "time_ms", "others"):

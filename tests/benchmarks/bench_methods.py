@@ -142,6 +142,29 @@ WEAR: dict[str, Wear] = {
 
 
 def main() -> None:
+    args = _arguments()
+    cv2.setNumThreads(1)
+    args.sheets.mkdir(parents=True, exist_ok=True)
+    args.out.mkdir(parents=True, exist_ok=True)
+    ewd, sbhc = list(photos(args.shared, "ewd")), list(photos(args.shared, "sbhc"))
+    parts = ("ewd", "sbhc", "sbhc_closed_gray", "calibration", "stages", "worst")
+    result: dict[str, dict] = {part: {} for part in parts}
+    if args.only and (args.out / "methods.json").exists():
+        result |= json.loads((args.out / "methods.json").read_text())
+    for name in args.only.split(",") if args.only else METHODS:
+        extract = method(name)
+        extract(ewd[0].mask, ewd[0].image)  # networks and libraries warm up
+        _measure_ewd(name, extract, ewd, args.sheets, result)
+        _measure_sbhc(name, extract, sbhc, args.sheets, result)
+        print(name, result["calibration"][name], result["stages"][name], flush=True)
+        (args.out / "methods.json").write_text(json.dumps(result, indent=1))
+    if not args.quick:
+        result["rt_dlo_parameters"] = _rt_dlo_table(ewd)
+        result["ariadne_superpixels"] = _superpixel_table(ewd)
+    (args.out / "methods.json").write_text(json.dumps(result, indent=1))
+
+
+def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -152,49 +175,34 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, default=Path("build/bench"))
     parser.add_argument("--sheets", type=Path, default=Path("build/sheets"))
-    args = parser.parse_args()
-    cv2.setNumThreads(1)
-    args.sheets.mkdir(parents=True, exist_ok=True)
-    args.out.mkdir(parents=True, exist_ok=True)
-    ewd, sbhc = list(photos(args.shared, "ewd")), list(photos(args.shared, "sbhc"))
-    result: dict[str, dict] = {
-        "ewd": {},
-        "sbhc": {},
-        "sbhc_closed_gray": {},
-        "calibration": {},
-        "stages": {},
-        "worst": {},
-    }
-    if args.only and (args.out / "methods.json").exists():
-        result |= json.loads((args.out / "methods.json").read_text())
-    for name in args.only.split(",") if args.only else METHODS:
-        extract = method(name)
-        extract(ewd[0].mask, ewd[0].image)  # networks and libraries warm up
-        result["ewd"][name] = {}
-        for wear_name, wear in WEAR.items():
-            rows, scenes = run(extract, ewd, wear)
-            result["ewd"][name][wear_name] = summary(rows)
-            print(name, "ewd", wear_name, result["ewd"][name][wear_name], flush=True)
-            if wear_name == "as they are":
-                result["stages"][name] = stage_times(rows)
-                result["calibration"][name] = calibration(rows)
-                result["worst"][f"{name} ewd"] = _sheet(
-                    rows, scenes, ewd, args.sheets / f"{name}_ewd.png"
-                )
-        rows, scenes = run(extract, sbhc, lambda mask, place: mask)
-        result["sbhc"][name] = summary(rows)
-        result["worst"][f"{name} sbhc"] = _sheet(
-            rows, scenes, sbhc, args.sheets / f"{name}_sbhc.png"
-        )
-        rows, _ = run(extract, sbhc, lambda mask, place: closed(mask), colorless=True)
-        result["sbhc_closed_gray"][name] = summary(rows)
-        print(name, "sbhc", result["sbhc"][name], result["sbhc_closed_gray"][name], flush=True)
-        print(name, result["calibration"][name], result["stages"][name], flush=True)
-        (args.out / "methods.json").write_text(json.dumps(result, indent=1))
-    if not args.quick:
-        result["rt_dlo_parameters"] = _rt_dlo_table(ewd)
-        result["ariadne_superpixels"] = _superpixel_table(ewd)
-    (args.out / "methods.json").write_text(json.dumps(result, indent=1))
+    return parser.parse_args()
+
+
+def _measure_ewd(
+    name: str, extract: Extract, ewd: list[Photo], sheets: Path, result: dict[str, dict]
+) -> None:
+    """The masks as they are and worn, into ``result``."""
+    result["ewd"][name] = {}
+    for wear_name, wear in WEAR.items():
+        rows, scenes = run(extract, ewd, wear)
+        result["ewd"][name][wear_name] = summary(rows)
+        print(name, "ewd", wear_name, result["ewd"][name][wear_name], flush=True)
+        if wear_name == "as they are":
+            result["stages"][name] = stage_times(rows)
+            result["calibration"][name] = calibration(rows)
+            result["worst"][f"{name} ewd"] = _sheet(rows, scenes, ewd, sheets / f"{name}_ewd.png")
+
+
+def _measure_sbhc(
+    name: str, extract: Extract, sbhc: list[Photo], sheets: Path, result: dict[str, dict]
+) -> None:
+    """The labels as masks, and closed without color, into ``result``."""
+    rows, scenes = run(extract, sbhc, lambda mask, place: mask)
+    result["sbhc"][name] = summary(rows)
+    result["worst"][f"{name} sbhc"] = _sheet(rows, scenes, sbhc, sheets / f"{name}_sbhc.png")
+    rows, _ = run(extract, sbhc, lambda mask, place: closed(mask), colorless=True)
+    result["sbhc_closed_gray"][name] = summary(rows)
+    print(name, "sbhc", result["sbhc"][name], result["sbhc_closed_gray"][name], flush=True)
 
 
 def _rt_dlo_table(pictures: list[Photo]) -> dict[str, float]:

@@ -31,19 +31,21 @@ from models.segmentation.effort import look
 from models.segmentation.segment import ForegroundInput, foreground_mask
 from models.strands.foreground import distance_map
 from models.strands.graph import Web
-from models.synthesis.harness import FREE, Harness, HarnessParams, make_harness
+from models.synthesis.harness import Harness, HarnessParams
+from models.synthesis.harness_growth import make_harness
 from models.synthesis.harness_masks import MaskParams, draw_mask
 from models.topology.classifiers import Classifiers
 from models.topology.evidence import classifiers_of
 from models.topology.extraction import extract, predict
 from models.topology.graph import Graph, initialize
-from models.topology.harness_drawing import Drawn, match_drawing
+from models.topology.harness_drawing import match_drawing
 from models.topology.overlay import overlay
 from models.topology.scene import Topology
 from models.training.topology.graphs import true_graph
 from models.training.topology.train import SIZES
 from models.weights.inference import Network, Runtime, default_name, eight_bit, load
 from tests.benchmarks.bench_instances import photos
+from tests.benchmarks.drawn_harnesses import drawing_of, nearest_branch
 from tests.benchmarks.scoring import score_labels
 from tests.benchmarks.topology_scoring import Tally, link_dice, points_of
 
@@ -283,34 +285,9 @@ def identity(kit: Tools, count: int) -> dict:
         match = match_drawing(topology, drawing_of(harness, rng.uniform(0.2, 0.6)))
         for name, found in match.sections.items():
             line = np.concatenate([topology.sections[i].xy for i in found])
-            right += _nearest(harness, line) == int(name)
+            right += nearest_branch(harness, line) == int(name)
         total += len(harness.sections)
     return {"branches": total, "right": right, "share": round(right / max(total, 1), 4)}
-
-
-def drawing_of(harness: Harness, mm_per_px: float) -> list[Drawn]:
-    """What a designer would draw of it, in millimeters."""
-
-    def point(k: int, end: int, branch: int) -> str:
-        return f"B{branch}" if branch != FREE else f"E{k}.{end}"
-
-    return [
-        Drawn(
-            str(k),
-            point(k, 0, s.ends[0]),
-            point(k, 1, s.ends[1]),
-            3.0 * (len(s.xy) - 1) * mm_per_px,
-        )
-        for k, s in enumerate(harness.sections)
-    ]
-
-
-def _nearest(harness: Harness, xy: np.ndarray) -> int:
-    away = [
-        np.hypot(*(s.xy[:, None] - xy[None]).transpose(2, 0, 1)).min(axis=0)
-        for s in harness.sections
-    ]
-    return int(np.bincount(np.argmin(away, axis=0)).argmax())
 
 
 def as_instances(kit: Tools, root: Path, name: str) -> dict:

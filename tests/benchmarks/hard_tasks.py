@@ -11,7 +11,7 @@ import argparse
 import json
 from pathlib import Path
 
-from tests.benchmarks.bench_planner import REACHED_M
+from tests.benchmarks.task_scoring import REACHED_M
 
 RULE = "farthest edge onto its place"
 

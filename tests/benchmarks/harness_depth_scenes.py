@@ -19,7 +19,8 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.polylines import arc_lengths
 from models.synthesis.depth_sensor import SensorParams, sensed
-from models.synthesis.harness import Harness, HarnessParams, make_harness
+from models.synthesis.harness import Harness, HarnessParams
+from models.synthesis.harness_growth import make_harness
 from models.synthesis.textures import TexturePool
 
 _METERS_A_PX, _DISTANCE_M = 0.001, 0.6

@@ -104,36 +104,9 @@ def _foreground(data: dict) -> str:
         "farther than 4 px from the other, in percent of the true area. The thesis's best network has "
         "Dice 87.1 on all of `ewd`, the published ResNet-101 masks 90.6. Floors: `ewd` 91.5, its worst category 90, "
         "`photos100` 87, `bwh` 89.\n\n"
-        + _table(
-            [
-                "set",
-                "group",
-                "n",
-                "Dice",
-                "IoU",
-                "Dice, network alone",
-                "outside",
-                "inside",
-                "missed %",
-                "invented %",
-            ],
-            rows,
-        )
+        + _table(_FOREGROUND, rows)
         + _strokes(data["strokes"])
-        + "\nPictures without cables (floor: 0.1 % of pixels of the mixed ones). Textures were training backgrounds; "
-        "the mixed ones hold railings, poles and cords, and `0003_height1` is a drawing of a winding strand.\n\n"
-        + _table(
-            ["textures", "pictures", "false pixels %", "pictures with an instance"],
-            [
-                [
-                    k,
-                    e["pictures"],
-                    e["false_pixels_percent"],
-                    ", ".join(e["pictures_with_instances"]) or "none",
-                ]
-                for k, e in data["empty"].items()
-            ],
-        )
+        + _empty(data["empty"])
         + "\n"
         f"Network, letter-boxing and enlargement at 640 × 360 on two threads: median {data['time_ms']['median']} ms, "
         f"best {data['time_ms']['best']} ms.\n\n"
@@ -142,6 +115,37 @@ def _foreground(data: dict) -> str:
         + _table(["set", "worst"], worst)
         + "\n### RGB to instances on `ewd`\n\nThe whole chain with the default method. Floors: iou 84, "
         "iou_strict 80.5, pq 82, count 86.\n\n" + _quality(data["rgb_to_instances"])
+    )
+
+
+_FOREGROUND = [
+    "set",
+    "group",
+    "n",
+    "Dice",
+    "IoU",
+    "Dice, network alone",
+    "outside",
+    "inside",
+    "missed %",
+    "invented %",
+]
+
+
+def _empty(data: dict) -> str:
+    rows = [
+        [
+            name,
+            part["pictures"],
+            part["false_pixels_percent"],
+            ", ".join(part["pictures_with_instances"]) or "none",
+        ]
+        for name, part in data.items()
+    ]
+    return (
+        "\nPictures without cables (floor: 0.1 % of pixels of the mixed ones). Textures were training backgrounds; "
+        "the mixed ones hold railings, poles and cords, and `0003_height1` is a drawing of a winding strand.\n\n"
+        + _table(["textures", "pictures", "false pixels %", "pictures with an instance"], rows)
     )
 
 

@@ -56,13 +56,11 @@ def _listed(values: list[float]) -> str:
     return ", ".join(f"{value:.0f}" for value in values)
 
 
-def tracked(data: dict[str, Any]) -> str:
-    corrector, best = (
-        data["corrector"],
-        data["variants"]["corrections agree, width measured, ends found"],
-    )
-    found = corrector["as in the thesis, marked"]
-    goals = [
+def _goals(data: dict[str, Any]) -> list[list[Any]]:
+    """Every figure of the issue, with what is measured."""
+    found = data["corrector"]["as in the thesis, marked"]
+    best = data["variants"]["corrections agree, width measured, ends found"]
+    return [
         ["corrector: mean offset error, px", "± 0.1", "", "0.05", found["mean_px"]],
         ["corrector: SD of it, px", "≤ 1.6", "≤ 0.9", "1.57", found["sd_px"]],
         ["DLO-WSL: IoU, %", "81", "90", "81.1", best["iou"]],
@@ -81,6 +79,10 @@ def tracked(data: dict[str, Any]) -> str:
             data["variants"]["strokes as drawn, smoothed"]["iou"],
         ],
     ]
+
+
+def tracked(data: dict[str, Any]) -> str:
+    corrector = data["corrector"]
     crops = [
         [
             name,
@@ -103,7 +105,7 @@ def tracked(data: dict[str, Any]) -> str:
         f"{data['backgrounds']}). As in the thesis: cables of 10 to 20 px, nothing else about; as in training: 5 to 31 "
         "px among tools, boards and decoys. Marked: the cable stands out by 12 of 255 and no other is within 4 px as "
         "near; all: as they fall.\n\n"
-        + table(["", "floor", "aim", "thesis", "measured"], goals)
+        + table(["", "floor", "aim", "thesis", "measured"], _goals(data))
         + "\n"
         + table(["crops", "mean px", "SD px", "median px", "over 3 px, %", "width off by"], crops)
         + "\n"

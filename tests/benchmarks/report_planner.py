@@ -7,15 +7,27 @@ from tests.benchmarks.markdown import table
 _TASKS = ("reached", "reached_in_6", "median_final_mm", "median_actions")
 
 
-def planner(data: dict) -> str:
-    held, par, ms = data["held_out"], data["parameters"], data["times_ms"]
-    tables = {
-        "own": "own simulator",
-        "mujoco": "MuJoCo",
-        "mujoco_hard": "MuJoCo, deep S, M, loop",
-        "mujoco_stiff": "MuJoCo, ropes eight times as stiff",
-    }
-    rows = [
+_SIMULATORS = {
+    "own": "own simulator",
+    "mujoco": "MuJoCo",
+    "mujoco_hard": "MuJoCo, deep S, M, loop",
+    "mujoco_stiff": "MuJoCo, ropes eight times as stiff",
+}
+_TASK_COLUMNS = [
+    "simulator",
+    "choice",
+    "tasks",
+    "reached",
+    "in 6 actions",
+    "median final mm",
+    "median actions",
+    "calibration error",
+    "processor ms an action",
+]
+
+
+def _task_rows(data: dict) -> list[list]:
+    return [
         [
             title,
             choice,
@@ -24,10 +36,13 @@ def planner(data: dict) -> str:
             part.get("calibration_error", ""),
             _ms(part),
         ]
-        for key, title in tables.items()
+        for key, title in _SIMULATORS.items()
         for choice, part in data.get(key, {}).items()
     ]
-    errors = [
+
+
+def _error_rows(data: dict) -> list[list]:
+    return [
         [
             title,
             *(
@@ -35,9 +50,13 @@ def planner(data: dict) -> str:
                 for name in ("mid_range", "online", "best")
             ),
         ]
-        for key, title in tables.items()
+        for key, title in _SIMULATORS.items()
         if "prediction_mm" in data.get(key, {}).get("default", {})
     ]
+
+
+def planner(data: dict) -> str:
+    held, par, ms = data["held_out"], data["parameters"], data["times_ms"]
     return (
         "## Planner\n\n`python -m tests.benchmarks.bench_planner`. Network on "
         f"{held['samples']} held-out simulations: {held['error_percent']} % of the mean displacement of "
@@ -58,23 +77,10 @@ def planner(data: dict) -> str:
         "the estimates lie where the thesis found them for real ropes; the stiffer ones are beside them. Processor "
         "time of one thread for all of an action, the estimate from the history included: median and 90 % (floor "
         "150 ms).\n\n"
-        + table(
-            [
-                "simulator",
-                "choice",
-                "tasks",
-                "reached",
-                "in 6 actions",
-                "median final mm",
-                "median actions",
-                "calibration error",
-                "processor ms an action",
-            ],
-            rows,
-        )
+        + table(_TASK_COLUMNS, _task_rows(data))
         + _held(data.get("held_by_friction", {}), data.get("nearest_held", {}))
         + "\nPrediction error of the next state in mm during the tasks (Fig. 5.8; floor 30 % below mid-range):\n\n"
-        + table(["simulator", "mid-range", "online", "best"], errors)
+        + table(["simulator", "mid-range", "online", "best"], _error_rows(data))
     )
 
 

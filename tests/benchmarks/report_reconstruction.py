@@ -61,6 +61,13 @@ def _asked(data: dict[str, Any]) -> list[list[Any]]:
             "93–148",
             get("timings", "matching and triangulation, 20 points", "median_ms"),
         ],
+        *_followed(get),
+    ]
+
+
+def _followed(get: _Getter) -> list[list[Any]]:
+    """Which cable is which, and what is stated of the uncertainty."""
+    return [
         [
             "five crossing cables of one color followed, centerlines with noise",
             0.95,

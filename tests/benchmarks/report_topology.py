@@ -11,6 +11,23 @@ def _table(header: list[str], rows: list[list[Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _photographs(data: dict) -> list[list]:
+    return [
+        [
+            source,
+            *(data[f"bwh_{source}"][key] for key in ("branch_f1", "crossing_f1", "counts_right")),
+        ]
+        for source in ("mask", "mask+color", "rgb")
+    ]
+
+
+def _curve(parts: dict) -> list[list]:
+    return [
+        [a["threshold"], a["precision"], a["recall"], b["precision"], b["recall"]]
+        for a, b in zip(parts["links"], parts["classes"], strict=True)
+    ]
+
+
 def topology(data: dict) -> str:
     """Table 6.1, 6.2, Figs. 6.12 to 6.14, ``wh1``, ``bwh``, and the drawing."""
     keys = (
@@ -25,18 +42,7 @@ def topology(data: dict) -> str:
         [name, data[k]["scenes"], *(data[k][key] for key in keys)]
         for name, k in (("harder kinds", "synthetic"), ("as thesis 6.5.1", "synthetic_thesis"))
     ]
-    bwh = [
-        [
-            source,
-            *(data[f"bwh_{source}"][key] for key in ("branch_f1", "crossing_f1", "counts_right")),
-        ]
-        for source in ("mask", "mask+color", "rgb")
-    ]
     parts, time, ablation = data["components"], data["time"], data["components"]["ablation"]
-    curve = [
-        [a["threshold"], a["precision"], a["recall"], b["precision"], b["recall"]]
-        for a, b in zip(parts["links"], parts["classes"], strict=True)
-    ]
     angle = parts["orientation_deg"]
     instances = data["instances"]
     return (
@@ -51,11 +57,14 @@ def topology(data: dict) -> str:
         + f"\n`wh1`: {data['wh1']['right']} of {data['wh1']['of']} masks right (floor: all).\n\n"
         "`bwh`, 25 photographs, within 30 px. True masks: floor .80 / .88 / .60, aim .95 / .96 / .88; released code "
         ".705 / .867 / .49 on all 75. From RGB: aim .88 / .90 / .70.\n\n"
-        + _table(["source", "branch F1", "crossing F1", "both counts right"], bwh)
+        + _table(["source", "branch F1", "crossing F1", "both counts right"], _photographs(data))
         + f"\nBranch identity with the drawing given, rendered: {data['identity']['right']} of "
         f"{data['identity']['branches']} branches = {data['identity']['share']} (floor .95, aim .99).\n\n"
         "Single components (Fig. 6.12) on held-out scenes:\n\n"
-        + _table(["threshold", "link precision", "recall", "node class precision", "recall"], curve)
+        + _table(
+            ["threshold", "link precision", "recall", "node class precision", "recall"],
+            _curve(parts),
+        )
         + f"\nOrientation error {angle['mean']} ± {angle['spread']} degrees (thesis 0.63 ± 10.03), median "
         f"{angle['median_absolute']}.\n\nAblation (Fig. 6.14): links by RT-DLO's graph and similarity, Dice "
         f"{ablation['rt_dlo_link_dice']} against {data['synthetic']['link_dice']}; orientation by RT-DLO's network, "

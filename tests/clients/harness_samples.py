@@ -4,30 +4,32 @@ a third."""
 from __future__ import annotations
 
 from dlo_client.contracts import AnyJob, JobState
-from dlo_client.contracts.topology import DisentangleResult, TopologyResult
+from dlo_client.contracts.disentangling import DisentangleResult
+from dlo_client.contracts.topology import TopologyResult
 
 from tests.clients import samples
 
 WIDTH, HEIGHT = samples.WIDTH, samples.HEIGHT
 
 
-def topology() -> TopologyResult:
-    def section(
-        number: int, points: list[tuple[float, float]], ends: tuple[str, str], branch: int | None
-    ) -> dict:
-        return {
-            "id": number,
-            "points_xy": points,
-            "width_px": 6.0,
-            "length_px": 80.0,
-            "end_widths_px": (6.0, 6.0),
-            "ends": ends,
-            "branch_points": (branch, None),
-            "closed": False,
-            "score": 0.9,
-            "name": None,
-        }
+def _section(
+    number: int, points: list[tuple[float, float]], ends: tuple[str, str], branch: int | None
+) -> dict:
+    return {
+        "id": number,
+        "points_xy": points,
+        "width_px": 6.0,
+        "length_px": 80.0,
+        "end_widths_px": (6.0, 6.0),
+        "ends": ends,
+        "branch_points": (branch, None),
+        "closed": False,
+        "score": 0.9,
+        "name": None,
+    }
 
+
+def topology() -> TopologyResult:
     middle, right, low = (
         (WIDTH / 2, HEIGHT / 2),
         (WIDTH - 10.0, HEIGHT / 2),
@@ -47,9 +49,9 @@ def topology() -> TopologyResult:
             "node_crossing_scores": [0.1, 0.8, 0.0],
             "edges": [{"a": 0, "b": 1, "score": 0.9}, {"a": 0, "b": 2, "score": 0.4}],
             "sections": [
-                section(1, [middle, right], ("branch", "free"), 1),
-                section(2, [middle, low], ("branch", "border"), 1),
-                section(3, [(10.0, HEIGHT / 2), middle], ("free", "branch"), None),
+                _section(1, [middle, right], ("branch", "free"), 1),
+                _section(2, [middle, low], ("branch", "border"), 1),
+                _section(3, [(10.0, HEIGHT / 2), middle], ("free", "branch"), None),
             ],
             "branch_points": [{"id": 1, "xy": middle, "sections": [1, 2, 3], "score": 0.97}],
             "crossings": [

@@ -30,7 +30,8 @@ from dlo_client.contracts import (
     ViewOutcome,
 )
 from dlo_client.contracts.base import Reply
-from dlo_client.contracts.manipulation import EstimateParametersResult, UsedParameters
+from dlo_client.contracts.manipulation import EstimateParametersResult
+from dlo_client.contracts.shape_plans import UsedParameters
 from pydantic import BaseModel
 
 LINE = [(0.02 * k, 0.0) for k in range(10)]

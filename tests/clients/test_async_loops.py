@@ -17,7 +17,7 @@ from dlo_client import (
     ScanOptions,
 )
 from dlo_client.contracts import PlanShapeResult
-from dlo_client.contracts.manipulation import PlanStatus, UsedParameters
+from dlo_client.contracts.shape_plans import PlanStatus, UsedParameters
 
 from tests.clients.test_scan import Arm, Table
 

@@ -3,6 +3,8 @@ them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from models.geometry.polylines import arc_lengths, resample
@@ -69,3 +71,33 @@ def crossed(order_score: float = 1.0) -> Topology:
         (float(at[0]), 240.0), Place(2, u), Place(1, float((at[0] - 200) / 360)), 1.0, order_score
     )
     return topology([trunk_left, trunk_right, branch], [(200, 240)], [crossing])
+
+
+def twice_crossed() -> Topology:
+    """A cable that lies over two others."""
+    over = section([(60, 240), (560, 240)])
+    rest = [section([(x, 100), (x, 400)]) for x in (200.0, 420.0)]
+    places = [Place(0, 140 / 500), Place(0, 360 / 500)]
+    crossings = [
+        Crossing((x, 240.0), place, Place(k, 140 / 300), 1.0, 1.0)
+        for k, x, place in zip((1, 2), (200.0, 420.0), places, strict=True)
+    ]
+    return topology([over, *rest], crossings=crossings)
+
+
+def touching() -> Topology:
+    """A branch that passes over the trunk; its end comes to touch it and is taken for a
+    branch-point: a ring."""
+    trunk = [
+        section([(60, 240), (200, 240)], (-1, 0), 16),
+        section([(200, 240), (480, 240)], (0, 1), 16),
+        section([(480, 240), (600, 240)], (1, -1), 16),
+    ]
+    branch = section(
+        [(200, 240), (230, 330), (330, 330), (360, 240), (400, 150), (470, 170), (480, 240)], (0, 1)
+    )
+    at = float(arc_lengths(branch.xy)[np.hypot(*(branch.xy - (360, 240)).T).argmin()])
+    crossing = Crossing((360.0, 240.0), Place(3, at / branch.length), Place(1, 160 / 280), 1.0, 1.0)
+    harness = topology([*trunk, branch], [(200, 240), (480, 240)], [crossing])
+    first, second = harness.branch_points
+    return replace(harness, branch_points=(first, replace(second, score=0.9)))

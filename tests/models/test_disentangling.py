@@ -19,24 +19,19 @@ from models.disentangling.rigid_piece import Pivot, body_of, set_back, turned
 from models.disentangling.supposed_touches import loosened
 from models.disentangling.sweep import Sweep
 from models.disentangling.turn_candidates import Turn, _beside, _chances, find_turns
-from models.geometry.polylines import arc_lengths, resample
-from models.synthesis.harness import FREE, Harness, TrueSection
-from models.synthesis.harness_curves import meetings
+from models.geometry.polylines import arc_lengths
 from models.synthesis.harness_masks import MaskParams, draw_mask
 from models.topology.extraction import extract
 from models.topology.overlay import overlay
 from models.topology.scene import Crossing, Place, Topology
-from models.training.disentangling.moves import moves_table
 from models.training.disentangling.table_world import (
-    _turned,
     execute,
     one_crossing,
     seen_points,
     truth,
-    unclear,
 )
 from models.weights.inference import Network, Runtime, default_name, load
-from tests.models.harnesses import crossed, section, shipped, topology
+from tests.models.harnesses import crossed, section, shipped, topology, touching, twice_crossed
 
 
 @pytest.fixture(scope="module")
@@ -196,18 +191,6 @@ def turns_of(harness: Topology, margin_px: float = 0.0, gain: int = 1) -> list[T
     return find_turns(scene, find_holds(scene), Frame.of(harness, HAND_PX, margin_px), 1.0, gain)
 
 
-def twice_crossed() -> Topology:
-    """A cable that lies over two others."""
-    over = section([(60, 240), (560, 240)])
-    rest = [section([(x, 100), (x, 400)]) for x in (200.0, 420.0)]
-    places = [Place(0, 140 / 500), Place(0, 360 / 500)]
-    crossings = [
-        Crossing((x, 240.0), place, Place(k, 140 / 300), 1.0, 1.0)
-        for k, x, place in zip((1, 2), (200.0, 420.0), places, strict=True)
-    ]
-    return topology([over, *rest], crossings=crossings)
-
-
 ANYWHERE = 1e3
 """A margin, px: the piece may end anywhere."""
 
@@ -295,24 +278,6 @@ def test_one_action_for_every_place_to_hold():
     assert len(holds) == len(set(holds)) > 2
 
 
-def touching() -> Topology:
-    """A branch that passes over the trunk; its end comes to touch it and is taken for a
-    branch-point: a ring."""
-    trunk = [
-        section([(60, 240), (200, 240)], (-1, 0), 16),
-        section([(200, 240), (480, 240)], (0, 1), 16),
-        section([(480, 240), (600, 240)], (1, -1), 16),
-    ]
-    branch = section(
-        [(200, 240), (230, 330), (330, 330), (360, 240), (400, 150), (470, 170), (480, 240)], (0, 1)
-    )
-    at = float(arc_lengths(branch.xy)[np.hypot(*(branch.xy - (360, 240)).T).argmin()])
-    crossing = Crossing((360.0, 240.0), Place(3, at / branch.length), Place(1, 160 / 280), 1.0, 1.0)
-    harness = topology([*trunk, branch], [(200, 240), (480, 240)], [crossing])
-    first, second = harness.branch_points
-    return replace(harness, branch_points=(first, replace(second, score=0.9)))
-
-
 def test_where_a_ring_holds_everything_its_least_certain_joint_is_supposed_to_be_a_touch():
     harness = touching()
     assert turns_of(harness) == []
@@ -332,47 +297,6 @@ def test_what_can_be_turned_without_supposing_anything_is():
 
 def test_a_joint_outside_any_ring_is_not_loosened():
     assert list(loosened(crossed(), 6)) == []
-
-
-def harness_of(*lines: list[tuple[float, float]]) -> Harness:
-    sections = tuple(TrueSection(section(line).xy, 8.0, (FREE, FREE)) for line in lines)
-    sections = tuple(
-        replace(s, xy=resample(s.xy, round(float(arc_lengths(s.xy)[-1]) / 3) + 1)) for s in sections
-    )
-    met = tuple(meetings([s.xy for s in sections]))
-    return Harness((480, 640), sections, np.zeros((0, 2)), met, tuple(True for _ in met))
-
-
-def test_what_nobody_could_read_from_a_mask_is_counted():
-    assert unclear(harness_of([(100, 240), (500, 240)], [(300, 100), (300, 400)])) == 0
-    assert unclear(harness_of([(100, 240), (500, 240)], [(300, 100), (300, 232)])) == 1, (
-        "an end touches"
-    )
-    assert unclear(harness_of([(2, 100), (2, 400)], [(-20, 240), (200, 240)])) == 1, (
-        "a crossing at the border"
-    )
-    near = harness_of([(100, 240), (500, 240)], [(300, 100), (300, 400)], [(310, 100), (310, 400)])
-    assert unclear(near) >= 2, "two crossings next to each other, and sections side by side"
-
-
-def test_random_scenes_are_easy_to_read():
-    assert sum(unclear(one_crossing(np.random.default_rng([22, k]), 3)) for k in range(10)) == 0
-
-
-def test_turns_are_tried_in_the_world_to_learn_from():
-    network, classifiers = shipped()
-    table, again = (moves_table(31, 0, 3, network, classifiers) for _ in range(2))
-    assert table.rows.shape == (len(table), len(MOVE_FEATURES))
-    assert 0 < table.truths.mean() < 1
-    assert np.array_equal(table.rows, again.rows)
-    assert np.array_equal(table.truths, again.truths)
-
-
-def test_what_was_moved_lies_on_top_of_its_own_section_too():
-    harness = harness_of([(100, 100), (400, 100), (400, 200), (150, 200)])
-    turned_over = _turned(harness, Pivot(0, 400.0, 1, -1), [], np.array([400.0, 200.0]), np.pi / 4)
-    assert len(turned_over.crossings) == 1
-    assert turned_over.a_over == (False,), "the second pass was moved"
 
 
 def test_where_a_crossing_lies_at_the_end_the_piece_is_picked_elsewhere():

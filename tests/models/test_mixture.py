@@ -14,15 +14,9 @@ import torch
 from models.synthesis import __main__ as synthesis_command
 from models.synthesis.datasets import Mixture, exact_counts, load, samples_in, write_sample
 from models.training.foreground import mixture
-from models.training.foreground.mixture import (
-    Ledger,
-    Pictures,
-    factorial_arms,
-    factorial_table,
-    run_all,
-    stack,
-)
+from models.training.foreground.mixture import Ledger, factorial_arms, factorial_table, run_all
 from models.training.foreground.networks import build
+from models.training.foreground.short_trainings import Pictures, stack
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from models.synthesis.harness import HarnessParams, make_harness
+from models.synthesis.harness import HarnessParams
+from models.synthesis.harness_growth import make_harness
 from models.synthesis.harness_masks import PLAIN, MaskParams, draw_mask
 from models.topology import order
 from models.topology.classifiers import Classifiers

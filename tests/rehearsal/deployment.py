@@ -78,39 +78,14 @@ class Hosts:
 
     def begin(self) -> None:
         """Start everything; return once both replicas are ready."""
-        python, queue = sys.executable, self.hosts[QUEUE].address
-        self._start(
-            QUEUE,
-            [
-                python,
-                "-m",
-                "workers.embedded",
-                "--dir",
-                str(self._folder_of(QUEUE)),
-                "--port",
-                "6380",
-            ],
-            {PASSWORD: "of-the-rehearsal"},
-        )
-        front = [
-            python,
-            "-m",
-            "tests.rehearsal.relay",
-            "--with-parent",
-            str(os.getpid()),
-            "--listen",
-        ]
-        self._start(
-            -QUEUE,
-            [
-                *front,
-                f"{queue}:6379",
-                "--to",
-                "127.0.0.1:6380",
-                "--certificate",
-                str(self._folder / "queue.pem"),
-            ],
-        )
+        queue, inner = self.hosts[QUEUE].address, "127.0.0.1:6380"
+        embedded = [sys.executable, "-m", "workers.embedded", "--port", "6380", "--dir"]
+        password = {PASSWORD: "of-the-rehearsal"}
+        self._start(QUEUE, [*embedded, str(self._folder_of(QUEUE))], password)
+        relay = [sys.executable, "-m", "tests.rehearsal.relay", "--with-parent", str(os.getpid())]
+        front = [*relay, "--listen"]
+        certificate = ["--certificate", str(self._folder / "queue.pem")]
+        self._start(-QUEUE, [*front, f"{queue}:6379", "--to", inner, *certificate])
         bucket = self._folder_of(S3) / "objects" / "dlo"
         bucket.mkdir(parents=True)
         rclone = str(Path(sys.executable).with_name("rclone"))

@@ -3,18 +3,24 @@ that."""
 
 from __future__ import annotations
 
+import json
 import socket
 import threading
+from datetime import UTC, datetime
 
 import pytest
 import uvicorn
+from dlo_client.contracts import NetworkInfo
 from starlette.testclient import TestClient
 
 from services.app import create_app
 from services.http_protocol import BoundedHttp
 from services.settings import ServiceSettings
-from tests.processes import wait_until
+from tests.processes import KEYS, wait_until
+from workers import presence
+from workers.connection import connect
 from workers.ledger import Ledger
+from workers.presence import WorkerInfo
 
 
 @pytest.fixture
@@ -78,3 +84,47 @@ def address(app):
         yield f"http://127.0.0.1:{listener.getsockname()[1]}"
         server.should_exit = True
         thread.join()
+
+
+@pytest.fixture
+def upload(client):
+    def upload(data: bytes) -> dict[str, str]:
+        return {"id": client.post("/v1/images", content=data).json()["id"]}
+
+    return upload
+
+
+@pytest.fixture
+def send(client):
+    """Multipart: the request, its `image` parts in order, perhaps a `mask` part."""
+
+    def send(
+        request: dict | None, *images: bytes, mask: bytes | None = None, depth: bytes | None = None
+    ):
+        files = [("image", ("picture", image)) for image in images]
+        files += [("mask", ("mask", mask))] if mask is not None else []
+        files += [("depth", ("depth", depth))] if depth is not None else []
+        files += [("request", (None, json.dumps(request)))] if request is not None else []
+        return client.post("/v1/jobs", files=files)
+
+    return send
+
+
+@pytest.fixture
+def announced(settings, monkeypatch):
+    """A worker that has one foreground network and one for another task; it is there for the whole
+    test."""
+    monkeypatch.setattr(presence, "EXPIRY_MS", 600_000)
+    fields = dict.fromkeys(("version", "sha256", "input", "origin", "license"), "1") | {
+        "bytes": 1,
+        "parameters": 1,
+    }
+    networks = [
+        NetworkInfo(name=name, task=task, default=True, **fields)
+        for name, task in (("foreground_compact", "foreground"), ("topology", "topology"))
+    ]
+    info = WorkerInfo(
+        "w", ready=False, busy=True, queues=[], started_at=datetime.now(UTC), networks=networks
+    )
+    with connect(settings) as queue_server:
+        presence.announce(queue_server, KEYS, info)

@@ -9,6 +9,9 @@ import zlib
 import numpy as np
 from PIL import ExifTags, Image
 
+JSON = {"Content-Type": "application/json"}
+"""Headers of a request without pictures."""
+
 TURNED_RIGHT = 6
 """EXIF orientation of a picture that has to be rotated a quarter turn: width and height change
 places."""

@@ -8,9 +8,9 @@ import pytest
 from services import validation
 from services.fields import body_problems
 from services.validation import Given, Refused
+from tests.services.samples import JSON
 from workers.record import REQUEST
 
-JSON = {"Content-Type": "application/json"}
 CURVE = {"points_m": [["a", "b", {}]] * 300, "covariance_m2": [], "sigma_m": [], "spline": {}}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from dlo_client.contracts import InstancesResult, PlanShapeResult, SceneStatus
 from dlo_client.contracts.frames import Output, Plane
-from dlo_client.contracts.manipulation import GripPose, PlannedAction, UsedParameters
+from dlo_client.contracts.shape_plans import GripPose, PlannedAction, UsedParameters
 from pydantic import ValidationError
 
 from tests.clients import curve_samples, samples

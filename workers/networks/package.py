@@ -21,7 +21,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 class PackageError(ValueError):
-    """The bytes are no network file; the message says what is wrong with them."""
+    """The bytes are no network file; the message states what is wrong with them."""
 
 
 def pack(card: NetworkCard, onnx: bytes) -> bytes:

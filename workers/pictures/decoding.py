@@ -161,7 +161,7 @@ def _orientation(picture: Image.Image) -> int:
 
 
 def _upright(array: Values, orientation: int) -> Values:
-    """Turned and mirrored as the EXIF orientation (1 to 8) asks."""
+    """Turned and mirrored as the EXIF orientation (1 to 8) requires."""
     if orientation in (5, 6, 7, 8):
         array = array.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):

@@ -1,4 +1,4 @@
-"""Samples to the levels that a mask is judged by: gray of 8 or 16 bits, or color of 8."""
+"""Samples to the levels by which a mask is read: gray of 8 or 16 bits, or color of 8."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def _picture() -> np.ndarray:
 
 
 class _OnePicture(FolderBlobs):
-    """Nothing that lies in a folder or a bucket is needed for it."""
+    """Nothing that is in a folder or a bucket is needed for it."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data

@@ -29,8 +29,10 @@ _MESSAGES = {
     "plain": "DLOs without a branch-point",
     "closed": "only closed rings: no ends, no branch-points",
     "empty": "no DLO in the picture",
-    "unsure": "most of the foreground is too wide for a DLO: its mask may be inverted, or show a surface",
-    "too_complex": "the foreground falls into too many strands: this is no picture of DLOs, or its mask is noise",
+    "unsure": "most of the foreground is too wide for a DLO: its mask may be inverted, or show a "
+    "surface",
+    "too_complex": "the foreground falls into too many strands: this is no picture of DLOs, or its "
+    "mask is noise",
 }
 
 
@@ -57,34 +59,10 @@ def encode(
         node_angles_rad=[round(a, 4) for a in topology.node_angles.tolist()],
         node_branch_scores=[round(p, 4) for p in topology.node_classes[:, 0].tolist()],
         node_crossing_scores=[round(p, 4) for p in topology.node_classes[:, 1].tolist()],
-        edges=[
-            TopologyEdge(a=a, b=b, score=round(score, 4))
-            for (a, b), score in zip(
-                topology.links.tolist(), topology.link_scores.tolist(), strict=True
-            )
-        ],
+        edges=_edges(topology),
         sections=[_section(k, seen, names.get(k)) for k in range(len(topology.sections))],
-        branch_points=[
-            BranchPoint(
-                id=k + 1,
-                xy=as_point(b.xy),
-                sections=[s + 1 for s in b.sections],
-                score=round(b.score, 4),
-                name=places.get(k),
-            )
-            for k, b in enumerate(topology.branch_points)
-        ],
-        crossings=[
-            SectionCrossing(
-                id=k,
-                xy=as_point(c.xy),
-                over=_place(c.over),
-                under=_place(c.under),
-                score=round(c.score, 4),
-                order_score=round(c.order_score, 4),
-            )
-            for k, c in enumerate(topology.crossings, start=1)
-        ],
+        branch_points=_branch_points(topology, places),
+        crossings=_crossings(topology),
         match=None
         if match is None or drawing is None
         else _drawing_match(match, drawing, topology),
@@ -95,8 +73,40 @@ def encode(
     )
 
 
+def _edges(topology: found.Topology) -> list[TopologyEdge]:
+    links = zip(topology.links.tolist(), topology.link_scores.tolist(), strict=True)
+    return [TopologyEdge(a=a, b=b, score=round(score, 4)) for (a, b), score in links]
+
+
+def _branch_points(topology: found.Topology, names: dict[int, str]) -> list[BranchPoint]:
+    return [
+        BranchPoint(
+            id=k + 1,
+            xy=as_point(b.xy),
+            sections=[s + 1 for s in b.sections],
+            score=round(b.score, 4),
+            name=names.get(k),
+        )
+        for k, b in enumerate(topology.branch_points)
+    ]
+
+
+def _crossings(topology: found.Topology) -> list[SectionCrossing]:
+    return [
+        SectionCrossing(
+            id=k,
+            xy=as_point(c.xy),
+            over=_place(c.over),
+            under=_place(c.under),
+            score=round(c.score, 4),
+            order_score=round(c.order_score, 4),
+        )
+        for k, c in enumerate(topology.crossings, start=1)
+    ]
+
+
 def _covered(k: int, topology: found.Topology) -> list[tuple[float, float]]:
-    """Where a section lies under another strand, in shares of its length."""
+    """Where a section is under another strand, in shares of its length."""
     stretches = []
     for crossing in topology.crossings:
         if crossing.under.section == k:

@@ -18,7 +18,7 @@ from dlo_client.contracts import (
 )
 from numpy.typing import NDArray
 
-from models.geometry import rle
+from models.geometry import painting, rle
 from models.geometry.cameras import Camera
 from models.instances.drawing import palette
 from models.strands.stopwatch import Stopwatch
@@ -191,8 +191,7 @@ def _overlay(image: NDArray[np.uint8], view: TrackedView) -> NDArray[np.uint8]:
     canvas, colors = image.copy(), palette()
     for k, strand in enumerate(view.strands, start=1):
         if strand is not None:
-            color = tuple(int(c) for c in colors[k])
+            red, green, blue = (int(c) for c in colors[k])
             for line, closed, thick in ((outline(strand), True, 1), (strand.xy, False, 1)):
-                fixed = np.rint(line * 16).astype(np.int32)
-                cv2.polylines(canvas, [fixed], closed, color, thick, cv2.LINE_AA, 4)
+                painting.stroke(canvas, line, (red, green, blue), thick, cv2.LINE_AA, closed)
     return canvas

@@ -15,7 +15,7 @@ from dlo_client.contracts import (
     DisentangleResult,
     GripperPose,
 )
-from dlo_client.contracts.topology import Attempt as AttemptGiven
+from dlo_client.contracts.disentangling import Attempt as AttemptGiven
 from numpy.typing import NDArray
 
 from models.disentangling.evidence import MOVE_FEATURES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from dlo_client.contracts import PlanShapeRequest, PlanShapeResult
-from dlo_client.contracts.manipulation import PlanStatus, PlanWarning
+from dlo_client.contracts.shape_plans import PlanStatus, PlanWarning
 from numpy.typing import NDArray
 
 from models.manipulation.actions import Candidates

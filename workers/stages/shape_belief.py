@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from dlo_client.contracts import PlanShapeRequest
-from dlo_client.contracts.manipulation import PlanWarning, UsedParameters
+from dlo_client.contracts.shape_plans import PlanWarning, UsedParameters
 from numpy.typing import NDArray
 
 from models.manipulation.belief import LEARNED_FROM, Belief, learned

@@ -9,7 +9,7 @@ import numpy as np
 from dlo_client.contracts import PlanLimits, PlanShapeRequest
 from dlo_client.contracts.fixtures import Clip as ClipGiven
 from dlo_client.contracts.fixtures import Peg, TableEdge
-from dlo_client.contracts.manipulation import PlanCheck, PlanStatus, StuckReason
+from dlo_client.contracts.shape_plans import PlanCheck, PlanStatus, StuckReason
 from numpy.typing import NDArray
 
 from models.geometry.polylines import arc_lengths

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from dlo_client.contracts import PlannedAction
-from dlo_client.contracts.manipulation import GripPose, PlanCheck, PlanCode, PlanStatus
+from dlo_client.contracts.shape_plans import GripPose, PlanCheck, PlanCode, PlanStatus
 from numpy.typing import NDArray
 
 from models.manipulation.actions import Candidates

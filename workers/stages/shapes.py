@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from dlo_client.contracts import Experience, ModelUsed
-from dlo_client.contracts.manipulation import DloObject, PlanWarning
+from dlo_client.contracts.manipulation import DloObject
+from dlo_client.contracts.shape_plans import PlanWarning
 from numpy.typing import NDArray
 
 from models.geometry.polylines import arc_lengths, crossing_segments

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from dlo_client.contracts import ModelUsed, PlanShapeRequest
 from dlo_client.contracts.foreground import ReferenceUsed
-from dlo_client.contracts.manipulation import MOST_STRETCH, PlanWarning, in_another_unit
+from dlo_client.contracts.manipulation import MOST_STRETCH, in_another_unit
 from dlo_client.contracts.on_table import FARTHEST_M, LEAST_LENGTH_M, LONGEST_M
+from dlo_client.contracts.shape_plans import PlanWarning
 from numpy.typing import NDArray
 
 from models.geometry.polylines import arc_lengths, resample

@@ -278,7 +278,7 @@ def _foreign_problem(response: httpx.Response) -> Problem:
 
 
 def nothing(response: httpx.Response) -> None:
-    """For a reply whose status says it all."""
+    """For a reply whose status states it all."""
 
 
 def reader(kind: type[T]) -> Callable[[httpx.Response], T]:

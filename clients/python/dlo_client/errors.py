@@ -1,19 +1,22 @@
 """What can go wrong, as one tree::
 
-DLOError ├── InvalidArgument       what the caller gave cannot be used, and nothing was sent:
-``.argument`` says which ├── ConnectionFailed      nobody answered, or the connection broke, after
-all attempts ├── UnexpectedReply       somebody answered, but not with what this version of the API
-says ├── APIError              the service refused, and says why in ``.problem`` │   ├──
-InvalidRequest    400, 413, 415, 422 and other 4xx: ``.problem.errors`` names the fields │   ├──
-Unauthorized      401, 403: the API key is missing or wrong │   ├── NotFound          404 │   ├──
-Conflict          409: this idempotency key came before with another request │   ├── Gone
-410: it has expired │   ├── QueueFull         429: try again in ``.retry_after_s`` │   └──
-ServiceFault      5xx: not the request's fault; ``.problem.incident`` is in the service's log │
-├── Unavailable   503: its queue is away, or it has too much to do; try again in ``.retry_after_s``
-│       └── StorageFull   507: its disk is too full, or this key keeps as many bytes as it may ├──
-JobFailed             the job was accepted and ended badly: ``.problem`` says why ├── JobCancelled
-the job was cancelled └── WaitTimeout           the job goes on, only the waiting ended: ``.job`` is
-its last known state
+DLOError
+├── InvalidArgument       what the caller gave cannot be used, nothing was sent: see ``.argument``
+├── ConnectionFailed      nobody answered, or the connection broke, after all attempts
+├── UnexpectedReply       somebody answered, but not with an answer of this version of the API
+├── APIError              the service refused, and gives the reason in ``.problem``
+│   ├── InvalidRequest    400, 413, 415, 422 and other 4xx: ``.problem.errors`` names the fields
+│   ├── Unauthorized      401, 403: the API key is missing or wrong
+│   ├── NotFound          404
+│   ├── Conflict          409: this idempotency key came before with another request
+│   ├── Gone              410: it has expired
+│   ├── QueueFull         429: try again in ``.retry_after_s``
+│   └── ServiceFault      5xx: not the request's fault; ``.problem.incident`` is in the service's log
+│       ├── Unavailable   503: its queue is away, or it is overloaded: try again later
+│       └── StorageFull   507: its disk is too full, or this key keeps as many bytes as it may
+├── JobFailed             the job was accepted and ended badly: the reason is in ``.problem``
+├── JobCancelled          the job was cancelled
+└── WaitTimeout           the job goes on, only the waiting ended: ``.job`` is its last known state
 
 A request with a wrong field is refused by pydantic when it is made (``pydantic.ValidationError``),
 and a picture file that cannot be read is an ``OSError``.
@@ -46,7 +49,7 @@ class ConnectionFailed(DLOError):
 
 
 class UnexpectedReply(DLOError):
-    """The reply is not what the API says: another server, a proxy's page, or another version."""
+    """The reply is not what the API states: another server, a proxy's page, or another version."""
 
 
 class APIError(DLOError):

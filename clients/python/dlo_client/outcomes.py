@@ -1,4 +1,4 @@
-"""How a finished job ended: its result, or the error that says why there is none."""
+"""How a finished job ended: its result, or the error that states why there is none."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _REQUEST: TypeAdapter[Any] = TypeAdapter(AnyRequest)
 
 
 class RecordingError(Exception):
-    """The folder holds no recording that can be read; the message says why."""
+    """The folder holds no recording that can be read; the message states why."""
 
 
 @dataclass(frozen=True)

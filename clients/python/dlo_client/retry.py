@@ -2,7 +2,7 @@
 
 Every call of the API may be repeated without harm: reads and cancel by nature, an upload because
 the same bytes give the same id, a submission because it carries an ``Idempotency-Key``. What is
-repeated is what may pass: a broken connection, and a 429 or 503 that says when to come back.
+repeated is what may pass: a broken connection, and a 429 or 503 that states when to come back.
 """
 
 from __future__ import annotations

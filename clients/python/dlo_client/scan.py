@@ -252,6 +252,6 @@ def _slid(pose: Pose, along_x: float) -> Pose:
 
 
 def _added_m(curve: Curve3D, previous: Curve3D) -> float:
-    """How far the end of ``curve`` lies from all of ``previous``."""
+    """How far the end of ``curve`` is from all of ``previous``."""
     end = curve.points_m[-1]
     return min(dist(end, point) for point in previous.points_m)

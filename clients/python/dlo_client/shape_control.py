@@ -26,7 +26,7 @@ from dlo_client.contracts import (
     PlanShapeResult,
 )
 from dlo_client.contracts.fixtures import Fixture, Route
-from dlo_client.contracts.manipulation import UsedParameters
+from dlo_client.contracts.shape_plans import UsedParameters
 from dlo_client.errors import InvalidArgument
 
 Points = Sequence[tuple[float, float]]
@@ -37,7 +37,7 @@ class Robot(Protocol):
     to the other; the same end comes first every time."""
 
     def observe(self) -> Points:
-        """The DLO as it lies now."""
+        """The DLO as it is now."""
 
     def execute(self, action: PlannedAction) -> None:
         """Grip at ``action.pick``, move to ``action.place``, let go."""

@@ -71,7 +71,7 @@ class Track:
         try:
             return opened(self._client.stream_address(f"{_path(self.id)}/stream"))
         except ConnectionFailed:
-            self.info()  # where the track or the key is refused, this tells why
+            self.info()  # where the track or the key is refused, this gives the reason
             raise
 
     def info(self) -> TrackInfo:
@@ -123,7 +123,7 @@ class AsyncTrack:
         try:
             return await opened_on_loop(self._client.stream_address(f"{_path(self.id)}/stream"))
         except ConnectionFailed:
-            await self.info()  # where the track or the key is refused, this tells why
+            await self.info()  # where the track or the key is refused, this gives the reason
             raise
 
     async def info(self) -> TrackInfo:

@@ -249,7 +249,7 @@ class _Pictures:
         ]
 
     def answered(self, text: str | bytes) -> _Reply:
-        """What an answer tells; the pictures up to its own are no longer out."""
+        """What an answer holds; the pictures up to its own are no longer out."""
         try:
             body = json.loads(text)
             number = body.get("number") or next(iter(self._out), 0)

@@ -29,6 +29,8 @@ section's own two ends: it is shared and no strand of its own."""
 FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
 """``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where
 it does."""
+_LONGEST_RADII = 40.0
+"""A longer way, or gap, counts no more."""
 _NOISE_LEVELS = 8.0
 _BOWS_RADII = (-3.0, -1.5, 0.0, 1.5, 3.0)
 """Gray levels that a color varies by along one DLO; ways to bow in a gap that are looked at, in
@@ -153,22 +155,23 @@ def _measure(
     turn = angle_between(sections.outward[a], -sections.outward[b])
     known = length**2 / (length**2 + (1.5 * radius + 2) ** 2)
     points, off = _between(sections, a, b, mask)
-    color = sections.color[a] - sections.color[b]
+    color = (sections.color[a] - sections.color[b]) / 100
     brightness = color.mean(axis=1)
     chroma = np.sqrt(((color - brightness[:, None]) ** 2).sum(axis=1))
     width = np.log(sections.end_radius[a] / sections.end_radius[b])
     shared = kind >= SHARED
-    gap = np.where(shared, 0.0, np.minimum(length * off.mean(axis=1) / radius, 40.0) / 4)
+    gap = np.where(shared, 0.0, _radii(length * off.mean(axis=1), radius) / 4)
+    far = _radii(length, radius) / 8
     seen = _likeness(sections, a, b, points, off, image)
     columns = (
         np.ones(len(pairs)),
         np.minimum(turn**2, 4.0),
         known * np.minimum(leaving**2 + arriving**2, 6.0),
         np.minimum(width**2, 2.0),
-        np.minimum(chroma / 100, 1.0),
-        np.minimum(abs(brightness) / 100, 1.0),
+        np.minimum(chroma, 1.0),
+        np.minimum(abs(brightness), 1.0),
         gap * (1 - seen),
-        np.minimum(length / radius, 40.0) / 8,
+        far,
         gap * seen,
     )
     features = np.stack(columns, axis=1)
@@ -176,8 +179,12 @@ def _measure(
     features[own] = 0.0
     features[own, 0] = 1.0
     features[own, 3] = _thickening(sections, via[own])
-    features[own, 7] = np.minimum(length[own] / radius[own], 40.0) / 8
+    features[own, 7] = far[own]
     return features
+
+
+def _radii(length: FloatArray, radius: FloatArray) -> FloatArray:
+    return np.minimum(length / radius, _LONGEST_RADII)
 
 
 def _through(
@@ -226,7 +233,7 @@ def _likeness(
     image: ByteArray | None,
 ) -> FloatArray:
     """``(m,)`` 0 to 1: how far the picture in the gap looks like the ends rather than like what
-    lies beside them.
+    is beside them.
 
     A half where there is no gap or no picture. A DLO may bend in a gap: of several ways to bow, the
     likest counts.

@@ -17,8 +17,9 @@ from scipy.spatial import cKDTree
 from models.disentangling.plan import Action
 from models.disentangling.rigid_piece import Pivot, body_of, turned
 from models.geometry.polylines import arc_lengths
-from models.synthesis.harness import FREE, Harness, HarnessParams, TrueSection, make_harness
+from models.synthesis.harness import FREE, Harness, HarnessParams, TrueSection
 from models.synthesis.harness_curves import STEP_PX, Meeting, meetings, near_pairs
+from models.synthesis.harness_growth import make_harness
 from models.synthesis.harness_masks import MaskParams
 from models.topology import order
 from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Section, Topology

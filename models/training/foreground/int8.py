@@ -138,7 +138,7 @@ def compare(full: Network, small: Network, pool: TexturePool, count: int) -> dic
     }
 
 
-def main() -> None:
+def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m models.training.foreground.int8", description=__doc__
     )
@@ -154,7 +154,11 @@ def main() -> None:
         "--learned", type=Path, help="the network's weights as rounded.py left them"
     )
     parser.add_argument("--held-out", type=int, default=100, help="rendered pictures to compare on")
-    args = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    args = _arguments()
     pool, spec = load_pool(args.textures), manifest()[args.network]
     name = f"{args.network}_int8"
     with tempfile.TemporaryDirectory() as folder:
@@ -170,7 +174,8 @@ def main() -> None:
         default=False,
         input=spec.input,
         license=spec.license,
-        origin=f"{args.network} ({spec.sha256[:12]}) quantized by this repository; origin of that: {spec.origin}",
+        origin=f"{args.network} ({spec.sha256[:12]}) quantized by this repository; "
+        f"origin of that: {spec.origin}",
         preprocess=spec.preprocess,
         training={
             "command": "python -m models.training.foreground.int8",

@@ -85,6 +85,29 @@ def loss_of(
     return nn.functional.cross_entropy(network(noisy), torch.from_numpy(table.truths[rows]))
 
 
+def figures(network: nn.Module, table: Table, readings: Sequence[str]) -> dict[str, float]:
+    """Share of places that are read right, in all and of each reading; ``gain``: by how much more
+    than by always giving the most frequent one."""
+    with torch.inference_mode():
+        right = network(torch.from_numpy(table.rows)).numpy().argmax(axis=1) == table.truths
+    shares = {f"{reading}_right": right[table.truths == k] for k, reading in enumerate(readings)}
+    found = {
+        name: round(float(values.mean()), 4)
+        for name, values in {"accuracy": right, **shares}.items()
+        if len(values)
+    }
+    return {**found, "gain": round(found["accuracy"] - _most_frequent(table), 4)}
+
+
+def without(table: Table, config: ClassifierConfig) -> dict[str, Any]:
+    return {"rule": "always the most frequent reading", "accuracy": _most_frequent(table)}
+
+
+def _most_frequent(table: Table) -> float:
+    """Share of the most frequent reading."""
+    return round(float(np.bincount(table.truths).max() / len(table)), 4)
+
+
 def classifier(
     name: str,
     task: str,
@@ -104,24 +127,7 @@ def classifier(
         return network
 
     def measure(network: nn.Module, table: Table, config: ClassifierConfig) -> dict[str, float]:
-        """Share of places that are read right, in all and of each reading; ``gain``: by how much
-        more than by always giving the most frequent one."""
-        with torch.inference_mode():
-            right = network(torch.from_numpy(table.rows)).numpy().argmax(axis=1) == table.truths
-        shares = {
-            f"{reading}_right": right[table.truths == k] for k, reading in enumerate(readings)
-        }
-        figures = {
-            k: round(float(v.mean()), 4) for k, v in {"accuracy": right, **shares}.items() if len(v)
-        }
-        return {
-            **figures,
-            "gain": round(figures["accuracy"] - without(table, config)["accuracy"], 4),
-        }
-
-    def without(table: Table, config: ClassifierConfig) -> dict[str, Any]:
-        most = np.bincount(table.truths).max() / len(table)
-        return {"rule": "always the most frequent reading", "accuracy": round(float(most), 4)}
+        return figures(network, table, readings)
 
     def exports(network: nn.Module, table: Table, config: ClassifierConfig) -> list[Exported]:
         count = table.rows.shape[1]

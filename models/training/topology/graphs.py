@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from models.synthesis.harness import FREE, Harness, HarnessParams, make_harness
+from models.synthesis.harness import FREE, Harness, HarnessParams
 from models.synthesis.harness_curves import STEP_PX
+from models.synthesis.harness_growth import make_harness
 from models.synthesis.harness_masks import MaskParams, draw_mask
 from models.topology.encodings import Encoded, encode
 from models.topology.graph import Graph, initialize

@@ -117,7 +117,7 @@ def instances(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find every cable: centerline, width, ends, crossings and which cable lies on top."""
+    """Find every cable: centerline, width, ends, crossings and which cable is on top."""
     request = InstancesRequest(
         method=method,
         threshold=threshold,

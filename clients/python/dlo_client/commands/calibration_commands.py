@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -15,6 +15,9 @@ from dlo_client.contracts.cameras import PinholeIntrinsics
 from dlo_client.contracts.frames import RotationConvention, Unit
 from dlo_client.contracts.recipes import CameraBody
 from dlo_client.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from dlo_client.calibration.hand_eye import HandEye
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 _EXTRA = 'needs its extra: pip install "dlo-client[calibrate]"'
@@ -59,20 +62,22 @@ def calibrate(
     found, used, unseen = board_pictures.hand_eye(
         files, flange, (unit, rotation), (board, dictionary), lens, mount
     )
-    pose = [[round(float(value), 9) for value in row] for row in found.T]
     name = "T_flange_camera" if mount == "flange" else "T_world_camera"
+    pose = [[round(float(value), 9) for value in row] for row in found.T]
+    left_out = f", without {len(unseen)}: {', '.join(unseen)}" if unseen else ""
+    print_lines([json.dumps({name: pose}), f"from {used} pictures{left_out}", *_accuracy(found)])
     fields: dict[str, Any] = {"intrinsics": lens, name: pose}
     camera = CameraBody.model_validate(
         fields | {"sigma_m": found.sigma_m, "sigma_rad": found.sigma_rad}
     )
-    print_lines(
-        [
-            json.dumps({name: pose}),
-            f"from {used} pictures{f', without {len(unseen)}: ' + ', '.join(unseen) if unseen else ''}",
-            f"standard deviation {found.sigma_m * 1000:.3f} mm, {found.sigma_rad * 57.29578:.4f} degrees; "
-            f"residual {found.residual_px:.3f} px, worst picture {max(found.residuals_px):.3f} px",
-        ]
-    )
     if store is not None:
         client: Client = context.obj
         print_lines([f"stored as {store}, version {client.store_camera(store, camera).version}"])
+
+
+def _accuracy(found: HandEye) -> list[str]:
+    return [
+        f"standard deviation {found.sigma_m * 1000:.3f} mm, "
+        f"{found.sigma_rad * 57.29578:.4f} degrees; "
+        f"residual {found.residual_px:.3f} px, worst picture {max(found.residuals_px):.3f} px"
+    ]

@@ -93,8 +93,13 @@ def label(
     if clip or Path(source).suffix.lower() in VIDEOS:
         _label_clip(context.obj, source, out, request, every, formats)
         return
-    connection: Connection = context.meta[CONNECTION]
     options = LabelOptions(request, at_once=at_once, retry_failed=retry_failed)
+    _label_pictures(context.meta[CONNECTION], source, out, options, formats)
+
+
+def _label_pictures(
+    connection: Connection, source: str, out: Path, options: LabelOptions, formats: Formats
+) -> None:
     with readable_labels():
         pictures = find_pictures(source, skip=out)
         with shown_progress() as progress:

@@ -12,7 +12,7 @@ from dlo_client.commands.app import app
 from dlo_client.commands.printing import print_lines
 from dlo_client.contracts import DloObject
 from dlo_client.demo.simulated_table import SimulatedTable, target_shape
-from dlo_client.shape_control import ShapeController
+from dlo_client.shape_control import ShapeController, ShapeOutcome
 
 
 @app.command()
@@ -51,18 +51,7 @@ def shape(
         horizon=horizon,
     )
     outcome = controller.run()
-    lines = ["action  edge   dx mm   dy mm  turn deg  predicted mm  reached mm    k_b    k_d"]
-    for k, step in enumerate(outcome.steps, start=1):
-        done, used = step.plan.action, step.plan.parameters
-        assert done is not None
-        lines.append(
-            f"{k:6d}  {done.edge:4d}  {1e3 * done.dx_m:6.1f}  {1e3 * done.dy_m:6.1f}  {57.2958 * done.dtheta_rad:8.1f}"
-            f"  {1e3 * done.error_after_m:12.1f}  {1e3 * step.error_m:10.1f}  {used.k_b:5.3f}  {used.k_d:5.1f}"
-        )
-    verdict = "reached" if outcome.reached else f"not reached: {outcome.reason}"
-    lines.append(
-        f"{target}: {verdict} after {len(outcome.steps)} actions, {1e3 * outcome.errors_m[-1]:.1f} mm"
-    )
+    lines = _report(target, outcome)
     if out is not None:
         from dlo_client.demo.shape_drawing import animate, plot
 
@@ -73,3 +62,19 @@ def shape(
     print_lines(lines)
     if not outcome.reached:
         raise typer.Exit(1)
+
+
+def _report(target: str, outcome: ShapeOutcome) -> list[str]:
+    """A row an action, and how it ended."""
+    lines = ["action  edge   dx mm   dy mm  turn deg  predicted mm  reached mm    k_b    k_d"]
+    for k, step in enumerate(outcome.steps, start=1):
+        done, used = step.plan.action, step.plan.parameters
+        assert done is not None
+        lines.append(
+            f"{k:6d}  {done.edge:4d}  {1e3 * done.dx_m:6.1f}  {1e3 * done.dy_m:6.1f}"
+            f"  {57.2958 * done.dtheta_rad:8.1f}  {1e3 * done.error_after_m:12.1f}"
+            f"  {1e3 * step.error_m:10.1f}  {used.k_b:5.3f}  {used.k_d:5.1f}"
+        )
+    ended = "reached" if outcome.reached else f"not reached: {outcome.reason}"
+    reached_mm = 1e3 * outcome.errors_m[-1]
+    return [*lines, f"{target}: {ended} after {len(outcome.steps)} actions, {reached_mm:.1f} mm"]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -44,7 +45,7 @@ def track(
     ] = None,
     effort: Annotated[
         Literal["fast", "normal", "thorough"], typer.Option(help="How hard cables are looked for.")
-    ] = ("normal"),
+    ] = "normal",
     threshold: Annotated[
         float | None, typer.Option(min=0, max=1, help="Foreground threshold.")
     ] = None,
@@ -62,15 +63,31 @@ def track(
     ids."""
     if live and masks:
         raise typer.BadParameter("a stream takes pictures: leave out --live or --masks")
+    options = TrackOptions(
+        method=method, model=model, effort=effort, threshold=threshold, timeout_s=60
+    )
+    show = _live if live else partial(_one_by_one, masks=masks)
+    _follow(context.obj, options, source, every, out, show, video)
+
+
+Show = Callable[[Track, Iterable["Shot"], float], Iterator[tuple["Shot", FrameResult]]]
+"""Track, pictures and pictures a second to pictures with their answers."""
+
+
+def _follow(
+    client: Client,
+    options: TrackOptions,
+    source: str,
+    every: int,
+    out: Path,
+    show: Show,
+    video: bool,
+) -> None:
     try:
         from dlo_client.video import Film, drawn, shots
     except ModuleNotFoundError as error:
         print_error(_NEEDS_EXTRA.format(name=error.name))
         raise typer.Exit(1) from error
-    client: Client = context.obj
-    options = TrackOptions(
-        method=method, model=model, effort=effort, threshold=threshold, timeout_s=60
-    )
     pictures, rate = shots(source, every)
     out.mkdir(parents=True, exist_ok=True)
     states: Counter[str] = Counter()
@@ -80,10 +97,7 @@ def track(
         (out / "track.jsonl").open("w", encoding="utf-8") as lines,
         Film(out / "overlay.mp4", rate) if video else nullcontext() as film,
     ):
-        answers = (
-            _live(followed, pictures, rate) if live else _one_by_one(followed, pictures, masks)
-        )
-        for shot, last in answers:
+        for shot, last in show(followed, pictures, rate):
             lines.write(last.model_dump_json() + "\n")
             states.update(cable.state for cable in last.cables)
             if film is not None:
@@ -92,7 +106,7 @@ def track(
 
 
 def _one_by_one(
-    followed: Track, pictures: Iterable[Shot], masks: bool
+    followed: Track, pictures: Iterable[Shot], _rate: float, masks: bool
 ) -> Iterator[tuple[Shot, FrameResult]]:
     for shot in pictures:
         picture = {"mask": shot.data} if masks else {"image": shot.data}

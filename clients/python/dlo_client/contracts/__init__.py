@@ -4,6 +4,15 @@ from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult, LabelsInf
 from dlo_client.contracts.base import Contract, Point, Probability
 from dlo_client.contracts.cameras import CameraInfo, CameraPose, CameraView, PinholeIntrinsics, Pose
 from dlo_client.contracts.depth import DepthGiven, MetricCenterline, TablePlane
+from dlo_client.contracts.disentangling import (
+    ArmBase,
+    DisentangleAction,
+    DisentangleRequest,
+    DisentangleResult,
+    Gripper,
+    GripperPose,
+    HarnessState,
+)
 from dlo_client.contracts.fixtures import Clip, Peg, Route, RouteStop, TableEdge
 from dlo_client.contracts.images import BlobId, ImageInfo, ImagePart, ImageRef, ImageSource
 from dlo_client.contracts.jobs import (
@@ -31,9 +40,7 @@ from dlo_client.contracts.manipulation import (
     MoveAction,
     PlanGripper,
     PlanLimits,
-    PlannedAction,
     PlanShapeRequest,
-    PlanShapeResult,
     RopeParameters,
 )
 from dlo_client.contracts.methods import (
@@ -87,20 +94,14 @@ from dlo_client.contracts.requests import (
     SegmentRequest,
     SegmentResult,
 )
+from dlo_client.contracts.shape_plans import PlannedAction, PlanShapeResult
 from dlo_client.contracts.submission import JobRequest, ModelUsed, Priority
 from dlo_client.contracts.topology import (
-    ArmBase,
     BranchMatch,
     BranchPoint,
-    DisentangleAction,
-    DisentangleRequest,
-    DisentangleResult,
     DrawingMatch,
     DrawnBranch,
-    Gripper,
-    GripperPose,
     HarnessDrawing,
-    HarnessState,
     Section,
     SectionCrossing,
     SectionPlace,

@@ -57,7 +57,7 @@ class TrackedInstance(Reply):
 
 
 class TrackedLabels(Reply):
-    """The labels of one picture; a DLO that lies outside of it is missing in ``instances``."""
+    """The labels of one picture; a DLO that is outside of it is missing in ``instances``."""
 
     name: str = Field(description="of the view")
     width: int = Field(description="of the upright picture, pixels")

@@ -1,4 +1,4 @@
-"""The instance methods and what can be set for each. ``method`` inside parameters says whose they
+"""The instance methods and what can be set for each. ``method`` inside parameters states whose they
 are: a request's ``params`` may leave it out, they are those of the request's own ``method``."""
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ Reason = Literal[
 ]
 """Why an answer is unsure: foreground is missing along the way (``gap``); it ends at the picture's
 edge near another one (``border``); it runs along another one without background between
-(``parallel``); the picture hardly tells it from what lies beside it (``low_contrast``); its edges
+(``parallel``); the picture hardly tells it from what is beside it (``low_contrast``); its edges
 are not sharp (``blur``); it may be something else of that shape (``lookalike``); no end of it is at
 the border, so it may be a piece of a longer one (``free_ends``); it is short beside the others
 (``short``) or of another width (``odd_width``); there is a mask only (``no_picture``). Of the whole

@@ -72,7 +72,7 @@ class Spline3(Reply):
 class Curve3D(Reply):
     """One DLO as a curve in the world, with what is known about its errors.
 
-    The covariance is that of the position across the curve; how far along it a point lies is a
+    The covariance is that of the position across the curve; how far along it a point is, is a
     matter of convention.
     """
 

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from dlo_client.contracts.adaptation import AdaptRequest, AdaptResult
 from dlo_client.contracts.base import Probability, Reply
 from dlo_client.contracts.depth import DepthGiven, TablePlane
+from dlo_client.contracts.disentangling import DisentangleRequest, DisentangleResult
 from dlo_client.contracts.foreground import ForegroundOptions, ReferencesUsed
 from dlo_client.contracts.images import ImageSource, PictureWarnings
 from dlo_client.contracts.labelling import LabelTrackedRequest, LabelTrackedResult
@@ -19,7 +20,6 @@ from dlo_client.contracts.manipulation import (
     EstimateParametersRequest,
     EstimateParametersResult,
     PlanShapeRequest,
-    PlanShapeResult,
 )
 from dlo_client.contracts.methods import DEFAULT_METHOD, InstanceMethod, MethodParams
 from dlo_client.contracts.networks import ImportNetworkRequest, ImportNetworkResult
@@ -32,13 +32,9 @@ from dlo_client.contracts.reconstruction import (
     ReconstructRequest,
     ReconstructResult,
 )
+from dlo_client.contracts.shape_plans import PlanShapeResult
 from dlo_client.contracts.submission import JobRequest, ModelUsed
-from dlo_client.contracts.topology import (
-    DisentangleRequest,
-    DisentangleResult,
-    TopologyRequest,
-    TopologyResult,
-)
+from dlo_client.contracts.topology import TopologyRequest, TopologyResult
 from dlo_client.contracts.tracking import CableCrossing, TimeSeconds, TrackedCable, TrackState
 
 

@@ -20,7 +20,7 @@ _SWEEPS = 40
 
 
 class SimulatedTable:
-    """A rope of ``length_m`` that lies straight along x; ``stiffness`` 0 (a chain) to 1 (a rod)."""
+    """A rope of ``length_m`` that is straight along x; ``stiffness`` 0 (a chain) to 1 (a rod)."""
 
     def __init__(self, length_m: float = 0.45, points: int = 16, stiffness: float = 0.3) -> None:
         self._edge = length_m / (points - 1)

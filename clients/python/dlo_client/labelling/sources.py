@@ -24,11 +24,11 @@ _LONGEST_PART = 200
 
 
 class SourceError(ValueError):
-    """There are no pictures where the source points; the message says what was looked at."""
+    """There are no pictures where the source points; the message states what was looked at."""
 
 
 class PictureUnreadable(Exception):
-    """One picture cannot be read, or would not hold still; the message says why."""
+    """One picture cannot be read, or would not hold still; the message states why."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Found(list[SourcePicture]):
 
 
 def find_pictures(source: str | os.PathLike[str], skip: Path | None = None) -> Found:
-    """All pictures of ``source`` in a fixed order; what lies under the folder ``skip``, hidden
+    """All pictures of ``source`` in a fixed order; what is under the folder ``skip``, hidden
     files and what a Mac adds to archives are left out.
 
     Raises SourceError.

@@ -38,7 +38,7 @@ CREATE TABLE IF NOT EXISTS settings (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 
 
 class StoreError(Exception):
-    """The output folder cannot be used, or is full: the message says why. What was written before
+    """The output folder cannot be used, or is full: the message states why. What was written before
     is kept."""
 
 
@@ -104,7 +104,7 @@ class LabelStore:
 
     def entries(self) -> dict[str, Entry]:
         """All that is known, by name. Raises StoreError: the ledger is damaged, or cannot be opened
-        where it lies."""
+        where it is."""
         try:
             rows = self._ledger.execute("SELECT * FROM pictures ORDER BY name").fetchall()
         except sqlite3.Error as error:

@@ -62,7 +62,7 @@ def extract(
 
     ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None. ``networks``: TripletNet and
     CrossNet; without them, or without an image, the curvature alone scores intersections and the
-    color's variance decides who lies on top.
+    color's variance decides who is on top.
 
     Any mask is allowed, and the work is bounded: beyond 0.7 megapixels the mask is reduced; an
     intersection of more than 24 branches keeps 24. Raises ``ValueError`` when the image is of

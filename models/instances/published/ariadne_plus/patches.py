@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray
+from models.geometry.painting import stroke
 
 NODE_PIXELS, CROSSING_PIXELS = 32, 64
 _TYPICAL_WIDTH = 12.0
@@ -40,9 +41,7 @@ def only(crossing: ByteArray, line_xy: FloatArray, width_px: float) -> ByteArray
     """The patch with everything blackened that is not on the stroke ``line_xy`` (in patch
     pixels)."""
     kept = np.zeros(crossing.shape[:2], np.uint8)
-    cv2.polylines(
-        kept, [np.rint(line_xy * 16).astype(np.int32)], False, 1, max(1, round(width_px)), shift=4
-    )
+    stroke(kept, line_xy, 1, width_px)
     return crossing * kept[:, :, None]
 
 

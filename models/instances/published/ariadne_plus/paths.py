@@ -86,7 +86,7 @@ def find_paths(
 def _walk_all(
     regions: Regions, links: dict[tuple[int, int], tuple[int, int]]
 ) -> list[tuple[list[int], bool]]:
-    """Every node that is no intersection lies on exactly one path."""
+    """Every node that is no intersection is on exactly one path."""
     plain = np.flatnonzero(~regions.is_intersection).tolist()
     ways: dict[int, list[tuple[list[int], int]]] = {}
     for node in plain:

@@ -193,7 +193,7 @@ def _means(values: FloatArray, of: IntArray, count: int) -> FloatArray:
 def _tips(
     place: FloatArray, of: IntArray, around: list[set[int]], middles: FloatArray
 ) -> FloatArray:
-    """Of every end node, the pixel that lies farthest from its neighbor's centroid."""
+    """Of every end node, the pixel that is farthest from its neighbor's centroid."""
     tips = middles.copy()
     order = np.argsort(of, kind="stable")
     bounds = np.searchsorted(of[order], np.arange(len(around) + 1))

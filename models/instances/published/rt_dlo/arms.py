@@ -13,7 +13,7 @@ from models.instances.published.rt_dlo.graph import Vertices
 
 ARM_VERTICES = 12
 _ARM_RADII = 5.0
-"""How much of a strand tells its direction, width and color."""
+"""How much of a strand gives its direction, width and color."""
 _TURN_SCALE = np.deg2rad(50.0)
 """Turn at which a continuation counts 1/e."""
 _COLOR_SCALE = 100.0

@@ -16,11 +16,11 @@ CLASS = "dlo"
 
 
 class FormatError(ValueError):
-    """A file is not of the format, or broken beyond one picture; the message says where."""
+    """A file is not of the format, or broken beyond one picture; the message states where."""
 
 
 class Refused(ValueError):
-    """One picture of a file cannot be taken; the message says why."""
+    """One picture of a file cannot be taken; the message states why."""
 
 
 @dataclass

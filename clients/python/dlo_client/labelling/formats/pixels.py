@@ -43,7 +43,7 @@ def outlines(mask: Mask) -> list[Ring]:
     """One ring for every connected piece, in continuous coordinates: pixel k reaches from k to k +
     1.
 
-    The ring lies a quarter of a pixel inside the pixels' edges: all centers of the piece lie in it
+    The ring is a quarter of a pixel inside the pixels' edges: all centers of the piece lie in it
     and no others, and rounded down it runs through the outermost pixels. Readers of either
     convention get the mask back exactly. A hole is joined to its ring by a cut of no width.
     """

@@ -38,7 +38,7 @@ def write(
     ``yolo/images/…``.
 
     Labels whose picture is missing or cannot be read are left out; ``problems`` then gets name →
-    why. Without ``pictures`` ``yolo/images.json`` says where each belongs, by its name. What an
+    why. Without ``pictures`` ``yolo/images.json`` states where each belongs, by its name. What an
     earlier export left in these two folders is replaced.
     """
     folder = out / "yolo"

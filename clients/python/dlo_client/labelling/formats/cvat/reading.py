@@ -63,7 +63,7 @@ def _root(path: Path) -> Element:
 
 
 def _size(frame: Frame, wanted: Wanted) -> tuple[object, object]:
-    """What the file says, else the picture's own."""
+    """What the file states, else the picture's own."""
     return frame.size if None not in frame.size else wanted.sizes.get(frame.name, frame.size)
 
 

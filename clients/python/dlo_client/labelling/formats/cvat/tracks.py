@@ -2,7 +2,7 @@
 
 As in CVAT: a keyframe's shape holds until the next one, moving there evenly; an ``outside``
 keyframe ends it until the next one that is not; after the last it stays to the end of the video.
-What lies between is taken from the file where it is written out (``keyframe="0"``). Lines and
+What is between is taken from the file where it is written out (``keyframe="0"``). Lines and
 outlines with as many points move point by point, others by equal shares of their length; masks and
 shapes that change their kind stay as they were.
 
@@ -36,7 +36,7 @@ _NAMED = re.compile(r"^frame_(\d+)$")
 
 @dataclass
 class Frame:
-    """``size``: width and height of the video, if the file says them."""
+    """``size``: width and height of the video, if the file states them."""
 
     name: str
     size: tuple[object, object]

@@ -58,7 +58,7 @@ def read(path: Path, wanted: Wanted = Wanted()) -> Imported:  # noqa: B008
 
 
 def _name(task: _Record) -> str:
-    """The picture's name as it was written; else what the address of the picture says."""
+    """The picture's name as it was written; else what the address of the picture states."""
     meta = task.get("meta")
     given = meta.get("dlo_name") if isinstance(meta, dict) else None
     if given:
@@ -241,7 +241,7 @@ def _vertices(value: _Record, place: str, canvas: Canvas) -> Ring:
 
 
 def _cross(region: _Record, known: _Record | None, canvas: Canvas) -> None:
-    """A crossing that was written out by us, where it lies by now; a new one does not say which
+    """A crossing that was written out by us, where it is by now; a new one does not say which
     cables."""
     if known is None:
         canvas.note(UNSAID)
