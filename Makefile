@@ -10,8 +10,8 @@ DATA ?= data
 SHARED ?= ../shared
 SOAK ?= 0
 COUNT ?= 10000
-# Processes that run tests, each with a queue server of its own.
-JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+# Processes that run tests, each with a queue server of its own: one more than cores, for many tests wait for others.
+JOBS ?= $(shell expr 1 + $$(nproc 2>/dev/null || echo 2))
 
 .PHONY: run serve dev test quick lint audit rehearse docs bench faults load fuzz lock clean
 

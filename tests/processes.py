@@ -81,13 +81,14 @@ def running_service(
 
 
 class WorkerProcess:
-    """``python -m workers`` as a child of the test."""
+    """A worker as a child of the test; by default it loads no networks, see
+    :mod:`tests.noop_worker`."""
 
-    def __init__(self, settings: Settings, name: str) -> None:
+    def __init__(self, settings: Settings, name: str, module: str = "tests.noop_worker") -> None:
         self._name = name
         self._queue = JobQueue(settings)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "workers", "--name", name, "--with-parent", str(os.getpid())],
+            [sys.executable, "-m", module, "--name", name, "--with-parent", str(os.getpid())],
             cwd=ROOT,
             env=environment(settings),
         )

@@ -39,7 +39,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, EmbeddedQueue(Path(folder) / "queue") as server:
         settings = Settings(redis_url=server.url, data_dir=Path(folder), log_level="WARNING")
         queue = JobQueue(settings)
-        worker = WorkerProcess(settings, "bench")
+        worker = WorkerProcess(settings, "bench", "workers")
         try:
             worker.wait_ready()
             times_ms = sorted(time_one(queue) for _ in range(arguments.jobs))

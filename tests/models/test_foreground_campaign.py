@@ -18,6 +18,8 @@ from models.training.foreground.learning import foreground_loss
 from models.training.foreground.real_pictures import kept_aside, load_labelled
 from models.training.foreground.teacher import Teacher, taught_loss
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 
 def photographs(folder: Path, names: list[str]) -> None:
     """A labelled picture each: a bright bar, a stripe beside it that nobody could tell."""

@@ -10,6 +10,8 @@ import torch
 from models.training.foreground.learning import Learning
 from models.training.state import Config
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 TEACHER = "foreground_compact"
 
 

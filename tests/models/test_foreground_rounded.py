@@ -15,6 +15,8 @@ from models.training.foreground.rounded import RoundedActivations, RoundedWeight
 from models.training.state import Config, Course
 from models.weights.inference import WEIGHTS, manifest
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 FILE = WEIGHTS / manifest()["foreground_compact"].file
 
 

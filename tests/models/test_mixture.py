@@ -18,7 +18,7 @@ from models.training.foreground.mixture import Ledger, factorial_arms, factorial
 from models.training.foreground.networks import build
 from models.training.foreground.short_trainings import Pictures, stack
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 
 def mixed(sizes: tuple[int, ...], weights: tuple[float, ...], seed: int = 0) -> Mixture:

@@ -26,7 +26,7 @@ from models.training.foreground.networks import NETWORKS, build
 from models.training.state import Config
 from models.weights.inference import Card, manifest
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 PUBLISHED_MILLIONS = {  # without classifier
     "deeplab_resnet50": 23.5,

@@ -9,6 +9,8 @@ from models.synthesis.path_traced import PathTracerMissingError, render_path_tra
 from models.synthesis.scenes import Labelled, SceneParams
 from models.synthesis.textures import load_pool
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 PARAMS = SceneParams((96, 160), clutter=0.0, empty_share=0.0)
 
 

@@ -17,6 +17,8 @@ from models.synthesis.ribbons import rasterize, strand
 from models.synthesis.scenes import SceneParams, render_scene, to_uint8
 from models.synthesis.textures import TexturePool, load_pool, pack
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 CPU = torch.device("cpu")
 NO_TEXTURES = TexturePool(())
 FLAT = Light((0.0, 0.0, 1.0), ambient=1.0, shadow=0.0, softness=0, color=(1.0, 1.0, 1.0))

@@ -10,6 +10,8 @@ import pytest
 from models.synthesis.kinds import LOOKALIKES, SCENES, lookalike_plate, scene_plate
 from models.synthesis.textures import load_pool
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 _PLATES = Path(__file__).parents[2] / "docs" / "images" / "kinds"
 
 

@@ -18,6 +18,8 @@ from models.synthesis.scenes import SceneParams, render_scene
 from models.synthesis.stacking import intersections, stack
 from models.synthesis.textures import TexturePool
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 FLAT = Light((0.0, 0.0, 1.0), ambient=1.0, shadow=0.0, softness=0, color=(1.0, 1.0, 1.0))
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 

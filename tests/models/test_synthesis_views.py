@@ -11,6 +11,8 @@ from models.geometry.cameras import Camera, Intrinsics
 from models.synthesis.arm import SimulatedArm, camera_above, long_cable
 from models.synthesis.views import Cable3D, Optics, Scene3D, noise_texture, random_cable, render
 
+pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+
 SMALL = Intrinsics(160, 120, 150.0, 150.0, 79.5, 59.5)
 PLAIN = Optics(blur_px=0, noise=0, shadow=0, gloss=0, ambient=1)
 GRAY = np.full((64, 64, 3), 120, np.uint8)

@@ -1,6 +1,7 @@
 import pytest
 from dlo_client.contracts import ImageRef, InstancesRequest, JobState, NoopRequest
 
+from tests import noop_worker
 from tests.services import samples
 from workers import child_process, memory
 from workers.blobs import FolderBlobs
@@ -10,7 +11,8 @@ from workers.ledger import Ledger
 
 
 @pytest.fixture
-def child(settings):
+def child(settings, monkeypatch):
+    monkeypatch.setattr(child_process, "PROGRAM", noop_worker.CHILD)
     child = ChildProcess(settings)
     child.start()
     yield child

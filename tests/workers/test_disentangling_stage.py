@@ -20,14 +20,8 @@ from pydantic import ValidationError
 
 from tests.workers.harness_pictures import depth_of, harness_mask, put
 from workers import stages
-from workers.settings import Settings
 from workers.stages import plan_disentangle
 from workers.stages.outcome import InvalidInput, Tools
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 def topology_of(tools: Tools) -> TopologyResult:

@@ -9,7 +9,6 @@ from dlo_client.contracts import PlanShapeRequest, PlanShapeResult
 from pydantic import ValidationError
 
 from workers import stages
-from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
 
 LINE = [[0.02 * k, 0.0] for k in range(21)]
@@ -25,11 +24,6 @@ ASKED = {
     "fixtures": [PEG, CLIP, WALL],
     "route": ROUTE,
 }
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 def run(tools: Tools, **fields) -> PlanShapeResult:

@@ -19,13 +19,7 @@ from pydantic import ValidationError
 from models.geometry.rle import decode
 from tests.benchmarks.tracked_scenes import TrackedScene, tracked_scene
 from workers import stages
-from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 @pytest.fixture(scope="module")

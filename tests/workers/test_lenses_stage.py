@@ -18,8 +18,6 @@ from models.synthesis.arm import camera_above
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable, render
 from tests.workers.test_reconstruct_stage import view
 from workers import stages
-from workers.settings import Settings
-from workers.stages.outcome import Tools
 
 RADIUS_M = 0.0018
 LENSES = {
@@ -29,11 +27,6 @@ LENSES = {
     "tilted": (-0.28, 0.09, 5e-4, -3e-4, 0.01, 1e-3, 0.0, 0.0, 2e-3, 0.0, 1e-3, 0.0, 0.01, 0.01),
     "equidistant": (),
 }
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 @pytest.fixture(scope="module")

@@ -11,15 +11,8 @@ from dlo_client.contracts import ImageRef
 from PIL import Image
 
 from tests.workers.planning_requests import line, run
-from workers import stages
-from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
 from workers.stages.table import to_table
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 def photograph() -> np.ndarray:

@@ -22,13 +22,7 @@ from models.manipulation.simulator import Actions, Ropes, simulate, straight
 from models.manipulation.sliding import Sliders, slide
 from tests.workers.planning_requests import LENGTH, OBJECT, U, line, request, run
 from workers import stages
-from workers.settings import Settings
-from workers.stages.outcome import InvalidInput, Tools
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
+from workers.stages.outcome import InvalidInput
 
 
 def codes(result) -> set[str]:

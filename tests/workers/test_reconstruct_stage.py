@@ -26,16 +26,10 @@ from models.reconstruction.curves import distances
 from models.synthesis.arm import camera_above
 from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable, render
 from workers import stages
-from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
 
 RADIUS_M = 0.0018
 ROW = [camera_above(np.array([x, 0.0]), 0.25) for x in (-0.03, -0.01, 0.01, 0.03)]
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 @pytest.fixture(scope="module")
@@ -291,7 +285,7 @@ def _lowered(pose):
 def test_a_large_picture_from_a_bent_lens(tools, truth):
     """Thresholds in pixels hold for a camera of 1600 × 1200, and the lens is undone."""
     lens = Intrinsics(1600, 1200, 1500.0, 1500.0, 799.5, 599.5, (-0.2, 0.06, 0.0, 0.0))
-    cameras = [camera_above(np.array([x, 0.0]), 0.25, lens) for x in (-0.03, 0.0, 0.03)]
+    cameras = [camera_above(np.array([x, 0.0]), 0.25, lens) for x in (-0.03, 0.03)]
     rng = np.random.default_rng(9)
     scene = Scene3D((Cable3D(truth, RADIUS_M, (0.8, 0.1, 0.1)),), noise_texture(rng))
     views = []
@@ -304,7 +298,7 @@ def test_a_large_picture_from_a_bent_lens(tools, truth):
     outcome = stages.run(ReconstructRequest(views=views, target=target), tools)
     error_mm = 1000 * distances(np.array(outcome.result.curve.points_m), truth)
     assert error_mm.mean() < 0.5
-    assert [v.status for v in outcome.result.views] == ["used"] * 3
+    assert [v.status for v in outcome.result.views] == ["used"] * 2
     drawn = cv2.imdecode(
         np.frombuffer(outcome.files["overlay_1.png"][1], np.uint8), cv2.IMREAD_COLOR
     )[:, :, ::-1]

@@ -13,19 +13,13 @@ from models.instances import section_matching
 from models.instances.settling import Settled
 from tests.workers.test_stages import put
 from workers import stages
-from workers.settings import Settings
 from workers.stages import foreground, perception
-from workers.stages.outcome import InvalidInput, Tools
+from workers.stages.outcome import InvalidInput
 from workers.stages.regions import within
 
 HIGH = [(0.0, 0.0), (200.0, 0.0), (200.0, 60.0), (0.0, 60.0)]
 LOW = [(0.0, 60.0), (200.0, 60.0), (200.0, 120.0), (0.0, 120.0)]
 EVERYTHING = [(-9.0, -9.0), (300.0, -9.0), (300.0, 300.0), (-9.0, 300.0)]
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 @pytest.fixture(scope="module")

@@ -29,11 +29,6 @@ from workers.stages.pictures import read_mask, read_picture
 SAMPLES = Path(__file__).parents[1] / "samples"
 
 
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
-
-
 def put(tools: Tools, picture: Image.Image, form: str = "PNG", **options) -> ImageRef:
     buffer = io.BytesIO()
     picture.save(buffer, form, **options)

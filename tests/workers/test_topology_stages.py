@@ -21,11 +21,6 @@ from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Tools
 
 
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
-
-
 def run(tools: Tools, **fields) -> TopologyResult:
     return stages.run(TopologyRequest(**fields), tools).result
 

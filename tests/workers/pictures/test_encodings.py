@@ -4,7 +4,6 @@ nothing."""
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from dlo_client.contracts import ImageRef, InstancesRequest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 from models.geometry import rle
 from tests.workers.pictures import drawn
 from workers import stages
-from workers.settings import Settings
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 
 LEVELS = {
@@ -28,11 +26,6 @@ FORMS = {
     np.float32: ["TIFF"],
 }
 COLORS = st.tuples(*[st.integers(0, 255)] * 3)
-
-
-@pytest.fixture(scope="module")
-def tools(tmp_path_factory) -> Tools:
-    return stages.warm(Settings(data_dir=tmp_path_factory.mktemp("data"), onnx_threads=1))
 
 
 @st.composite
