@@ -12,7 +12,7 @@ everything random comes from the generator.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -277,15 +277,19 @@ def _shade(
     return out
 
 
+@lru_cache(maxsize=2)
+def _seen_at(i: Intrinsics) -> FloatArray:
+    """(H·W, 2) ideal pixel of every pixel; kept, for many views of a scene share a lens."""
+    x, y = np.meshgrid(np.arange(i.width, dtype=np.float64), np.arange(i.height, dtype=np.float64))
+    return Camera(i, np.eye(4)).undistort(np.stack([x.ravel(), y.ravel()], axis=1))
+
+
 def _bend(
     camera: Camera, straight: Camera, rgb: Float32Array, ids: IntArray, depth: FloatArray
 ) -> tuple[Float32Array, IntArray, FloatArray]:
     """The picture of the pinhole ``straight`` as the lens of ``camera`` shows it."""
     i, wide = camera.intrinsics, straight.intrinsics
-    x, y = np.meshgrid(np.arange(i.width, dtype=np.float64), np.arange(i.height, dtype=np.float64))
-    ideal = camera.undistort(np.stack([x.ravel(), y.ravel()], axis=1)) + np.array(
-        [wide.cx - i.cx, wide.cy - i.cy]
-    )
+    ideal = _seen_at(i) + np.array([wide.cx - i.cx, wide.cy - i.cy])
     place = np.nan_to_num(ideal, nan=-1.0).astype(np.float32).reshape(i.height, i.width, 2)
     warped = cv2.remap(
         rgb, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
