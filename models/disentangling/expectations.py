@@ -18,6 +18,7 @@ _NEAR = 1.5
 _ALIKE_RAD = float(np.deg2rad(30))
 """… and between their angles."""
 _LEAST = 1e-3
+"""Probabilities are kept so far from 0 and 1, where their odds are infinite."""
 
 
 @dataclass(frozen=True)

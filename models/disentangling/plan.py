@@ -109,8 +109,7 @@ have to be seen again. After the last one it is worth a tenth less."""
 _TOUCHES = 0.2
 """How often a joint that closes a ring turns out to be a mere touch."""
 _MOST_SUPPOSED = 6
-
-
+"""Joints that are supposed, one at a time, to be mere touches."""
 _EQUAL = 0.02
 """Chances that differ by less are equal: the network is not that exact."""
 _INSIDE, _HEADING = 1 / 6, 1 / 3
@@ -204,7 +203,7 @@ class Search:
 
     classifier: Classifier
     frame: Frame
-    clearance_widths: float = 1.0
+    clearance_widths: float = DisentangleParams.clearance_widths
     attempts: Sequence[Attempt] = ()
     looks: Looks = field(default_factory=lambda: Looks(_MOST_HOLDS_IN_ALL))
 

@@ -30,8 +30,10 @@ coefficients."""
 _WIDEST_RAD = np.radians(88.0)
 """From the axis: straight places beyond would be farther out than the numbers are good for."""
 _TABLE = 4000
+"""Angles from the axis at which the bending is known; between them it is interpolated."""
 _NEWTON_STEPS = 6
 _MISSED = 1e-4
+"""A place that is found again no better than this, in focal lengths, is outside of the field."""
 
 
 def bends(model: DistortionModel, coefficients: tuple[float, ...]) -> bool:

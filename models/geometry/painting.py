@@ -3,6 +3,8 @@ given for a picture 360 px high and follow its size."""
 
 from __future__ import annotations
 
+import colorsys
+
 import cv2
 import numpy as np
 
@@ -31,6 +33,12 @@ _ASIDE = 13.0
 """How far from the crossing, to the right and down."""
 GOLDEN = 0.61803398875
 """Golden section: hues so far apart on the circle of colors differ most from their neighbors."""
+
+
+def color_of(hue: float, saturation: float, value: float) -> Color:
+    """RGB, 0 to 255, of HSV, 0 to 1."""
+    red, green, blue = colorsys.hsv_to_rgb(hue, saturation, value)
+    return round(255 * red), round(255 * green), round(255 * blue)
 
 
 def unit_of(picture: ByteArray) -> float:

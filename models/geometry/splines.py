@@ -11,6 +11,7 @@ from models.geometry.arrays import FloatArray
 from models.geometry.polylines import arc_lengths
 
 _MOST_SPANS = 64
+"""However many points there are."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from models.instances.confidence import (
     rated_crossings,
 )
 from models.instances.crossings import Meeting, Strand, find_meetings, order_meetings
-from models.instances.drawing import draw_labels
+from models.instances.drawing import MAX_INSTANCES, draw_labels
 from models.instances.edges import edge_shifts
 from models.instances.endpoints import endpoints_of
 from models.instances.scene import Crossing, Instance, Scene
@@ -29,8 +29,6 @@ from models.strands.chain import Chain
 from models.strands.ends import beyond, width_of
 from models.strands.stopwatch import Stopwatch
 
-MAX_INSTANCES = 255
-"""As many as labels of one byte can name."""
 _POINT_SPACING_PX = 5.0
 _ONE_PLACE_PX = 1e-6
 _FITTED_PX = 3.0

@@ -45,6 +45,8 @@ _SAMPLED = 40
 _FROM_EDGE = np.array([-4.0, -1.5, 1.5, 4.0])
 """Pixels from an edge, outward, at which colors are read; inside at most to the middle."""
 _FADING_LEVELS = 20.0
+_LONGEST, _MOST_DOUBT, _ODDEST = 60, 4.0, 1.5
+"""Length in widths, doubt, and logarithm of an odd width: more counts no more."""
 _DOUBTFUL, _ALONGSIDE = 0.7, 0.15
 """Doubt, and share beside another, that are reasons to be unsure."""
 _FAINT_LEVELS = 12.0
@@ -172,11 +174,11 @@ def instance_features(
     faint = np.where(unseen, 0.0, np.exp(-np.nan_to_num(evidence.contrast) / _FADING_LEVELS))
     columns = (
         np.ones(len(width)),
-        np.log(np.clip(length / width, 1, 60)),
+        np.log(np.clip(length / width, 1, _LONGEST)),
         np.minimum(evidence.gap, 0.5),
-        np.minimum(evidence.doubt, 4.0),
+        np.minimum(evidence.doubt, _MOST_DOUBT),
         free,
-        np.minimum(np.abs(np.log(width / typical)), 1.5),
+        np.minimum(np.abs(np.log(width / typical)), _ODDEST),
         evidence.beside,
         faint,
         unseen.astype(np.float64),

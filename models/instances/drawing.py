@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
-from models.geometry.painting import GOLDEN, stroke
+from models.geometry.painting import GOLDEN, color_of, stroke
 from models.geometry.polylines import around
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, Instance
 
+MAX_INSTANCES = 255
+"""As many as labels of one byte can name."""
 _ROUNDS = (1.6, 1.0, 0.6)
 """Widths of the strokes of a strand, in its own."""
 _OVER = 1.2
@@ -60,7 +61,7 @@ def draw_labels(
 
 def _moved(evidence: ByteArray, labels: ByteArray, shifts: FloatArray) -> ByteArray:
     """The foreground with the outline of each label moved outwards."""
-    by_label = np.zeros(256, np.float32)
+    by_label = np.zeros(MAX_INSTANCES + 1, np.float32)
     by_label[1 : len(shifts) + 1] = shifts
     # Distances are to pixel centers: the nearest background pixels are at 1.
     outside = cv2.distanceTransform(1 - evidence, cv2.DIST_L2, cv2.DIST_MASK_5)
@@ -87,9 +88,8 @@ def _runs(flags: BoolArray) -> list[tuple[int, int]]:
 def palette() -> ByteArray:
     """``(256, 3)`` RGB colors of the labels: 0 black, then hues a golden section apart: neighbors
     differ."""
-    colors = [(0.0, 0.0, 0.0)]
-    for number in range(255):
+    colors = [(0, 0, 0)]
+    for number in range(MAX_INSTANCES):
         hue, dim = (_FIRST_HUE + number * GOLDEN) % 1.0, number // _OF_A_KIND % 3
-        colors.append(colorsys.hsv_to_rgb(hue, *(_STRONG - dim * _WEAKER)))
-    rounded: ByteArray = np.rint(np.array(colors) * 255).astype(np.uint8)
-    return rounded
+        colors.append(color_of(hue, *(_STRONG - dim * _WEAKER)))
+    return np.array(colors, np.uint8)

@@ -14,8 +14,6 @@ from models.geometry.polylines import arc_lengths
 from models.geometry.sampling import read_nearest
 from models.strands.pixel_graph import PixelGraph, smoothed
 
-_SMOOTHING_PX = 3
-"""Neighbors to both sides that take the pixel steps out of a medial line."""
 _SPUR = 0.5
 """A free end that reaches less than this share of the joint's radius beyond its disc is no
 branch."""
@@ -86,7 +84,7 @@ def web_of(graph: PixelGraph, distances: Float32Array) -> Web:
         graph.xy
     )
     line[bounds[:-1]], line[bounds[1:] - 1] = knots[ends[:, 0]], knots[ends[:, 1]]
-    radii, xy = read_nearest(distances, line), smoothed(line, bounds, _SMOOTHING_PX)
+    radii, xy = read_nearest(distances, line), smoothed(line, bounds)
     strands = (
         Strand(a, b, xy[start:stop], radii[start:stop])
         for (a, b), start, stop in zip(

@@ -16,6 +16,7 @@ from models.geometry.components import components
 from models.strands.foreground import Foreground
 
 _WIDE_PX = 8.0
+_SMOOTHING_PX = 3
 FREE = -1
 """From this width on a skeleton is traced at half the size; what stands for no junction at a
 chain's end."""
@@ -223,15 +224,15 @@ def uphill(points_xy: IntArray, heights: Float32Array, steps: int) -> IntArray:
     return np.stack((flat % width - 1, flat // width - 1), axis=1)
 
 
-def smoothed(points: FloatArray | IntArray, bounds: IntArray, half: int) -> FloatArray:
-    """``(N, 2)`` points of consecutive chains, each the mean of up to ``half`` neighbors to both
+def smoothed(points: FloatArray | IntArray, bounds: IntArray) -> FloatArray:
+    """``(N, 2)`` points of consecutive chains, each the mean of up to three neighbors to both
     sides.
 
     The window shrinks towards a chain's ends, which stay where they are.
     """
     lengths = np.diff(bounds)
     place = np.arange(len(points)) - np.repeat(bounds[:-1], lengths)
-    room = np.minimum(np.minimum(place, np.repeat(lengths, lengths) - 1 - place), half)
+    room = np.minimum(np.minimum(place, np.repeat(lengths, lengths) - 1 - place), _SMOOTHING_PX)
     sums = np.concatenate(
         (np.zeros((1, points.shape[1])), np.cumsum(points, axis=0, dtype=np.float64))
     )

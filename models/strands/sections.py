@@ -17,10 +17,10 @@ from models.geometry.directions import quarter_turned, unit
 from models.geometry.sampling import middle, read_nearest
 from models.strands.pixel_graph import FREE, PixelGraph, smoothed
 
-_SMOOTHING_PX = 3
 _LOOK = 24
 """Samples of the stretch behind an end that gives its direction, width and color."""
-_LOOK_RADII = 6.0
+_LOOK_RADII, _LOOK_PX = 6 / 1.15, 10 / 1.15
+"""Its length; at least so many pixels."""
 _CUT_RADII = 1.0
 """What is cut off at a junction, in radii there: the skeleton runs into the junction, not along a
 DLO."""
@@ -35,8 +35,8 @@ _INSIDE_RADII = 1.0
 crossing, too."""
 _SPUR_RADII = 1.5
 _MAX_SECTIONS = 3_000
-_NEAREST = 24
-"""Of a larger junction, each end is paired with so many others at most."""
+NEAREST = 24
+"""So many other ends at most are considered for each end of a junction, or across gaps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def sections_of(
     kept = np.sort(kept[np.argsort(-lengths[kept], kind="stable")[:_MAX_SECTIONS]])
     cut = np.minimum(cut[kept], np.maximum(lengths[kept, None] // 2 - 1, 0))
     first, last = bounds[kept] + cut[:, 0], bounds[kept + 1] - cut[:, 1]
-    smooth = smoothed(graph.xy, bounds, _SMOOTHING_PX)
+    smooth = smoothed(graph.xy, bounds)
     rows = np.concatenate(
         [np.arange(a, b) for a, b in zip(first, last, strict=True)] or [np.zeros(0, np.int64)]
     )
@@ -143,7 +143,7 @@ def _with_ends(
     sign = np.tile([1, -1], count)
     own = _medians(radii, bounds)
     typical = np.repeat(own, 2)
-    reach = np.minimum(np.maximum(_LOOK_RADII * typical, 10.0) / 1.15, np.repeat(lengths, 2) - 1)
+    reach = np.minimum(np.maximum(_LOOK_RADII * typical, _LOOK_PX), np.repeat(lengths, 2) - 1)
     offsets = np.rint(np.linspace(0, 1, _LOOK) * reach[:, None]).astype(np.int64)
     samples = base[:, None] + sign[:, None] * offsets if count else np.zeros((0, _LOOK), np.int64)
     looked = xy[samples]
@@ -260,10 +260,10 @@ def pairs_at_junctions(sections: Sections) -> IntArray:
 
 
 def _near_pairs(ends: IntArray, tips: FloatArray) -> IntArray:
-    if len(ends) <= _NEAREST:
+    if len(ends) <= NEAREST:
         a, b = np.triu_indices(len(ends), 1)
     else:
-        _, near = cKDTree(tips[ends]).query(tips[ends], _NEAREST)
-        a, b = np.repeat(np.arange(len(ends)), _NEAREST), np.asarray(near).ravel()
+        _, near = cKDTree(tips[ends]).query(tips[ends], NEAREST)
+        a, b = np.repeat(np.arange(len(ends)), NEAREST), np.asarray(near).ravel()
         a, b = np.unique(np.stack((np.minimum(a, b), np.maximum(a, b)))[:, a != b], axis=1)
     return np.stack((ends[a], ends[b]), axis=1)

@@ -158,7 +158,7 @@ def _tint(image: ByteArray) -> Callable[[Site], float]:
     def odds(site: Site) -> float:
         colors = []
         for arm in site.arms:
-            along = arm.xy + np.linspace(0.5, 2.5, 5)[:, None] * arm.width * arm.heading
+            along = arm.xy + np.arange(0.5, 3, 0.5)[:, None] * arm.width * arm.heading
             colors.append(np.median(seen.read(along), axis=0))
         alike = [sum(_apart(colors, i, j) for i, j in pairs) for pairs in (site.pairs, site.rivals)]
         return _COLOR_WEIGHT * float(np.tanh((alike[1] - alike[0]) / _COLOR_UNIT))

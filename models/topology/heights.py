@@ -33,6 +33,7 @@ mean and standard deviation, in thicknesses of the thinnest one (17 crossings of
 scenes 2000 to 2059 of ``bench_harness_depth``; where none was, the lowest arm of nine rose by .3 to
 7 mm)."""
 _MOST_ODDS = 3.0
+"""One reading of the depth speaks for no more than this, either way."""
 
 
 def raised_odds(depths: Sequence[Surface], web: Web, arms: Sequence[Arm]) -> float:

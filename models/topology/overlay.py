@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 from dataclasses import replace
 
 import cv2
@@ -25,8 +24,7 @@ _FIRST_HUE, _HUES, _SATURATION = 0.10, 0.75, 0.75
 def section_color(k: int) -> Color:
     """Hues a golden section apart."""
     hue = _FIRST_HUE + _HUES * (k * painting.GOLDEN % 1.0)
-    red, green, blue = colorsys.hsv_to_rgb(hue, _SATURATION, 1.0)
-    return round(255 * red), round(255 * green), round(255 * blue)
+    return painting.color_of(hue, _SATURATION, 1.0)
 
 
 def overlay(

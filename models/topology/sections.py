@@ -19,7 +19,6 @@ from models.topology.sites import ends_at
 from models.topology.solver import End, Solution
 
 _POINT_SPACING_PX = 4.0
-_SMOOTHING_PX = 3
 _TIP_POINTS = 8
 """Over so many points a strand's direction at its end is taken."""
 _SEPARATE_VISITS = 12
@@ -121,7 +120,7 @@ def sections_of(walks: list[Walk], solution: Solution, graph: Graph) -> list[Sec
         branches = (-1, -1) if walk.closed else branches
         width = width_of(walk.radii)
         whole = np.array([0, len(walk.xy)])
-        line = smoothed(smoothed(walk.xy, whole, _SMOOTHING_PX), whole, _SMOOTHING_PX)
+        line = smoothed(smoothed(walk.xy, whole), whole)
         line = _with_tips(line, branches, walk, graph)
         count = max(2, round(float(arc_lengths(line)[-1]) / _POINT_SPACING_PX) + 1)
         xy = resample(line, count)

@@ -92,6 +92,6 @@ def test_halved_keeps_gaps_and_doubled_is_dense_again():
 
 def test_smoothing_stays_within_a_chain_and_keeps_its_ends():
     points = np.array([[0, 0], [1, 1], [2, 0], [100, 7], [101, 8], [102, 7]])
-    out = smoothed(points, np.array([0, 3, 6]), 3)
+    out = smoothed(points, np.array([0, 3, 6]))
     np.testing.assert_allclose(out[[0, 2, 3, 5]], points[[0, 2, 3, 5]])
     np.testing.assert_allclose(out[1], [1, 1 / 3])

@@ -20,7 +20,7 @@ from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.directions import angle_between, quarter_turned, unit
 from models.geometry.polylines import bridge
 from models.geometry.sampling import read_nearest
-from models.strands.sections import Sections, pairs_at_junctions
+from models.strands.sections import NEAREST, Sections, pairs_at_junctions
 
 KINDS = ("junction", "gap", "shared", "absorbed")
 JUNCTION, GAP, SHARED, ABSORBED = range(4)
@@ -42,8 +42,7 @@ _SHARED_RADII = 16.0
 _SHARED_THICK = 1.3
 """A section may be shared if it is short or this much thicker than what leads to it."""
 _SAMPLES = 16
-_NEAREST = 24
-"""At most so many ends of a crossing, or across gaps, are considered for each end."""
+"""Of the way from one end to the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +95,7 @@ def _over_gaps(sections: Sections, gap_widths: float) -> IntArray:
     if len(free) == 0:
         return np.zeros((0, 2), np.int64)
     reach = 2 * gap_widths * float(np.median(sections.radius))
-    k = min(_NEAREST, len(every))
+    k = min(NEAREST, len(every))
     near = np.asarray(
         cKDTree(sections.tip[every]).query(sections.tip[free], k, distance_upper_bound=reach)[1]
     )
@@ -121,7 +120,7 @@ def _along_shared(sections: Sections) -> tuple[IntArray, IntArray]:
     pairs, via = [], []
     for section in candidates.tolist():
         here, there = ([e for e in at[int(n)] if e >> 1 != section] for n in nodes[section])
-        if len(here) > _NEAREST or len(there) > _NEAREST or min(len(here), len(there)) < 2:
+        if len(here) > NEAREST or len(there) > NEAREST or min(len(here), len(there)) < 2:
             continue
         leading = median(sections.end_radius[here + there].tolist())
         thick = sections.radius[section] > _SHARED_THICK * leading

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
+from scipy.special import expit
 
 from models.geometry.arrays import FloatArray
 from models.instances.published.ariadne_plus.superpixels import Regions
@@ -48,9 +49,7 @@ def intersection_scores(
             continue
         alike = np.ones((len(around), len(around)))
         if appearance is not None:
-            alike = 2 / (
-                1 + np.exp(np.minimum(appearance(around), 50.0))
-            )  # a sigmoid: 1 at distance 0
+            alike = 2 * expit(-appearance(around))  # 1 at distance 0
         for i, j in combinations(range(len(around)), 2):
             curve = curvature_score(_sequence(regions, around[i], node, around[j]))
             scores.append((float(alike[i, j]) * curve, around[i], around[j], node))

@@ -9,6 +9,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
+from models.instances.published import SHARED_RADII
 from models.instances.published.fastdlo.similarity import (
     FEATURES,
     SimilarityNetwork,
@@ -25,8 +26,7 @@ from models.strands.stopwatch import Stopwatch
 from models.strands.walks import strands_of
 
 _MAX_PIXELS = 1_500_000
-_SHARED_RADII = 14.0
-"""Longest foreground that two strands of a shallow crossing share: one intersection, not two."""
+"""Larger pictures are reduced."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _extract(
     watch = Stopwatch()
     with watch.step("skeleton"):
         foreground = Foreground.of(mask)
-        sections = sections_of(trace(foreground), foreground.distances, image, _SHARED_RADII)
+        sections = sections_of(trace(foreground), foreground.distances, image, SHARED_RADII)
     with watch.step("network"):
         pairs, probability = process_intersections(sections, similarity)
     with watch.step("merging"):

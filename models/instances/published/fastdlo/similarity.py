@@ -22,16 +22,17 @@ def features(colors: FloatArray, widths: FloatArray, outward: FloatArray) -> Flo
     features. The last column is how much the colors differ in this intersection, the same for all
     of its endpoints: where strands look alike, directions have to tell.
     """
+    shades = colors / 255.0
     cosine, sine = outward[:, 0], outward[:, 1]
     relative = (
         np.log(np.maximum(widths, 0.5) / max(float(widths.mean()), 0.5)) if len(widths) else widths
     )
     spread = np.full(
         (len(colors), 1),
-        np.log(float(np.linalg.norm(colors.std(axis=0))) / 255.0 + 0.01) if len(colors) else 0.0,
+        np.log(float(np.linalg.norm(shades.std(axis=0))) + 0.01) if len(colors) else 0.0,
     )
     columns = (
-        colors / 255.0,
+        shades,
         relative[:, None],
         (cosine**2 - sine**2)[:, None],
         (2 * cosine * sine)[:, None],

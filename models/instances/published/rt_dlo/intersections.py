@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from models.geometry.polylines import arc_lengths
+from models.instances.published import SHARED_RADII
 from models.instances.published.rt_dlo.arms import ARM_VERTICES, Arm, arm_of, continuation
 from models.instances.published.rt_dlo.graph import Vertices
 from models.strands.pairing import match
@@ -22,8 +23,6 @@ from models.strands.pairing import match
 Graph = dict[int, set[int]]
 """Vertex to its neighbors, both ways."""
 
-_SHARED_RADII = 14.0
-"""Longest foreground that two strands of a shallow crossing share."""
 _LONGEST_CHAIN = 64
 """No chain of more vertices is that short."""
 
@@ -114,7 +113,7 @@ def _without_inner_chains(
 
 def _is_short(chain: list[int], vertices: Vertices) -> bool:
     length = float(arc_lengths(vertices.xy[chain])[-1])
-    return length <= _SHARED_RADII * vertices.typical_radius
+    return length <= SHARED_RADII * vertices.typical_radius
 
 
 def _paired(arms: list[Arm]) -> list[tuple[int, int]]:
