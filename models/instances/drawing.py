@@ -18,7 +18,7 @@ MAX_INSTANCES = 255
 _ROUNDS = (1.6, 1.0, 0.6)
 """Widths of the strokes of a strand, in its own."""
 _OVER = 1.2
-"""How far on either side of a crossing the upper strand is painted again, in widths of the lower."""
+"""How far to both sides of a crossing the upper strand is painted again, in widths of the lower."""
 _FIRST_HUE, _OF_A_KIND = 0.02, 12
 _STRONG, _WEAKER = np.array([0.9, 1.0]), np.array([0.2, 0.15])
 """Saturation and value of so many labels' colors, and by how much those of the next are less."""

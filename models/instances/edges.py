@@ -20,7 +20,8 @@ _INSIDE_PX, _OUTSIDE_PX = 4, 7
 _MOST_SHIFT = 4
 """Edges inside the mask's are not believed: foreground that a network is sure of stays."""
 _USUAL = (0.3, 0.75)
-"""Half widths, in widths of the instance, between which a place is neither damaged nor a crossing."""
+"""Half widths, in widths of the instance, between which a place is neither damaged nor at a
+crossing."""
 _SPACING_PX = 4.0
 _AT_MOST = 120
 """Sections across an instance."""

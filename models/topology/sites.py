@@ -27,8 +27,8 @@ from models.topology.scene import Predictions
 _LONGEST_MIDDLE = 9.0
 """A middle strand of more widths than this is a bundle, no crossing."""
 _JOINT, _NEAR_PX = 1.2, 60
-"""How far a joint reaches, in radii there (or widths of its arms), and how far beyond an arm's width
-is measured."""
+"""How far a joint reaches, in radii there (or widths of its arms), and how far beyond it the width
+of an arm is measured."""
 _ARM_WIDTHS = 2.5
 """Over how many widths an arm's direction is taken, from the joint's disc on."""
 

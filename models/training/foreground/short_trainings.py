@@ -1,4 +1,4 @@
-"""Short trainings of a foreground network on pictures in memory: equally long, so that they compare."""
+"""Short trainings of a foreground network on pictures in memory, equally long: they compare."""
 
 from __future__ import annotations
 
