@@ -6,7 +6,7 @@ Strategy: a harness with one to four crossings is on a table; what a camera sees
 topology, from which turns are found. Some are done on the harness as it really is, each anew, by
 arms that err; one that works leads on to the next state. A turn works if the piece could be taken,
 as many crossings are gone as were foreseen, and the place is as easy to read as before: nothing
-newly touches, crosses right beside a branch-point, or crosses out of sight. About 30 minutes on one
+newly touches, crosses right beside a branch-point, or crosses out of sight. About an hour on one
 core.
 """
 
@@ -56,7 +56,7 @@ _AS_IT_IS, _NO_DEPTH = 0.15, 0.2
 class MovesConfig(ClassifierConfig):
     seed: int = 12
     epochs: int = 20
-    scenes: int = 1200
+    scenes: int = 2400
     held_out: int = 100
     hidden: int = 48
 
