@@ -130,7 +130,12 @@ def obstacles(data: dict) -> str:
 def hard(data: dict) -> str:
     total = {key: sum(part[key] for part in data.values()) for key in ("tasks", "default", "rule")}
     rows = [
-        [kind, p["tasks"], p["default"], p["rule"]] for kind, p in [*data.items(), ("all", total)]
+        [
+            kind,
+            p["tasks"],
+            *(f"{p[key]} ({100 * p[key] / p['tasks']:.0f} %)" for key in ("default", "rule")),
+        ]
+        for kind, p in [*data.items(), ("all", total)]
     ]
     margin = 100 * (total["default"] - total["rule"]) / total["tasks"]
     return (

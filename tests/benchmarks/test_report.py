@@ -57,3 +57,15 @@ def test_what_a_plant_asks_for_is_reported_with_its_figures(tmp_path: Path) -> N
         "| pictures | 100 | 0 | refused 422 90, succeeded 10 |",
     ):
         assert part in report
+
+
+def test_hard_tasks_are_pooled_with_the_margin_in_points(tmp_path: Path) -> None:
+    found = {
+        "deep S, M, loop": {"tasks": 18, "default": 14, "rule": 11},
+        "behind pegs": {"tasks": 2, "default": 2, "rule": 0},
+    }
+    (tmp_path / "hard.json").write_text(json.dumps(found))
+    write_report(tmp_path, tmp_path / "RESULTS.md")
+    report = (tmp_path / "RESULTS.md").read_text()
+    assert "| all | 20 | 16 (80 %) | 11 (55 %) |" in report
+    assert "over the rule: 25 points" in report
