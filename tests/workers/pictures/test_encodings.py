@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from dlo_client.contracts import ImageRef, InstancesRequest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from models.geometry import rle
@@ -40,6 +40,11 @@ def gray(draw) -> tuple[np.ndarray, bytes, bool]:
     options = {"quality": 90} if form == "JPEG" else {"lossless": True} if form == "WEBP" else {}
     data = drawn.saved((ground + (cable - ground) * share).astype(kind), form, **options)
     return curve, data, not soft and form != "JPEG"
+
+
+def faint() -> tuple[np.ndarray, bytes, bool]:
+    curve = drawn.curve(5, 4)
+    return curve, drawn.saved((76 * drawn.smooth(curve)).astype(np.uint8)), False
 
 
 @st.composite
@@ -88,6 +93,7 @@ def test_a_curve_as_mask_is_found_or_refused(tools, sent):
 
 
 @settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@example(sent=faint())
 @given(sent=gray())
 def test_a_curve_as_image_is_found_or_there_is_a_warning(tools, sent):
     """A black and white mask sent as `image` was segmented like a photograph."""
@@ -98,8 +104,7 @@ def test_a_curve_as_image_is_found_or_there_is_a_warning(tools, sent):
     assert result.instances or result.warnings
     if any("taken as a mask" in warning for warning in result.warnings):
         assert result.models == []
-        assert (
-            0.5 * curve.sum()
-            < sum(i.length_px * i.width_px for i in result.instances)
-            < 2 * curve.sum()
-        )
+        if any("is a probability of" in warning for warning in result.warnings):
+            return  # soft and faint, it may stay below the threshold all along
+        found = sum(i.length_px * i.width_px for i in result.instances)
+        assert 0.5 * curve.sum() < found < 2 * curve.sum()
