@@ -138,6 +138,10 @@ def test_the_curve_and_its_uncertainty_are_where_they_should_be(page: Any) -> No
 def test_it_turns_with_mouse_and_keys(page: Any) -> None:
     page.goto(f"{page.url}?job={samples.JOB_ID}")
     page.wait_for_selector("#facts dd")
+    # Filled lists move the canvas, which is drawn anew in the frame after.
+    page.evaluate(
+        "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    )
     picture = "document.querySelector('#space').toDataURL()"
     before = page.evaluate(picture)
     page.focus("#space")
