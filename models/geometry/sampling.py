@@ -62,8 +62,7 @@ def middle(values: FloatArray, axis: int) -> FloatArray:
     """The median along an axis, as ``np.median``, which takes three times as long for few numbers."""
     count = values.shape[axis]
     ordered = np.sort(values, axis=axis)
-    low, high = ((count - 1) // 2, count // 2)
-    return np.asarray((ordered.take(low, axis) + ordered.take(high, axis)) / 2)
+    return np.asarray((ordered.take((count - 1) // 2, axis) + ordered.take(count // 2, axis)) / 2)
 
 
 def read_nearest(image: Float32Array | BoolArray | ByteArray, points_xy: FloatArray) -> FloatArray:

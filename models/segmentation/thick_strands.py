@@ -47,8 +47,6 @@ def _middles(mask: BoolArray, width: float) -> BoolArray:
 def _is_long(middles: BoolArray, width: float) -> bool:
     """Whether a connected part of ``middles`` (h, w) extends by a ``width``: a strand is at least
     twice as long as it is thick, a heap of thinner ones need not be."""
-    if not middles.any():
-        return False
     _, _, boxes, _ = cv2.connectedComponentsWithStats(middles.view(np.uint8), connectivity=8)
     sides = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
-    return bool(np.hypot(*sides.T).max() >= width)
+    return bool(np.hypot(*sides.T).max(initial=0.0) >= width)

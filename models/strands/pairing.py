@@ -50,12 +50,12 @@ def match(
     """
     partner = np.arange(count)
     along = np.full(len(pairs), -1) if via is None else via
-    worth = costs < stop[pairs[:, 0]] + stop[pairs[:, 1]]
-    pairs, costs, along = pairs[worth], costs[worth], along[worth]
+    savings = stop[pairs[:, 0]] + stop[pairs[:, 1]] - costs
+    worth = savings > 0
+    pairs, savings, along = pairs[worth], savings[worth], along[worth]
     if not len(pairs):
         return partner
     group = components(pairs, count)
-    savings = stop[pairs[:, 0]] + stop[pairs[:, 1]] - costs
     links: dict[int, list[Link]] = {}
     for name, (a, b), saving, section in zip(
         group[pairs[:, 0]].tolist(), pairs.tolist(), savings.tolist(), along.tolist(), strict=True

@@ -1,4 +1,4 @@
-"""The depth beside a picture: read, its table found, and what it states of foreground, order and
+"""The depth beside a picture: read, its table found, and what it shows of foreground, order and
 curves."""
 
 from __future__ import annotations
