@@ -37,8 +37,8 @@ GOLDEN = 0.61803398875
 
 def color_of(hue: float, saturation: float, value: float) -> Color:
     """RGB, 0 to 255, of HSV, 0 to 1."""
-    red, green, blue = colorsys.hsv_to_rgb(hue, saturation, value)
-    return round(255 * red), round(255 * green), round(255 * blue)
+    red, green, blue = (round(255 * part) for part in colorsys.hsv_to_rgb(hue, saturation, value))
+    return red, green, blue
 
 
 def unit_of(picture: ByteArray) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.geometry.directions import quarter_turned, tangents_of_each
@@ -134,7 +134,7 @@ def _edges(instances: Sequence[Instance], image: ByteArray) -> tuple[FloatArray,
     offsets = np.maximum(half + _FROM_EDGE, [0.0, 0.0, -np.inf, -np.inf])
     signed = np.concatenate((offsets, -offsets), axis=1)
     places = points[:, None] + signed[..., None] * normals[:, None]
-    colors = read_nearest(image, places).reshape(len(owner), 2, 4, 3)
+    colors = read_nearest(image, places).reshape(len(owner), 2, -1, 3)
     steps = (
         np.abs(colors[:, :, a] - colors[:, :, b]).mean(axis=(1, 2)) for a, b in ((3, 0), (2, 1))
     )
@@ -248,8 +248,7 @@ def crossing_features(meetings: Sequence[Meeting], instances: Sequence[Instance]
 def order_features(crossings: Sequence[Crossing]) -> FloatArray:
     """``(K, 2)`` of :data:`ORDER_FEATURES`: log odds of the order's raw scores, as they are and
     capped."""
-    scores = np.array([c.score for c in crossings], dtype=np.float64)
-    odds = np.log(scores / np.maximum(1 - scores, 1e-6))
+    odds = logit(np.array([c.score for c in crossings], dtype=np.float64))
     return np.stack((np.minimum(odds, 6.0), np.minimum(odds, 1.0)), axis=1)
 
 

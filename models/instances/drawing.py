@@ -13,7 +13,7 @@ from models.geometry.polylines import around
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, Instance
 
-MAX_INSTANCES = 255
+MAX_INSTANCES = int(np.iinfo(np.uint8).max)
 """As many as labels of one byte can name."""
 _ROUNDS = (1.6, 1.0, 0.6)
 """Widths of the strokes of a strand, in its own."""

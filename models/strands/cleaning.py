@@ -34,7 +34,7 @@ def clean(mask: BoolArray, hole_widths: float, slit_widths: float = 0.0) -> Fore
     outlines, tree = cv2.findContours(binary, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     if tree is None:
         return Foreground.of(binary.view(bool))
-    is_hole = tree.reshape(-1, 4)[:, 3] >= 0
+    is_hole = tree[0, :, 3] >= 0
     lengths = np.array([cv2.arcLength(outline, True) for outline in outlines])
     areas = _pixels(np.array([cv2.contourArea(outline) for outline in outlines]), lengths, is_hole)
     big = areas > _SPECK_PX

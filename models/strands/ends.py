@@ -31,7 +31,7 @@ def beyond(
     x, y = line[0].tolist()
     back_x, back_y = line[min(behind, len(line) - 1)].tolist()
     length = math.hypot(x - back_x, y - back_y)
-    if length < 1e-6:
+    if length == 0:
         return line[:0]
     step_x, step_y = (x - back_x) / length, (y - back_y) / length
     height, width = foreground.shape

@@ -21,8 +21,6 @@ _MOST_SHARED = 12
 _SHARED_MARGIN = -1.5
 """Log odds by which sharing may be worse: not to share leaves strands that end in the middle of
 nowhere."""
-_FORBIDDEN = 1e6
-"""Cost of a pair that is no link: larger than any sum of costs."""
 
 Partners = dict[int, int]
 """Both ways; an end that stops is not in it."""
@@ -142,7 +140,7 @@ def _relaxed(links: list[Link]) -> list[Link]:
     """
     ends = sorted({end for link in links for end in link[:2]})
     number = {end: k for k, end in enumerate(ends)}
-    table = np.full((len(ends), len(ends)), _FORBIDDEN)
+    table = np.full((len(ends), len(ends)), np.inf)
     np.fill_diagonal(table, 0.0)
     best: dict[tuple[int, int], Link] = {}
     for link in sorted(links, key=lambda link: link.saving):

@@ -21,18 +21,14 @@ _LOOK = 24
 """Samples of the stretch behind an end that gives its direction, width and color."""
 _LOOK_RADII, _LOOK_PX = 6 / 1.15, 10 / 1.15
 """Its length; at least so many pixels."""
-_CUT_RADII = 1.0
-"""What is cut off at a junction, in radii there: the skeleton runs into the junction, not along a
-DLO."""
 _CUT_AT_MOST_RADII = 2.5
+"""What is cut off at a junction, in radii there: one at least, as the skeleton runs into the
+junction, not along a DLO."""
 _THICK = 1.2
 """A section is cut back while it is thicker than this times its own typical radius."""
 _LEAST_OF_TYPICAL = 0.75
 """Where a mask breaks off it is often thin: an end counts as at least so much of its section's
 typical radius."""
-_INSIDE_RADII = 1.0
-"""What is left of a chain between two junctions once it is cut, up to so many radii, is inside a
-crossing, too."""
 _SPUR_RADII = 1.5
 _MAX_SECTIONS = 3_000
 NEAREST = 24
@@ -84,7 +80,7 @@ def sections_of(
     ``shared_radii``: a chain up to so many radii long between two forks is the foreground that two
     crossing DLOs share: it is left out and the forks become one group.
 
-    Strategy: a chain that would be cut to nothing is inside a crossing; its two junctions become
+    Strategy: a chain of which no more than a radius would be left is inside a crossing; its two junctions become
     one group. All values at ends come from one gather: ``_LOOK`` samples a few radii back along the
     chain from each end.
     """
@@ -93,8 +89,9 @@ def sections_of(
     typical = _medians(radii, bounds)
     junction_radius = np.maximum(_junction_radii(graph, distances), 1.0)
     cut = _cuts(graph, radii, typical, junction_radius)
-    inside = cut.sum(axis=1) + _INSIDE_RADII * typical
-    inner = (graph.ends != FREE).all(axis=1) & (lengths <= inside) & ~graph.closed
+    inner = (
+        (graph.ends != FREE).all(axis=1) & (lengths <= cut.sum(axis=1) + typical) & ~graph.closed
+    )
     spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, junction_radius)
     if shared_radii > 0:
         inner[
@@ -207,7 +204,7 @@ def _cuts(
     """``(C, 2)`` pixels to cut off at both ends of every chain; 0 at free ends."""
     lengths = np.diff(graph.bounds)
     at = np.append(junction_radius, 0.0)[graph.ends]
-    least = np.ceil(_CUT_RADII * at).astype(np.int64)
+    least = np.ceil(at).astype(np.int64)
     most = np.ceil(_CUT_AT_MOST_RADII * at).astype(np.int64)
     span = int(min(most.max(initial=0), 400)) + 1
     steps = np.minimum(np.arange(span)[None], lengths[:, None] - 1)

@@ -28,13 +28,13 @@ class Joint:
     probability that they belong together.
     """
 
-    via: int = -1
-    doubt: float = 0.0
+    via: int
+    doubt: float
 
 
 Joints = Mapping[tuple[int, int], Joint]
 """By the two ends, the lower first."""
-_PLAIN = Joint()
+_PLAIN = Joint(via=-1, doubt=0.0)
 
 
 def follow(partner: IntArray, done: BoolArray | None = None) -> list[tuple[list[int], bool]]:

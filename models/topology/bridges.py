@@ -179,7 +179,7 @@ def _ahead(view: _View, end: End) -> list[int]:
     step = graph.xy - end.xy
     size = np.hypot(*step.T)
     reach = _REACH_WIDTHS * end.width + _REACH_PX + graph.radii
-    cosine = step @ end.heading / np.maximum(size, 1e-9)
+    cosine = unit(step) @ end.heading
     cost = size * (1 + _ASIDE - _ASIDE * cosine) - graph.radii
     best: dict[int, tuple[float, int]] = {}
     for node in np.flatnonzero((size < reach) & (cosine > _CONE) & (size > 0)).tolist():

@@ -23,11 +23,12 @@ from models.strands.walks import Joint, strands_of
 _BORDER_STOP = -2.0
 """Log odds against a DLO that ends at the border: it leaves the picture."""
 
-_AT_KINK, _KINK_RADII = 4.0, 12.0
-"""So many times more it costs to stop where nothing but the two sides of a kink meets, so many
-radii from the border: DLOs that leave the picture side by side meet, too."""
-_WHOLE_RADII = 12.0
-"""A section of so many radii from a crossing to a free end is no stub."""
+_AT_KINK = 4.0
+"""So many times more it costs to stop where nothing but the two sides of a kink meets, unless the
+border is near: DLOs that leave the picture side by side meet, too."""
+_FAR_RADII = 12.0
+"""The border is not near; and a section of so many radii from a crossing to a free end is no
+stub."""
 _TIP_WIDTHS = 1.5
 """A skeleton ends up to a width and a half before the strand does."""
 
@@ -100,8 +101,8 @@ def _stops(sections: Sections, at_crossing: float) -> FloatArray:
     speaks against it."""
     other = np.arange(len(sections.node)) ^ 1
     stub = (sections.node[other] == FREE) & ~sections.at_border[other]
-    size = np.repeat(sections.length / (_WHOLE_RADII * sections.radius), 2)
-    far = sections.to_edge > _KINK_RADII * sections.end_radius
+    size = np.repeat(sections.length / (_FAR_RADII * sections.radius), 2)
+    far = sections.to_edge > _FAR_RADII * sections.end_radius
     meeting = np.bincount(sections.node[sections.node >= 0], minlength=1)[sections.node]
     crossing = at_crossing * np.where(
         (meeting == 2) & far, _AT_KINK, np.where(stub, np.minimum(size, 1.0), 1.0)

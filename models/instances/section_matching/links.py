@@ -29,8 +29,6 @@ section's own two ends: it is shared and no strand of its own."""
 FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
 """``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where
 it does."""
-_LONGEST_RADII = 40.0
-"""A longer way, or gap, counts no more."""
 _NOISE_LEVELS = 8.0
 _BOWS_RADII = (-3.0, -1.5, 0.0, 1.5, 3.0)
 """Gray levels that a color varies by along one DLO; ways to bow in a gap that are looked at, in
@@ -69,7 +67,7 @@ def candidate_links(
     sizes = [len(crossing), len(gap), len(shared), len(absorbed)]
     kind = np.repeat([JUNCTION, GAP, SHARED, ABSORBED], sizes)
     through = np.concatenate((np.full(sizes[0] + sizes[1], -1), via, absorbed)).astype(np.int64)
-    features = _measure(sections, pairs, kind, through, mask, image)
+    features = _measure(sections, pairs, kind, through, mask, image, 2 * gap_widths)
     return Links(pairs, kind, features, through)
 
 
@@ -138,16 +136,17 @@ def _measure(
     via: IntArray,
     mask: BoolArray,
     image: ByteArray | None,
+    longest: float,
 ) -> FloatArray:
-    """``(m, 9)`` the measurements of :data:`FEATURES`; lengths in radii, angles in radians, colors
-    in 100 levels."""
+    """``(m, 9)`` the measurements of :data:`FEATURES`; lengths in radii, up to ``longest``, angles
+    in radians, colors in 100 levels."""
     if not len(pairs):
         return np.zeros((0, len(FEATURES)))
     a, b = pairs.T
     link = sections.tip[b] - sections.tip[a]
     length = np.hypot(*link.T)
     radius = np.maximum(sections.end_radius[a], sections.end_radius[b])
-    toward, onward = (link / np.maximum(length, 1e-9)[:, None],) * 2
+    toward = onward = unit(link)
     toward, onward, length = _through(sections, pairs, kind, via, toward, onward, length)
     leaving = angle_between(sections.outward[a], toward)
     arriving = angle_between(onward, -sections.outward[b])
@@ -159,8 +158,8 @@ def _measure(
     chroma = np.sqrt(((color - brightness[:, None]) ** 2).sum(axis=1))
     width = np.log(sections.end_radius[a] / sections.end_radius[b])
     shared = kind >= SHARED
-    gap = np.where(shared, 0.0, _radii(length * off.mean(axis=1), radius) / 4)
-    far = _radii(length, radius) / 8
+    gap = np.where(shared, 0.0, np.minimum(length * off.mean(axis=1) / radius, longest) / 4)
+    far = np.minimum(length / radius, longest) / 8
     seen = _likeness(sections, a, b, points, off, image)
     columns = (
         np.ones(len(pairs)),
@@ -180,10 +179,6 @@ def _measure(
     features[own, 3] = _thickening(sections, via[own])
     features[own, 7] = far[own]
     return features
-
-
-def _radii(length: FloatArray, radius: FloatArray) -> FloatArray:
-    return np.minimum(length / radius, _LONGEST_RADII)
 
 
 def _through(

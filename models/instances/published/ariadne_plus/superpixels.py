@@ -131,9 +131,7 @@ def _fused_forks(node: IntArray, around: list[set[int]]) -> IntArray:
 def _superpixels(mask: BoolArray, image: ByteArray | None, count: int) -> IntArray:
     """``(H, W)`` labels from 1, 0 off the mask. A color picture makes superpixels; without one,
     position alone."""
-    picture = (
-        np.repeat((255 * mask.astype(np.uint8))[..., None], 3, axis=2) if image is None else image
-    )
+    picture = np.zeros((*mask.shape, 3), np.uint8) if image is None else image
     found = slic(
         picture,
         n_segments=count,

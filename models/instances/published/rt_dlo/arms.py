@@ -57,9 +57,8 @@ def continuation(a: Arm, b: Arm) -> float:
     The thesis's ``s_int`` (3.5.4) with the directions of the strands, times how well tangents,
     widths and colors agree. 0 where either arm would have to turn back.
     """
-    link = b.xy - a.xy
-    length = max(float(np.hypot(*link)), 1e-9)
-    leaving, arriving = float(a.outward @ link) / length, -float(b.outward @ link) / length
+    link = unit(b.xy - a.xy)
+    leaving, arriving = float(a.outward @ link), -float(b.outward @ link)
     if min(leaving, arriving) <= 0:
         return 0.0
     turn = float(angle_between(a.outward, -b.outward))

@@ -131,9 +131,9 @@ def _scored_joints(arms: list[Arm], mask: BoolArray) -> tuple[IntArray, FloatArr
     radii = np.array([arm.radius for arm in arms])
     a, b = np.triu_indices(len(arms), 1)
     link = xy[b] - xy[a]
-    length = np.maximum(np.hypot(*link.T), 1e-9)
-    leaving = np.einsum("ij,ij->i", outward[a], link) / length
-    arriving = -np.einsum("ij,ij->i", outward[b], link) / length
+    length, toward = np.hypot(*link.T), unit(link)
+    leaving = np.einsum("ij,ij->i", outward[a], toward)
+    arriving = -np.einsum("ij,ij->i", outward[b], toward)
     radius = np.maximum(radii[a], radii[b])
     least = np.where(length < _NEAR_RADII * radius, _LEAST_COSINE_NEAR, _LEAST_COSINE)
     near = np.flatnonzero(
