@@ -12,30 +12,36 @@ import { pointAt } from "./strands.js";
 import { swatch } from "./swatches.js";
 
 const FRAME_MS = 120;
-const page = { files: [], frames: [], results: [], at: 0, session: null, stop: null, focus: null, bitmap: null, playing: false };
+const page = { work: null, frames: [], results: [], at: 0, stop: null, focus: null, bitmap: null, playing: false };
 const stage = new Stage(byId("canvas"), paint);
 
 async function choose(files) {
   if (!files.length) return;
-  Object.assign(page, { files, frames: [], results: [], at: 0 });
+  page.stop?.abort();
+  Object.assign(page, { frames: [], results: [], at: 0, stop: null });
   byId("run").disabled = true; // until a film has its frames
-  await guarded(async () => {
-    page.frames = await framesOf(files, byId("rate").valueAsNumber || 5, progress);
+  await guarded(async (isLast) => {
+    const frames = await framesOf(files, byId("rate").valueAsNumber || 5, (...of) => isLast() && progress(...of));
+    if (!isLast()) return; // another film was chosen meanwhile
+    page.frames = frames;
     byId("run").disabled = false;
     await show(0);
   });
 }
 
+/** What work is done last has the progress and the problem; what began before it ends in silence. */
 async function guarded(work) {
+  const mine = (page.work = {});
+  const isLast = () => page.work === mine;
   showProblem(null);
   byId("progress").hidden = false;
   byId("progress").removeAttribute("value");
   try {
-    await work();
+    await work(isLast);
   } catch (error) {
-    if (!page.stop?.signal.aborted) report(error);
+    if (isLast() && !page.stop?.signal.aborted) report(error);
   } finally {
-    byId("progress").hidden = byId("cancel").hidden = true;
+    if (isLast()) byId("progress").hidden = byId("cancel").hidden = true;
   }
 }
 
@@ -78,8 +84,9 @@ async function show(index) {
   page.at = index;
   const frame = page.frames[index];
   const length = Math.max(page.frames.length, page.results.length);
-  if (frame) page.bitmap = await api.bitmap(frame.blob);
-  if (page.at !== index) return; // another one is asked for by now
+  const bitmap = frame ? await api.bitmap(frame.blob) : page.bitmap;
+  if (page.at !== index || page.frames[index] !== frame) return; // another one is asked for by now
+  page.bitmap = bitmap;
   const result = page.results[index];
   byId("frame").max = Math.max(0, length - 1);
   byId("frame").value = index;
@@ -169,7 +176,7 @@ byId("form").addEventListener("submit", (event) => {
   event.preventDefault();
   guarded(run);
 });
-byId("cancel").addEventListener("click", () => page.stop.abort());
+byId("cancel").addEventListener("click", () => page.stop?.abort());
 byId("frame").addEventListener("input", (event) => show(event.target.valueAsNumber));
 byId("play").addEventListener("click", play);
 byId("save").addEventListener("click", () => {

@@ -55,3 +55,41 @@ def test_a_sample_is_a_film(browser: Chromium) -> None:
         page.click("#run")
         page.wait_for_function("document.querySelector('#at').value === '10 / 10'")
         assert len(service.requests) == 10
+
+
+HELD_VIDEO = """() => {
+    const make = document.createElement.bind(document);
+    document.createElement = (name) => {
+        const made = make(name);
+        if (name === "video") Object.defineProperty(window.video = made, "src", { set() {} });
+        return made;
+    };
+}"""
+"""No video is read before an event is sent to ``window.video``."""
+
+
+def test_the_film_chosen_last_is_the_one_shown(browser: Chromium) -> None:
+    """What became of a film chosen before it took its place, or its problem did."""
+    film = {"name": "a.mp4", "mimeType": "video/mp4", "buffer": b"slow"}
+    with opened(browser, FakeService(), "viewer/tracks.html") as page:
+        page.evaluate(HELD_VIDEO)
+        page.set_input_files("#file", film)
+        page.wait_for_function("window.video !== undefined")
+        page.set_input_files("#file", [{**picture(), "name": f"{k}.jpg"} for k in (1, 2)])
+        page.wait_for_function("document.querySelector('#at').value === '1 / 2'")
+        page.evaluate("window.video.dispatchEvent(new Event('error'))")
+        page.evaluate("() => new Promise((resolve) => setTimeout(resolve, 0))")
+        assert page.is_hidden("#error")
+        page.click("#run")
+        page.wait_for_function("document.querySelector('#at').value === '2 / 2'")
+
+
+def test_a_film_after_a_cancelled_run_reports_its_problem(browser: Chromium) -> None:
+    film = {"name": "a.mp4", "mimeType": "video/mp4", "buffer": b"no video"}
+    with opened(browser, FakeService(), "viewer/tracks.html") as page:
+        page.set_input_files("#file", {**picture(), "name": "1.jpg"})
+        page.wait_for_function("document.querySelector('#at').value === '1 / 1'")
+        page.click("#run")
+        page.evaluate("document.querySelector('#cancel').click()")
+        page.set_input_files("#file", film)
+        page.wait_for_selector("#error >> text=this video cannot be read")
