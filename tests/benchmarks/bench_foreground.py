@@ -38,6 +38,8 @@ _OUTLINE_PX = 4
 """What is wrong so near to both is the outline's place, not a cable that is missed or invented."""
 _SIDES = ("outside", "inside")
 _AWAY = ("missed", "invented")
+_OTHERWISE = ("outlines_alone", "a_pixel_wider")
+_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 Segment = Callable[[np.ndarray], np.ndarray]
 
 
@@ -67,7 +69,8 @@ def score(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
 def outline(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """How far, in pixels on average, the found outline is ``outside`` and ``inside`` of the true
     one; and shares of the true area: what is ``missed`` and what ``invented`` farther from the
-    other than an outline's place explains."""
+    other than an outline's place explains. ``outlines_alone``: the Dice with neither of these two,
+    ``a_pixel_wider``: that of the found mask with another pixel all around."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _OUTLINE_PX + 1, 2 * _OUTLINE_PX + 1))
     near = [cv2.dilate(mask.astype(np.uint8), disc) > 0 for mask in (found, true)]
     edge = cv2.morphologyEx(true.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
@@ -75,9 +78,13 @@ def outline(found: np.ndarray, true: np.ndarray) -> dict[str, float]:
     wrong = {"outside": found & ~true & near[1], "inside": true & ~found & near[0]}
     away = {"missed": true & ~near[0], "invented": found & ~near[1]}
     area = max(np.count_nonzero(true), 1)
-    return {side: np.count_nonzero(where) / length for side, where in wrong.items()} | {
-        kind: np.count_nonzero(where) / area for kind, where in away.items()
-    }
+    wider = cv2.dilate(found.astype(np.uint8), _CROSS) > 0
+    otherwise = ((found & near[1]) | away["missed"], wider)
+    return (
+        {side: np.count_nonzero(where) / length for side, where in wrong.items()}
+        | {kind: np.count_nonzero(where) / area for kind, where in away.items()}
+        | {k: score(mask, true)["dice"] for k, mask in zip(_OTHERWISE, otherwise, strict=True)}
+    )
 
 
 def measure_set(
@@ -98,7 +105,7 @@ def measure_set(
     return {
         "groups": {
             g: {"n": len(r)}
-            | {k: _percent(r, k) for k in ("dice", "iou", *_AWAY)}
+            | {k: _percent(r, k) for k in ("dice", "iou", *_AWAY, *_OTHERWISE)}
             | {k: _mean(r, k) for k in _SIDES}
             for g, r in groups.items()
         },
