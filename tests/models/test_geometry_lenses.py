@@ -56,6 +56,26 @@ def test_the_polynomial_is_opencvs():
     )
 
 
+@pytest.mark.parametrize("coefficients", [c for model, c in LENSES if model != "equidistant"])
+def test_every_coefficient_of_the_polynomial_is_opencvs(coefficients):
+    straight = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))
+    rays, still = np.concatenate([straight, np.ones((50, 1))], axis=1), np.zeros(3)
+    theirs, _ = cv2.projectPoints(rays, still, still, np.eye(3), np.array(coefficients))
+    ours = lenses.bend(straight, "rational_polynomial", coefficients)
+    assert ours == pytest.approx(theirs[:, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("model", "coefficients"), LENSES)
+def test_many_places_are_straightened_as_each_alone(model, coefficients):
+    bent = np.random.default_rng(0).uniform(-0.4, 0.4, (10_000, 2))
+    straight = lenses.straighten(bent, model, coefficients)
+    assert straight.shape == bent.shape
+    some = slice(None, None, 999)
+    assert straight[some] == pytest.approx(
+        lenses.straighten(bent[some], model, coefficients), abs=1e-9
+    )
+
+
 def test_nothing_is_seen_beyond_where_a_lens_folds():
     """r - r^3 / 3 rises up to r = 1, where it is 2 / 3; farther out it would come back in."""
     coefficients = (-1 / 3, 0.0, 0.0, 0.0)
