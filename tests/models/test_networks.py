@@ -38,7 +38,7 @@ PUBLISHED_MILLIONS = {  # without classifier
 }
 TINY: dict[str, Encoder] = {
     "resnet": ResNet((1, 1, 1, 2), 4),
-    "swin": Swin((1, 1, 1, 2), 12),
+    "swin": Swin((1, 0, 0, 2), 12),
     "convnext": ConvNeXt((1, 1, 1, 1), 8),
 }
 

@@ -31,6 +31,12 @@ def service_settings(settings) -> ServiceSettings:
     )
 
 
+@pytest.fixture(scope="session")
+def document() -> dict:
+    """The OpenAPI document; made once, for that takes half a second. No test changes it."""
+    return create_app(ServiceSettings()).openapi()
+
+
 @pytest.fixture
 def app(service_settings):
     return create_app(service_settings)

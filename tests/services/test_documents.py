@@ -13,9 +13,8 @@ from schemathesis.specs.openapi.checks import response_schema_conformance, statu
 from workers.presence import WorkerInfo, announce
 
 
-@pytest.fixture
-def document(client) -> dict:
-    return client.get("/openapi.json").json()
+def test_the_document_is_served(client, document):
+    assert client.get("/openapi.json").json() == document
 
 
 def test_every_answer_but_a_good_one_is_a_problem(document):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-import pytest
 from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 
 from services.examples import EXAMPLES
@@ -33,14 +32,6 @@ UNIT = re.compile(
     r"|version|parts?|knots|0 to 1|columns|rows|coefficients|0 for|run lengths|direction|status|attempts|from 1)\b",
     re.IGNORECASE,
 )
-
-
-@pytest.fixture(scope="module")
-def document() -> dict:
-    from services.app import create_app
-    from services.settings import ServiceSettings
-
-    return create_app(ServiceSettings()).openapi()
 
 
 def test_the_document_is_valid(document):

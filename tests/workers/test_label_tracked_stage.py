@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from models.geometry.rle import decode
 from tests.benchmarks.tracked_scenes import TrackedScene, tracked_scene
 from workers import stages
-from workers.stages.outcome import InvalidInput, Tools
+from workers.stages.outcome import InvalidInput, Outcome, Tools
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +52,13 @@ def view(image: np.ndarray, camera, tools: Tools) -> CameraView:
     )
 
 
-def test_strokes_become_labels_of_every_view(scene, tools):
-    outcome = stages.run(request(scene, tools), tools)
+@pytest.fixture(scope="module")
+def outcome(scene, tools) -> Outcome:
+    """Of the request with nothing but views and strokes."""
+    return stages.run(request(scene, tools), tools)
+
+
+def test_strokes_become_labels_of_every_view(scene, outcome):
     assert set(outcome.files) == {
         f"{name}_{k}.png" for name in ("labels", "overlay") for k in range(4)
     }
@@ -77,21 +82,15 @@ def test_without_correction_the_strokes_stay_as_drawn(scene, tools):
     assert result.models == []
 
 
-def test_ends_are_found_unless_that_is_off(scene, tools):
-    found, marked = (
-        stages.run(request(scene, tools, files=[], find_ends=on), tools)
-        .result.views[0]
-        .instances[0]
-        .centerline_xy
-        for on in (True, False)
-    )
+def test_ends_are_found_unless_that_is_off(scene, tools, outcome):
+    off = stages.run(request(scene, tools, files=[], find_ends=False), tools)
+    found, marked = (o.result.views[0].instances[0].centerline_xy for o in (outcome, off))
     assert np.hypot(*np.subtract(found[0], marked[0])) > 0.5
     assert found[len(found) // 2] == marked[len(marked) // 2]
 
 
-def test_the_same_request_gives_the_same_answer(scene, tools):
-    asked = request(scene, tools, files=[])
-    assert stages.run(asked, tools).result == stages.run(asked, tools).result
+def test_the_same_request_gives_the_same_answer(scene, tools, outcome):
+    assert stages.run(request(scene, tools, files=[]), tools).result == outcome.result
 
 
 def test_a_tracker_frame_is_taken_into_the_world(scene, tools):
