@@ -1,10 +1,10 @@
-"""Which things belong together when pairs of them do."""
+"""Which things belong together: when pairs of them do, or neighbors in a row."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from models.geometry.arrays import IntArray
+from models.geometry.arrays import BoolArray, IntArray
 
 
 def components(pairs: IntArray, count: int) -> IntArray:
@@ -30,3 +30,9 @@ def components(pairs: IntArray, count: int) -> IntArray:
     starts = name == np.arange(count)
     out: IntArray = (np.cumsum(starts) - 1)[name]
     return out
+
+
+def runs(flags: BoolArray) -> list[tuple[int, int]]:
+    """``(start, stop)`` of every run of True in ``(n,)`` flags."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

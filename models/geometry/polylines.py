@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 class Intersections(NamedTuple):
@@ -109,12 +109,8 @@ def crossing_segments(starts_xy: FloatArray, ends_xy: FloatArray) -> Intersectio
     reach = float(np.hypot(*steps.T).max(initial=0.0))
     pairs = cKDTree((starts_xy + ends_xy) / 2).query_pairs(reach + 1e-9, output_type="ndarray")
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].astype(np.int64)
-    i, j = pairs[:, 0], pairs[:, 1]
-    between = starts_xy[j] - starts_xy[i]
-    area = _cross(steps[i], steps[j])
-    safe = np.where(area == 0, 1.0, area)
-    t, u = _cross(between, steps[j]) / safe, _cross(between, steps[i]) / safe
-    hit = (area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1)
+    i, j = pairs.T
+    t, u, hit = _meetings(starts_xy[i], steps[i], starts_xy[j], steps[j])
     i, j, t, u = i[hit], j[hit], t[hit], u[hit]
     return Intersections(i, j, t, u, starts_xy[i] + t[:, None] * steps[i])
 
@@ -141,13 +137,8 @@ def intersections(
     (p, p2), (q, q2) = first, second
     if not len(p) or not len(q):
         return np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2))
-    r, s = (p2 - p)[:, None], (q2 - q)[None]
-    between = q[None] - p[:, None]
-    area = r[..., 0] * s[..., 1] - r[..., 1] * s[..., 0]
-    safe = np.where(area == 0, 1.0, area)
-    t = (between[..., 0] * s[..., 1] - between[..., 1] * s[..., 0]) / safe
-    u = (between[..., 0] * r[..., 1] - between[..., 1] * r[..., 0]) / safe
-    i, j = np.nonzero((area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1))
+    t, _, hit = _meetings(p[:, None], (p2 - p)[:, None], q, q2 - q)
+    i, j = np.nonzero(hit)
     return i, j, p[i] + t[i, j][:, None] * (p2 - p)[i]
 
 
@@ -157,14 +148,21 @@ def paired_intersections(
     """Rows in which segment k of the first set crosses segment k of the second, and where ``(c,
     2)``."""
     (p, p2), (q, q2) = first, second
-    r, s, between = p2 - p, q2 - q, q - p
+    t, _, hit = _meetings(p, p2 - p, q, q2 - q)
+    met = np.flatnonzero(hit)
+    return met, p[met] + t[met, None] * (p2 - p)[met]
+
+
+def _meetings(
+    p: FloatArray, r: FloatArray, q: FloatArray, s: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """How far along two segments each, from ``p`` by ``r`` and from ``q`` by ``s``, ``(…, 2)``,
+    their lines meet, and whether both segments are there; parallel ones do not meet."""
     area = _cross(r, s)
     safe = np.where(area == 0, 1.0, area)
-    t, u = _cross(between, s) / safe, _cross(between, r) / safe
-    met = np.flatnonzero((area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1))
-    return met, p[met] + t[met, None] * r[met]
+    t, u = _cross(q - p, s) / safe, _cross(q - p, r) / safe
+    return t, u, (area != 0) & (t >= 0) & (t < 1) & (u >= 0) & (u < 1)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    out: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return out
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

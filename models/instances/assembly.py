@@ -19,6 +19,7 @@ from models.instances.confidence import (
     order_features,
     rated,
     rated_crossings,
+    typical_width,
 )
 from models.instances.crossings import Meeting, Strand, find_meetings, order_meetings
 from models.instances.drawing import MAX_INSTANCES, draw_labels
@@ -34,7 +35,6 @@ _ONE_PLACE_PX = 1e-6
 _FITTED_PX = 3.0
 """Nearer points than this, on average, are thinned out before a spline is fitted: a skeleton has
 one a pixel."""
-_TIP_POINTS = 3
 _POINTS_A_SPAN = 8
 _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
@@ -108,7 +108,7 @@ def _likely(instances: list[Instance], in_doubt: int) -> list[int]:
     Without any, the ``in_doubt`` longest: a mask without a picture was made by somebody who means a
     DLO.
     """
-    long = _LONG_WIDTHS * _typical_width(instances)
+    long = _LONG_WIDTHS * typical_width(instances)
     likely = [k for k, i in enumerate(instances) if i.score >= _LEAST_SCORE or i.length_px >= long]
     return likely or list(range(min(in_doubt, len(instances))))
 
@@ -153,7 +153,7 @@ def _to_the_tips(points: FloatArray, mask: BoolArray, most: float) -> FloatArray
 
     Maxima of a distance transform end half a width before the strand does.
     """
-    first, last = (beyond(way, mask, most, _TIP_POINTS) for way in (points, points[::-1]))
+    first, last = (beyond(way, mask, most) for way in (points, points[::-1]))
     return np.concatenate((first, points, last))
 
 
@@ -163,7 +163,7 @@ def _without_fragments(
     """The instances and their doubts, longest first, without short ones and those that lie on a
     longer one."""
     ordered = sorted(fitted, key=lambda pair: -pair[0].length_px)
-    typical = _typical_width([instance for instance, _ in ordered])
+    typical = typical_width([instance for instance, _ in ordered])
     taken = np.zeros(shape, dtype=np.uint8)
     kept: list[Instance] = []
     doubts: list[float] = []
@@ -178,13 +178,3 @@ def _without_fragments(
             kept.append(instance)
             doubts.append(doubt)
     return kept, doubts
-
-
-def _typical_width(instances: list[Instance]) -> float:
-    """Median width, each instance counted by its length."""
-    if not instances:
-        return 1.0
-    widths = np.array([i.width_px for i in instances])
-    order = np.argsort(widths, kind="stable")
-    reached = np.cumsum([instances[k].length_px for k in order])
-    return float(widths[order[np.searchsorted(reached, reached[-1] / 2)]])

@@ -161,11 +161,6 @@ def instance_features(
     """``(I, 10)`` the measurements of :data:`INSTANCE_FEATURES`."""
     width = np.array([i.width_px for i in instances])
     length = np.array([i.length_px for i in instances])
-    typical = (
-        float(np.median(np.repeat(width, np.maximum(length / 10, 1).astype(int))))
-        if len(width)
-        else 1.0
-    )
     free = np.array(
         [all(e.kind == "free" for e in these) and len(these) > 0 for these in ends],
         dtype=np.float64,
@@ -178,13 +173,23 @@ def instance_features(
         np.minimum(evidence.gap, 0.5),
         np.minimum(evidence.doubt, _MOST_DOUBT),
         free,
-        np.minimum(np.abs(np.log(width / typical)), _ODDEST),
+        np.minimum(np.abs(np.log(width / typical_width(instances))), _ODDEST),
         evidence.beside,
         faint,
         unseen.astype(np.float64),
         np.minimum(np.log(length.max(initial=1.0) / length), 3.0),
     )
     return np.stack(columns, axis=1)
+
+
+def typical_width(instances: Sequence[Instance]) -> float:
+    """Median width, each instance counted by its length."""
+    if not instances:
+        return 1.0
+    widths = np.array([i.width_px for i in instances])
+    order = np.argsort(widths, kind="stable")
+    reached = np.cumsum([instances[k].length_px for k in order])
+    return float(widths[order[np.searchsorted(reached, reached[-1] / 2)]])
 
 
 def reasons_of(

@@ -11,11 +11,7 @@ from models.geometry.directions import middle_lanes, quarter_turned, unit
 from models.geometry.polylines import arc_lengths, crossing_segments, point_at
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Crossing, StrandPosition
-
-_LEAST_SINE = 0.3
-"""At a flatter angle strands lie on one another for longer, but not that much."""
-_NOISE_LEVELS = 3.0
-"""Standard deviation of a color along one strand that means nothing, in gray levels."""
+from models.strands.seen import LEAST_SINE, NOISE_LEVELS
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +110,7 @@ def order_meeting(meeting: Meeting, strands: list[Strand], image: ByteArray | No
     a, b = strands[meeting.a], strands[meeting.b]
     if image is None:
         return ordered(meeting, strands, True, 0.5)
-    sine = max(meeting.sine, _LEAST_SINE)
+    sine = max(meeting.sine, LEAST_SINE)
     var_a = _color_variance(image, a, meeting.at_a, b.width / sine)
     var_b = _color_variance(image, b, meeting.at_b, a.width / sine)
     score = max(var_a, var_b) / (var_a + var_b)
@@ -146,4 +142,4 @@ def _color_variance(image: ByteArray, strand: Strand, at: float, other_extent: f
     lanes = middle_lanes(quarter_turned(unit(tangent)), strand.width)[:, None]
     colors = np.add.reduce(read_nearest(image, points + lanes)) / len(lanes)
     away = colors - np.add.reduce(colors) / len(colors)
-    return float(np.vdot(away, away)) / colors.size + _NOISE_LEVELS**2
+    return float(np.vdot(away, away)) / colors.size + NOISE_LEVELS**2

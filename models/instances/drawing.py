@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
+from models.geometry.components import runs
 from models.geometry.painting import GOLDEN, color_of, stroke
 from models.geometry.polylines import around
 from models.geometry.sampling import read_nearest
@@ -17,8 +18,6 @@ MAX_INSTANCES = int(np.iinfo(np.uint8).max)
 """As many as labels of one byte can name."""
 _ROUNDS = (1.6, 1.0, 0.6)
 """Widths of the strokes of a strand, in its own."""
-_OVER = 1.2
-"""How far to both sides of a crossing the upper strand is painted again, in widths of the lower."""
 _FIRST_HUE, _OF_A_KIND = 0.02, 12
 _STRONG, _WEAKER = np.array([0.9, 1.0]), np.array([0.2, 0.15])
 """Saturation and value of so many labels' colors, and by how much those of the next are less."""
@@ -35,8 +34,9 @@ def draw_labels(
 
     Strategy: strokes are painted in three rounds, from too wide to too narrow, so that between
     neighbors a pixel goes to the nearer centerline; then the upper strand is painted again over
-    each crossing; last, what is not foreground is cleared, so that outlines are those of the mask.
-    Where a centerline bridges a gap of the mask, its stroke stands in for the foreground.
+    each crossing, a width of the lower one to both sides; last, what is not foreground is cleared,
+    so that outlines are those of the mask. Where a centerline bridges a gap of the mask, its stroke
+    stands in for the foreground.
     ``shifts``: ``(I,)`` pixels by which an instance's edges lie outside the mask; its outline is
     moved outwards by as much.
     """
@@ -50,8 +50,8 @@ def draw_labels(
             stroke(labels, instance.centerline_xy, number, width)
     for crossing in sorted(crossings, key=lambda c: c.score):
         upper, lower = instances[crossing.over.instance - 1], instances[crossing.under.instance - 1]
-        piece = around(upper.centerline_xy, crossing.over.u, _OVER * lower.width_px)
-        stroke(labels, piece, crossing.over.instance, 1.1 * upper.width_px)
+        piece = around(upper.centerline_xy, crossing.over.u, lower.width_px)
+        stroke(labels, piece, crossing.over.instance, upper.width_px)
     evidence = _bridged(mask, instances)
     if shifts is not None and np.any(shifts):
         evidence = _moved(evidence, labels, shifts)
@@ -73,16 +73,10 @@ def _bridged(mask: BoolArray, instances: Sequence[Instance]) -> ByteArray:
     bridged = mask.astype(np.uint8)
     for instance in instances:
         outside = read_nearest(mask, instance.centerline_xy) == 0
-        for start, stop in _runs(outside):
+        for start, stop in runs(outside):
             piece = instance.centerline_xy[max(start - 1, 0) : stop + 1]
             stroke(bridged, piece, 1, instance.width_px)
     return bridged
-
-
-def _runs(flags: BoolArray) -> list[tuple[int, int]]:
-    """``(start, stop)`` of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def palette() -> ByteArray:

@@ -14,6 +14,7 @@ from models.geometry.directions import quarter_turned, tangents_of_each
 from models.geometry.polylines import resample_each
 from models.geometry.sampling import read_nearest
 from models.instances.scene import Instance
+from models.strands.seen import NOISE_LEVELS
 
 _INSIDE_PX, _OUTSIDE_PX = 4, 7
 """How far a profile reaches to both sides of the mask's edge."""
@@ -25,7 +26,6 @@ crossing."""
 _SPACING_PX = 4.0
 _AT_MOST = 120
 """Sections across an instance."""
-_NOISE_LEVELS = 6.0
 _PRIOR = 0.004
 """What a shift costs, times its square: shares of the color variance that the edge has to
 explain."""
@@ -59,7 +59,7 @@ def edge_shifts(
             explained.shape
         )
         weight += np.bincount(mine, minlength=len(instances))
-    return _best_shifts((explained / np.maximum(weight, 1)).T, weight > 8)
+    return _best_shifts((explained / np.maximum(weight, 1)).T, weight > 0)
 
 
 def _best_shifts(explained: FloatArray, known: BoolArray) -> FloatArray:
@@ -113,5 +113,5 @@ def _explained(colors: Float32Array) -> Float32Array:
     left, right = sums[:-1], total - sums[:-1]
     between = (left**2 / before + right**2 / (count - before) - total**2 / count).sum(axis=1)
     variance = (rows**2).sum(axis=(0, 1)) - (total**2).sum(axis=0) / count
-    out: Float32Array = between / (variance + 3 * count * _NOISE_LEVELS**2)
+    out: Float32Array = between / (variance + 3 * count * NOISE_LEVELS**2)
     return out

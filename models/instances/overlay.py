@@ -8,6 +8,7 @@ the border.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -24,10 +25,6 @@ _END = 4.0
 """Radius of an endpoint."""
 _TAGGED_PX = 64
 """Smaller pictures have no room for ids."""
-_TAG_PLACES = np.array([0.5, 0.42, 0.58, 0.34, 0.66, 0.25, 0.75])
-"""Where along a DLO its id may be, the best first."""
-_TAG_ROOM = 0.12
-"""How far from a crossing an id is that needs no more room, in shares of the length."""
 
 
 def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteArray:
@@ -88,10 +85,8 @@ def _color(number: int) -> Color:
 
 
 def _tag_place(instance: Instance, number: int, scene: Scene) -> FloatArray:
-    """A point of the centerline near its middle that is not at a crossing."""
+    """The middle of the longest piece of the centerline between crossings and ends."""
     taken = [p.u for c in scene.crossings for p in (c.over, c.under) if p.instance == number]
-    away = np.abs(_TAG_PLACES[:, None] - np.array([*taken, np.inf])).min(axis=1)
-    room = np.minimum(away, _TAG_ROOM)
-    chosen = _TAG_PLACES[np.argmax(room - 0.2 * np.abs(_TAG_PLACES - 0.5))]
+    first, last = max(pairwise([0.0, *sorted(taken), 1.0]), key=lambda piece: piece[1] - piece[0])
     lengths = arc_lengths(instance.centerline_xy)
-    return point_at(instance.centerline_xy, lengths, chosen * lengths[-1])
+    return point_at(instance.centerline_xy, lengths, (first + last) / 2 * lengths[-1])

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
-from models.geometry.components import components
+from models.geometry.components import components, runs
 from models.geometry.polylines import bridge
 from models.reconstruction.matching import MatchParams
 from models.reconstruction.piece_ends import PieceEnds, piece_ends
@@ -101,9 +101,8 @@ def _pieces_of(strand: Strand, params: JoinParams) -> list[Strand]:
     """The known stretches that are long enough; the strand itself if none is."""
     if strand.known.all():
         return [strand]
-    change = np.flatnonzero(np.diff(strand.known.astype(np.int8), prepend=0, append=0))
     found = []
-    for first, past in change.reshape(-1, 2).tolist():
+    for first, past in runs(strand.known):
         if past - first >= params.shortest_px:
             begin = first + params.trim_px * (first > 0)
             found.append(strand.part(begin, past - params.trim_px * (past < len(strand.xy))))

@@ -13,6 +13,7 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.cameras import Camera
+from models.geometry.components import runs
 from models.instances.scene import Scene
 from models.reconstruction.centering import center
 from models.reconstruction.views import Strand, View
@@ -69,11 +70,7 @@ def strands_of(
 
 def _longest_run(flags: BoolArray) -> slice:
     """The longest stretch of (n,) ``flags`` that are all true; empty where none is."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).reshape(
-        -1, 2
-    )
-    first, past = max(edges.tolist(), key=lambda e: e[1] - e[0], default=(0, 0))
-    return slice(first, past)
+    return slice(*max(runs(flags), key=lambda run: run[1] - run[0], default=(0, 0)))
 
 
 def scaled(xy: FloatArray, scale: float) -> FloatArray:

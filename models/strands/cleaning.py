@@ -14,8 +14,6 @@ from models.strands.foreground import Foreground
 _SPECK_PX = 12.0
 _SPECK_WIDTHS = 0.5
 """Smaller patches than this times the squared typical width (and that many pixels) are specks."""
-_MOST_SLIT_WIDTHS = 15.0
-"""Larger holes, in squares of the typical width, are no slits."""
 _WIDEST, _LEAST_LENGTH_WIDTHS, _REDUCED = 1 / 8, 3.0, 4
 """Foreground wider than this share of the picture's longer side is no DLO, unless it is so many
 times longer."""
@@ -39,7 +37,7 @@ def clean(mask: BoolArray, hole_widths: float, slit_widths: float = 0.0) -> Fore
     areas = _pixels(np.array([cv2.contourArea(outline) for outline in outlines]), lengths, is_hole)
     big = areas > _SPECK_PX
     width = 2 * cv2.countNonZero(binary) / max(float(lengths[big].sum()), 1.0) if big.any() else 1.0
-    narrow = (2 * areas < slit_widths * width * lengths) & (areas < _MOST_SLIT_WIDTHS * width**2)
+    narrow = 2 * areas < slit_widths * width * lengths
     holes = np.flatnonzero(is_hole & ((areas <= hole_widths * width**2) | narrow)).tolist()
     specks = np.flatnonzero(~is_hole & (areas < max(_SPECK_PX, _SPECK_WIDTHS * width**2))).tolist()
     cv2.drawContours(binary, [outlines[k] for k in holes], -1, 1, cv2.FILLED)
@@ -56,8 +54,8 @@ def _pixels(areas: FloatArray, lengths: FloatArray, is_hole: BoolArray) -> Float
 
 
 def _remove_slabs(binary: ByteArray) -> None:
-    """Clear what is wider than any DLO and not long, in place. Looked for in a smaller mask: it is
-    large."""
+    """Clear what is wider than any DLO and not long, with its rim, in place. Looked for in a smaller
+    mask: it is large."""
     limit = round(_WIDEST * max(binary.shape, default=0) / _REDUCED)
     if limit < 3 or min(binary.shape) < _REDUCED * limit:
         return
@@ -67,10 +65,10 @@ def _remove_slabs(binary: ByteArray) -> None:
     core = cv2.erode(small, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     if not cv2.countNonZero(core):
         return
-    beyond = round(1.5 * limit)
-    slab = cv2.dilate(core, np.ones((beyond, beyond), np.uint8))
+    slab = cv2.dilate(core, kernel)
     outlines, _ = cv2.findContours(slab, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     cv2.drawContours(slab, [o for o in outlines if _is_long(o)], -1, 0, cv2.FILLED)
+    slab = cv2.dilate(slab, kernel)
     binary[cv2.resize(slab, binary.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0] = 0
 
 

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array
+from models.geometry.components import runs
 
 ALONG = 4.5
 """Foreground at the edge runs along it where its length is more than this times its typical depth.
@@ -53,21 +54,9 @@ class Foreground:
         if not self.mask.size or self.beyond.all():
             return np.zeros(self.mask.shape, dtype=np.float32)
         cut = self.margin - 1
-        around = self.beyond[cut:-cut, cut:-cut]
-        if _is_repeated(around):  # what is repeated outside is farther than what it repeats
-            return _distances(self.mask)
-        return np.ascontiguousarray(_distances(around)[1:-1, 1:-1])
-
-
-def _is_repeated(framed_mask: BoolArray) -> bool:
-    """Whether the outermost pixels, but for the corners, are as those beside them."""
-    sides = (framed_mask, framed_mask[::-1], framed_mask.T, framed_mask.T[::-1])
-    return all(np.array_equal(side[0, 1:-1], side[1, 1:-1]) for side in sides)
-
-
-def _distances(mask: BoolArray) -> Float32Array:
-    binary = mask.view(np.uint8)
-    return np.asarray(cv2.distanceTransform(binary, cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)
+        around = self.beyond[cut:-cut, cut:-cut].view(np.uint8)
+        found = cv2.distanceTransform(around, cv2.DIST_L2, cv2.DIST_MASK_5)
+        return np.ascontiguousarray(found[1:-1, 1:-1], dtype=np.float32)
 
 
 def distance_map(mask: BoolArray) -> Float32Array:
@@ -98,8 +87,7 @@ def _wall(framed_mask: ByteArray, size: int) -> None:
     inner = framed_mask[size : framed_mask.shape[0] - size, size : framed_mask.shape[1] - size]
     if not inner[0].any():
         return
-    change = np.flatnonzero(np.diff(inner[0], prepend=0, append=0))
-    for start, stop in change.reshape(-1, 2).tolist():
+    for start, stop in runs(inner[0] > 0):
         # Deeper than its length divided by ALONG, it cannot be foreground along the edge.
         reach = int((stop - start) / ALONG) + 1
         depth = np.sort(

@@ -14,12 +14,6 @@ from models.geometry.polylines import arc_lengths
 from models.geometry.sampling import read_nearest
 from models.strands.pixel_graph import PixelGraph, smoothed
 
-_SPUR = 0.5
-"""A free end that reaches less than this share of the joint's radius beyond its disc is no
-branch."""
-_CONTRACTED = 0.8
-"""Joints nearer than this share of their radius are one place."""
-
 
 @dataclass(frozen=True, eq=False)
 class Strand:
@@ -124,10 +118,10 @@ def protrusion(strand: Strand, joint: int) -> float:
 
 
 def _is_spur(strand: Strand, count: dict[int, int]) -> bool:
+    """A free end that reaches less than a radius beyond the joint's disc is no branch."""
     for joint, tip in ((strand.a, strand.b), (strand.b, strand.a)):
         if count[tip] == 1 and count[joint] > 2:
-            seen = strand.seen_from(joint)
-            return seen.length - seen.radii[0] < _SPUR * seen.radii[0] + 2
+            return strand.length < 2 * strand.seen_from(joint).radii[0]
     return False
 
 
@@ -135,8 +129,7 @@ def _is_speck(strand: Strand, count: dict[int, int]) -> bool:
     """Alone, and hardly longer than wide."""
     if strand.a == strand.b or count[strand.a] != 1 or count[strand.b] != 1:
         return False
-    thickness = 2 * float(strand.radii.max())
-    return strand.length + thickness < max(2.2 * thickness, 16.0)
+    return strand.length < 2 * float(strand.radii.max())
 
 
 def dissolve(web: Web) -> Web:
@@ -170,7 +163,7 @@ def contract(web: Web) -> Web:
         return k
 
     for s in web.strands:
-        near = s.length <= _CONTRACTED * max(s.radii[0], s.radii[-1])
+        near = s.length <= max(s.radii[0], s.radii[-1])
         if near and count[s.a] > 2 and count[s.b] > 2 and s.a != s.b:
             parent[root(s.a)] = root(s.b)
     roots = np.array([root(k) for k in range(len(parent))], dtype=np.int64)
@@ -187,8 +180,8 @@ def contract(web: Web) -> Web:
 
 
 def _is_curl(strand: Strand) -> bool:
-    """A ring that no strand of its width could lie in."""
-    return strand.length <= 2 * float(strand.radii.max()) + 6
+    """A ring around no hole: its radius is not above half its width."""
+    return strand.length <= 2 * np.pi * float(strand.radii.max())
 
 
 def _moved(strand: Strand, a: int, b: int, knots: FloatArray) -> Strand:

@@ -14,10 +14,8 @@ from models.strands.chain import Chain
 from models.strands.pixel_graph import FREE
 from models.strands.sections import Sections
 
-_SPACING_PX = 3.0
 _TIP_RADII = 1.5
-"""Between points that are put into a gap; at a free end so much of a skeleton may turn to a corner
-of the tip."""
+"""At a free end so much of a skeleton may turn to a corner of the tip."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +112,7 @@ def _connection(sections: Sections, a: int, b: int, shared: int) -> FloatArray:
         return _beside(sections, a, b, shared)
     start, stop = sections.tip[a], sections.tip[b]
     length = float(np.hypot(*(stop - start)))
-    shares = np.linspace(0, 1, max(2, round(length / _SPACING_PX) + 1))[1:-1]
+    shares = np.linspace(0, 1, max(2, round(length) + 1))[1:-1]
     curve = bridge(start[None], stop[None], sections.outward[[a]], -sections.outward[[b]], shares)
     out: FloatArray = curve[0]
     return out

@@ -17,14 +17,14 @@ from scipy.spatial import cKDTree
 
 from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.directions import unit
-from models.geometry.polylines import arc_lengths, point_at
+from models.geometry.polylines import arc_lengths, intersections, point_at
 from models.geometry.sampling import read_nearest
-from models.strands.ends import width_of, within
+from models.strands.ends import in_view, width_of
 from models.strands.graph import degrees
 from models.topology.classifiers import chain_links, links_of
 from models.topology.graph import Graph
 from models.topology.scene import Predictions
-from models.topology.sites import Arm, bend, ends_at, measure_arm
+from models.topology.sites import Arm, bend, ends_at, least_bend, measure_arm
 
 _LONG = 12.0
 """Widths; a strand that is longer counts no more."""
@@ -35,16 +35,11 @@ _LOOK_WIDTHS, _LOOK_PX = np.array([0.4, 1.6, 1.8, 3.4]), np.array([0, 2, 2, 4])
 _LOOK_SHARES = np.array([0.2, 0.6, 0.6, 1.0])
 """Where behind its tip an end is looked at: from the first place to the second for its direction,
 from the third to the last for how it turns; on a short strand at most at these shares of it."""
-_ASIDE = 1.2
-"""How much further a node counts that is at a right angle to where an end points."""
 _CONE = np.cos(np.deg2rad(65))
-_BORDER_PX = 4.0
+"""Of its heading, what an end looks at; two ends face one another that are in each other's cone."""
 _OWN_NODES = 6
 """Nodes of the end's own strand that are too near to be what it goes on to."""
 _MOST_TARGETS = 4
-_NO_PAIR = 3.0
-_FACING = 0.6
-"""Cosine of how far two ends may turn from the line between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +74,7 @@ def free_ends(graph: Graph) -> list[End]:
             if count[knot] != 1:
                 continue
             seen = strand.seen_from(knot)
-            if within(seen.xy[0], graph.distances.shape, float(seen.radii[0]) + _BORDER_PX):
+            if in_view(seen.xy[0], graph.distances.shape, float(seen.radii[0])):
                 ends.append(_end(knot, k, seen.xy, seen.radii))
     return ends
 
@@ -174,13 +169,13 @@ class _View:
 
 def _ahead(view: _View, end: End) -> list[int]:
     """The nodes that the end may go on to: of every strand ahead the one that is most nearly
-    ahead."""
+    ahead; what is at a right angle counts twice as far."""
     graph = view.graph
     step = graph.xy - end.xy
     size = np.hypot(*step.T)
     reach = _REACH_WIDTHS * end.width + _REACH_PX + graph.radii
     cosine = unit(step) @ end.heading
-    cost = size * (1 + _ASIDE - _ASIDE * cosine) - graph.radii
+    cost = size * (2 - cosine) - graph.radii
     best: dict[int, tuple[float, int]] = {}
     for node in np.flatnonzero((size < reach) & (cosine > _CONE) & (size > 0)).tolist():
         if view.own(end, node) or (
@@ -212,7 +207,7 @@ def _face(one: End, other: End) -> bool:
     step = other.xy - one.xy
     size = float(np.hypot(*step))
     cosines = float(one.heading @ step), -float(other.heading @ step)
-    return one.strand != other.strand and min(cosines) > _FACING * size
+    return one.strand != other.strand and min(cosines) > _CONE * size
 
 
 def _spans(graph: Graph, one: End, other: End, between: int) -> bool:
@@ -229,9 +224,10 @@ def _between(view: _View, one: End, other: End) -> int | None:
     own = np.zeros(len(graph.xy), bool)
     own[graph.chains[one.strand]] = own[graph.chains[other.strand]] = True
     i, j = view.segments[:, ~own[view.segments].any(axis=0)]
-    place = _first_met(one.xy, other.xy, graph.xy[i], graph.xy[j])
-    if place is None:
+    _, _, met = intersections((one.xy[None], other.xy[None]), (graph.xy[i], graph.xy[j]))
+    if not len(met):
         return None
+    place = met[np.hypot(*(met - one.xy).T).argmin()]
     nodes = np.concatenate((i, j))
     return int(nodes[np.hypot(*(graph.xy[nodes] - place).T).argmin()])
 
@@ -318,9 +314,8 @@ def _gap(graph: Graph, end: End, there: FloatArray) -> tuple[float, float]:
     """Length of the bridge on background, px; and the share of foreground between its first and
     last background."""
     size = float(np.hypot(*(there - end.xy)))
-    along = end.xy + np.linspace(0, 1, max(4, round(size) + 1))[:, None] * (there - end.xy)
-    limit = np.array(graph.distances.shape[::-1]) - 1
-    empty = read_nearest(graph.distances, np.clip(along, 0, limit)) <= 0
+    along = np.linspace(end.xy, there, round(size) + 2)
+    empty = read_nearest(graph.distances, along) <= 0
     if not empty.any():
         return 0.0, 1.0
     places: IntArray = np.flatnonzero(empty)
@@ -339,10 +334,7 @@ def _other_side(view: _View, end: End, there: int) -> tuple[float, float, float]
         turned = [(bend(here, a) + abs(np.log(a.width / end.width)), a) for a in arms]
         arm = min(turned, key=lambda t: t[0])[1]
         others = [a for a in arms if a is not arm]
-        beside = min(
-            (bend(a, b) for i, a in enumerate(others) for b in others[i + 1 :]), default=_NO_PAIR
-        )
-        return bend(here, arm), float(np.log(arm.width / end.width)), beside
+        return bend(here, arm), float(np.log(arm.width / end.width)), least_bend(others)
     k, place = view.owners[there][0]
     chain = graph.chains[k]
     along = unit(
@@ -350,7 +342,7 @@ def _other_side(view: _View, end: End, there: int) -> tuple[float, float, float]
     )
     incidence = float(np.arcsin(min(1.0, abs(float(along @ unit(graph.xy[there] - end.xy))))))
     width = width_of(graph.web.strands[k].radii)
-    return incidence, float(np.log(width / end.width)), _NO_PAIR
+    return incidence, float(np.log(width / end.width)), np.pi
 
 
 def _own_links(view: _View, end: End) -> float:
@@ -359,16 +351,3 @@ def _own_links(view: _View, end: End) -> float:
     chain = graph.chains[end.strand]
     chain = chain if chain[0] == end.knot else chain[::-1]
     return float(np.mean(chain_links(chain[:5], view.traced)))
-
-
-def _first_met(
-    start: FloatArray, stop: FloatArray, starts: FloatArray, stops: FloatArray
-) -> FloatArray | None:
-    """Where a line first meets one of several segments ``(m, 2)``, or None."""
-    step, along, offset = stop - start, stops - starts, starts - start
-    area = step[0] * along[:, 1] - step[1] * along[:, 0]
-    safe = np.where(area == 0, 1.0, area)
-    t = (offset[:, 0] * along[:, 1] - offset[:, 1] * along[:, 0]) / safe
-    u = (offset[:, 0] * step[1] - offset[:, 1] * step[0]) / safe
-    met = t[(area != 0) & (t > 0) & (t < 1) & (u >= 0) & (u <= 1)]
-    return None if not len(met) else start + float(met.min()) * step

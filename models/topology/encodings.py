@@ -15,6 +15,7 @@ import numpy as np
 
 from models.geometry.arrays import Float32Array, FloatArray, IntArray
 from models.geometry.sampling import read_nearest
+from models.strands.ends import in_view
 from models.topology.graph import Graph
 
 PATCH = 16
@@ -59,15 +60,13 @@ def _read_inside(distances: Float32Array, places: FloatArray) -> FloatArray:
 
 def _node_features(graph: Graph) -> Float32Array:
     count = np.bincount(graph.edges[:, graph.traced].ravel(), minlength=len(graph.xy))
-    limit = np.array(graph.distances.shape[::-1]) - 1
-    to_border = np.minimum(graph.xy, limit - graph.xy).min(axis=1, initial=np.inf)
     features = np.stack(
         (
             graph.radii / graph.spacing,
             count == 1,
             count == 2,
             count > 2,
-            to_border < graph.radii + 3,
+            ~in_view(graph.xy, graph.distances.shape, graph.radii[:, None]),
         ),
         axis=1,
     )

@@ -14,19 +14,18 @@ from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from models.geometry.arrays import ByteArray, Float32Array, FloatArray
 from models.geometry.directions import middle_lanes, quarter_turned, unit
 from models.geometry.polylines import arc_lengths, point_at
 from models.geometry.sampling import read_nearest
+from models.strands.seen import LEAST_SINE, NOISE_LEVELS
 from models.topology.scene import Crossing, Place, Section
 
-_IMAGE_NOISE = 4.0
-"""Gray levels that mean nothing."""
 _DEPTH_NOISE_M = 0.001
 """Meters that mean nothing: the noise of a good depth camera near the table."""
 _MOST_DEPTH_ODDS = 3.0
-_LEAST_SINE = 0.35
 _NEAR_WIDTHS, _NEAR_PX = 3.0, 8.0
 """About a crossing so far along a strand the place is looked for where the lines meet."""
 _PARTED_PX = 0.5
@@ -35,8 +34,6 @@ _LEAST_ARM_PX, _ARM_WIDTHS = 6.0, 1.5
 """So far beyond a crossing is looked, in px at least and in widths …"""
 _PARTED_SHARE = 0.25
 """… and this share of it where outlines part: an upper strand comes down soon."""
-_MOST_PLACES = 200
-"""On a strand about a crossing: enough for a step of a pixel where strands are up to 32 px wide."""
 _ACROSS, _BESIDE = 9, 6
 """Samples along the crossing, and before and after it."""
 _SHARPNESS = 1.5
@@ -68,7 +65,7 @@ class Surface:
 
 def picture(image: ByteArray) -> Surface:
     """Colors ``(H, W, 3)``."""
-    return Surface(lambda places: read_nearest(image, places), _IMAGE_NOISE)
+    return Surface(lambda places: read_nearest(image, places), NOISE_LEVELS)
 
 
 def depth_map(depth_m: Float32Array, focal_px: float | None = None) -> Surface:
@@ -138,7 +135,7 @@ def _nearer(apart_m: float, surface: Surface) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Stretch:
-    """A strand about a crossing: arc lengths ``(n,)`` px, at most some pixels apart, that of the
+    """A strand about a crossing: arc lengths ``(n,)`` px, about a pixel apart, that of the
     crossing, and ``(n,)`` how far away the other strand is."""
 
     lengths: FloatArray
@@ -165,9 +162,9 @@ def _stretches(one: Place, other: Place, sections: Sequence[Stretch]) -> tuple[_
         lengths = arc_lengths(strand.xy)
         at.append(place.u * float(lengths[-1]))
         first, last = np.clip([at[-1] - reach, at[-1] + reach], 0, lengths[-1])
-        places.append(np.linspace(first, last, int(np.clip(last - first, 1, _MOST_PLACES - 1)) + 1))
+        places.append(np.linspace(first, last, max(2, round(last - first) + 1)))
         lines.append(point_at(strand.xy, lengths, places[-1]))
-    away = np.hypot(*np.moveaxis(lines[0][:, None] - lines[1][None], -1, 0))
+    away = cdist(*lines)
     if one.section == other.section:  # a strand is not near itself where it is one pass
         away[np.abs(places[0][:, None] - places[1]) < _NEAR_WIDTHS * width] = np.inf
     nearest = away.min(axis=1), away.min(axis=0)
@@ -225,11 +222,11 @@ def _sine(one: Place, other: Place, sections: Sequence[Stretch]) -> float:
     for place in (one, other):
         section = sections[place.section]
         lengths = arc_lengths(section.xy)
-        near = place.u * lengths[-1] + np.array([-1, 1]) * max(4.0, section.width)
+        near = place.u * lengths[-1] + np.array([-1, 1]) * _arm(section)
         before, after = point_at(section.xy, lengths, np.clip(near, 0, lengths[-1]))
         headings.append(unit(after - before))
     (a, b), (c, d) = headings
-    return max(_LEAST_SINE, abs(float(a * d - b * c)))
+    return max(LEAST_SINE, abs(float(a * d - b * c)))
 
 
 def _deviation(

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from models.geometry.arrays import FloatArray, IntArray
 from models.geometry.polylines import arc_lengths, resample
 from models.geometry.sampling import read_nearest
-from models.strands.ends import beyond, width_of, within
+from models.strands.ends import beyond, in_view, width_of
 from models.strands.pixel_graph import smoothed
 from models.topology.graph import Graph
 from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Predictions, Section
@@ -19,10 +19,6 @@ from models.topology.sites import ends_at
 from models.topology.solver import End, Solution
 
 _POINT_SPACING_PX = 4.0
-_TIP_POINTS = 8
-"""Over so many points a strand's direction at its end is taken."""
-_SEPARATE_VISITS = 12
-"""A walk that comes near a node again so many points later passes it a second time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +40,7 @@ def walk_all(solution: Solution) -> list[Walk]:
         for one, other in passage.pairs:
             onward[one], onward[other] = (other, k), (one, k)
     tips = {end: k for k, passage in enumerate(solution.passages) for end in passage.tips}
-    middles = {p.site.middle for p in solution.passages if p.site.middle is not None}
+    middles = {p.middle for p in solution.passages}
     left = {k for k in range(len(solution.web.strands)) if k not in middles}
     starts = [(k, e) for k in sorted(left) for e in (0, 1) if (k, e) not in onward]
     rings = [(k, 0) for k in sorted(left)]
@@ -82,10 +78,10 @@ def _walk(
             return _finished(pieces, radii, (first, seen.b), closed, passed)
         there, k = onward[away]
         passage = solution.passages[k]
-        if passage.site.middle is None:
+        if passage.middle is None:
             passed.append((k, 0, length))
         else:
-            middle = web.strands[passage.site.middle]
+            middle = web.strands[passage.middle]
             bridge = middle.seen_from(seen.b)
             for n, (share, _) in enumerate(passage.crossed):
                 passed.append(
@@ -144,7 +140,7 @@ def _with_tips(line: FloatArray, branches: tuple[int, int], walk: Walk, graph: G
     if walk.closed:
         return line
     tips = [
-        beyond(way, graph.distances, float(radius), _TIP_POINTS) if branch < 0 else line[:0]
+        beyond(way, graph.distances, float(radius)) if branch < 0 else line[:0]
         for way, radius, branch in zip(
             (line, line[::-1]), walk.radii[[0, -1]], branches, strict=True
         )
@@ -155,7 +151,7 @@ def _with_tips(line: FloatArray, branches: tuple[int, int], walk: Walk, graph: G
 def _kind(xy: FloatArray, branch: int, width: float, graph: Graph) -> EndKind:
     if branch >= 0:
         return "branch"
-    return "free" if within(xy, graph.distances.shape, width / 2 + 3) else "border"
+    return "free" if in_view(xy, graph.distances.shape, width / 2) else "border"
 
 
 def branch_points_of(solution: Solution, sections: list[Section]) -> list[BranchPoint]:
@@ -211,14 +207,12 @@ def final_links(
 
 def _visits(walk: Walk, graph: Graph) -> list[int]:
     """The nodes that a walk passes, in order; a node at a self-crossing comes twice."""
-    reach = np.maximum(1.5, 0.35 * graph.radii)
+    reach = np.maximum(2, graph.radii / 2)
     visits = []
     for node, places in enumerate(
         cKDTree(walk.xy).query_ball_point(graph.xy, reach, return_sorted=True)
     ):
         if places:
-            runs = np.split(
-                np.array(places), np.flatnonzero(np.diff(places) > _SEPARATE_VISITS) + 1
-            )
+            runs = np.split(np.array(places), np.flatnonzero(np.diff(places) > 1) + 1)
             visits += [(float(run.mean()), node) for run in runs]
     return [node for _, node in sorted(visits)]

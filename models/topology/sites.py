@@ -11,6 +11,7 @@ either joint and lie upon one another in between.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -26,11 +27,8 @@ from models.topology.scene import Predictions
 
 _LONGEST_MIDDLE = 9.0
 """A middle strand of more widths than this is a bundle, no crossing."""
-_JOINT, _NEAR_PX = 1.2, 60
-"""How far a joint reaches, in radii there (or widths of its arms), and how far beyond it the width
-of an arm is measured."""
-_ARM_WIDTHS = 2.5
-"""Over how many widths an arm's direction is taken, from the joint's disc on."""
+_NEAR_PX = 60
+"""How far beyond a joint's disc the width of an arm is measured."""
 
 
 class Reading(IntEnum):
@@ -78,21 +76,21 @@ def ends_at(web: Web) -> dict[int, list[tuple[int, int]]]:
 
 
 def measure_arm(web: Web, strand: int, end: int) -> Arm:
-    """Direction and width of a strand where it leaves its knot."""
+    """Direction, over three widths, and width of a strand where it leaves its knot's disc."""
     whole = web.strands[strand]
     seen = whole if end == 0 else whole.reversed()
     lengths = arc_lengths(seen.xy)
     total = float(lengths[-1])
     width = _width_beyond(seen, lengths)
-    start = min(float(seen.radii[0]), 0.4 * total)
-    stop = min(start + _ARM_WIDTHS * width + 4, total)
+    start = min(float(seen.radii[0]), 0.5 * total)
+    stop = min(start + 3 * width, total)
     near, far = point_at(seen.xy, lengths, np.array([start, stop]))
     return Arm(strand, end, seen.a, near, unit(far - near), width)
 
 
 def _width_beyond(seen: Strand, lengths: FloatArray) -> float:
     """Typical width outside the joint's disc, near it."""
-    disc = _JOINT * float(seen.radii[0])
+    disc = float(seen.radii[0])
     outside = (lengths >= min(disc, 0.5 * lengths[-1])) & (lengths <= disc + _NEAR_PX)
     return width_of(seen.radii[outside] if outside.any() else seen.radii)
 
@@ -107,7 +105,7 @@ def crossing_sites(web: Web) -> list[Site]:
     for k, strand in enumerate(web.strands):
         three = strand.a != strand.b and len(at[strand.a]) == 3 and len(at[strand.b]) == 3
         width = width_of(strand.radii)
-        if three and strand.length <= _LONGEST_MIDDLE * width + 8:
+        if three and strand.length <= _LONGEST_MIDDLE * width:
             sites.append(_double(web, k, at))
     return sites
 
@@ -153,6 +151,11 @@ def bend(one: Arm, other: Arm) -> float:
         return float(angle_between(-one.heading, other.heading))
     chord = chord / size
     return float(angle_between(-one.heading, chord) + angle_between(chord, other.heading))
+
+
+def least_bend(arms: Sequence[Arm]) -> float:
+    """Of the straightest pair; of fewer than two arms that of turning back."""
+    return min((bend(a, b) for i, a in enumerate(arms) for b in arms[i + 1 :]), default=np.pi)
 
 
 class SiteEvidence(NamedTuple):
@@ -255,6 +258,6 @@ def _classes_near(
 ) -> tuple[float, float]:
     """Strongest class scores among the nodes within a width of a place, or of its nearest node."""
     away = np.hypot(*(nodes_xy - xy).T)
-    near = away <= max(_JOINT * width, float(away.min()))
+    near = away <= max(width, float(away.min()))
     branch, cross = predictions.classes[near].max(axis=0).tolist()
     return branch, cross

@@ -34,20 +34,18 @@ from models.topology.sites import (
 
 End = tuple[int, int]
 """A strand and which of its ends: 0 or 1."""
-_MOST_BEND = 1.6
-"""Sections are merged only where they go on smoothly: at a joint of many arms no pair may turn
-more, radians."""
 _MOST_ARMS = 8
 """A joint of more is a blob that strands end at."""
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """Strands that go on through a site: the pairs of strand ends that it joins, the probability of
-    this reading, and every place where they cross: how far along the site's middle strand (0 to 1),
-    and ``(2,)``. ``tips``: strand ends that lie upon or under what goes on there, and end."""
+    """Strands that go on through a site: its ``middle`` strand, the pairs of strand ends that it
+    joins, the probability of this reading, and every place where they cross: how far along the
+    middle (0 to 1), and ``(2,)``. ``tips``: strand ends that lie upon or under what goes on there,
+    and end."""
 
-    site: Site
+    middle: int | None
     pairs: tuple[tuple[End, End], ...]
     score: float
     crossed: tuple[tuple[float, FloatArray], ...]
@@ -130,12 +128,12 @@ def _passage(web: Web, site: Site, reading: Reading, score: float) -> Passage:
     if reading is Reading.LENS and site.middle is not None:
         line = web.strands[site.middle].xy
         crossed = (0.0, line[0]), (1.0, line[-1])
-    return Passage(site, ((first[0], first[1]), (second[0], second[1])), score, crossed)
+    return Passage(site.middle, ((first[0], first[1]), (second[0], second[1])), score, crossed)
 
 
 def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, int]:
-    """At a joint of five arms or more the smoothest pairs pass through, while three arms or none
-    are left."""
+    """At a joint of five arms or more the smoothest pairs pass through that turn by no more than
+    a right angle, while three arms or none are left."""
     arms = [measure_arm(web, s, e) for s, e in ends]
     left = list(range(len(arms)))
     pairs: list[tuple[End, End]] = []
@@ -143,7 +141,7 @@ def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, in
         turn, i, j = min(
             (bend(arms[i], arms[j]), i, j) for n, i in enumerate(left) for j in left[n + 1 :]
         )
-        if turn > _MOST_BEND:
+        if turn > np.pi / 2:
             break
         pairs.append((ends[i], ends[j]))
         left = [k for k in left if k not in (i, j)]
@@ -152,9 +150,7 @@ def _many_arms(web: Web, knot: int, ends: list[End]) -> tuple[Passage | None, in
         left = []
     if not pairs:
         return None, len(left)
-    xy = web.knots_xy[knot]
-    site = Site((knot,), tuple(arms), None, xy, ((0, 1), (0, 1)), ((0, 1), (0, 1)))
-    return Passage(site, tuple(pairs), 0.5, ((0.5, xy),)), len(left)
+    return Passage(None, tuple(pairs), 0.5, ((0.5, web.knots_xy[knot]),)), len(left)
 
 
 def _touched(
@@ -169,9 +165,8 @@ def _touched(
     if found is None:
         return None, len(ends)
     stem, score = found
-    xy = web.knots_xy[knot]
-    site = Site((knot,), tuple(arms), None, xy, ((0, 1), (0, 1)), ((0, 1), (0, 1)))
-    return Passage(site, ((ends[stem - 1], ends[stem - 2]),), score, ((0.5, xy),), (ends[stem],)), 0
+    pairs, place = ((ends[stem - 1], ends[stem - 2]),), ((0.5, web.knots_xy[knot]),)
+    return Passage(None, pairs, score, place, (ends[stem],)), 0
 
 
 def _branch_score(

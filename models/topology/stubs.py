@@ -15,12 +15,11 @@ from models.strands.graph import Strand, degrees, protrusion
 from models.topology.classifiers import Links, chain_links, links_of
 from models.topology.graph import Graph
 from models.topology.scene import Predictions
-from models.topology.sites import Arm, bend, ends_at, measure_arm
+from models.topology.sites import Arm, bend, ends_at, least_bend, measure_arm
 
 _LONGEST = 8.0
-"""In radii of the joint: what reaches farther is a branch."""
-_LONGEST_RUNG = 4.0
-"""In own widths, between the discs of its joints."""
+"""In radii of the joint: what reaches farther is a branch; a rung in own radii, between the discs
+of its joints."""
 _FAR, _FAR_BORDER = 40.0, 8.0
 """Radii; a sibling, or the picture's border, that is farther away counts no more."""
 
@@ -69,7 +68,7 @@ def _is_short(strand: Strand, joints: list[int]) -> bool:
         return protrusion(strand, joints[0]) < _LONGEST * float(
             strand.seen_from(joints[0]).radii[0]
         )
-    return _exposed(strand) < _LONGEST_RUNG * 2 * float(strand.radii.min())
+    return _exposed(strand) < _LONGEST * float(strand.radii.min())
 
 
 def _exposed(strand: Strand) -> float:
@@ -97,7 +96,7 @@ class _Arms:
         return _Side(
             min(float(angle_between(own.heading, a.heading)) for a in others),
             min(bend(own, a) for a in others),
-            min((bend(a, b) for i, a in enumerate(others) for b in others[i + 1 :]), default=np.pi),
+            least_bend(others),
             len(arms),
             np.array([a.width for a in others]),
             min(free, default=np.inf),

@@ -10,6 +10,8 @@ from scipy.interpolate import make_splprep
 
 from models.geometry.arrays import BoolArray, FloatArray
 from models.geometry.cameras import Camera
+from models.geometry.components import runs
+from models.geometry.polylines import arc_lengths, resample
 
 _MOST_SAMPLES = 400
 _COMB_M = 1e-4
@@ -48,13 +50,11 @@ def smooth_stroke(points_m: FloatArray, step_m: float, tolerance_m: float) -> Fl
     points = points[np.concatenate(([True], steps > _COMB_M))] if len(points) else points
     if len(points) < 2:
         raise StrokeError("a stroke needs two different points")
-    count = int(
-        np.clip(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / step_m, 8, _MOST_SAMPLES)
-    )
+    count = int(np.clip(arc_lengths(points)[-1] / step_m, 8, _MOST_SAMPLES))
     if len(points) < 4:
-        return _along(points, count)
+        return resample(points, count)
     spline, _ = make_splprep(list(points.T), s=len(points) * tolerance_m**2)
-    return _along(np.asarray(spline(np.linspace(0, 1, 8 * count))).T, count)
+    return resample(np.asarray(spline(np.linspace(0, 1, 8 * count))).T, count)
 
 
 def in_robot_frame(points_m: FloatArray, T_robot_tracker: FloatArray) -> FloatArray:
@@ -77,15 +77,4 @@ def project_stroke(points_m: FloatArray, camera: Camera) -> ProjectedStroke:
 
 def stretches(inside: BoolArray, least: int = 4) -> list[slice]:
     """The runs of samples in the picture, as slices; runs of fewer than ``least`` are left out."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
-    return [
-        slice(int(a), int(b))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= least
-    ]
-
-
-def _along(points: FloatArray, count: int) -> FloatArray:
-    lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
-    wanted = np.linspace(0, lengths[-1], count)
-    return np.stack([np.interp(wanted, lengths, axis) for axis in points.T], axis=1)
+    return [slice(start, stop) for start, stop in runs(inside) if stop - start >= least]

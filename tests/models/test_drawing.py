@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from models.geometry.splines import fit_spline
 from models.instances.drawing import palette
 from models.instances.overlay import overlay
 from models.instances.published.rt_dlo import extract
-from models.instances.scene import Scene
+from models.instances.scene import Crossing, Instance, Scene, StrandPosition
 from tests.models.drawn_masks import colored, drawn
 
 DOWN = np.array([[60.0, 40.0], [260.0, 200.0]])
@@ -53,6 +55,17 @@ def test_overlay_draws_the_upper_centerline_through_the_crossing():
     lower = palette()[crossing.under.instance].astype(int)
     shown = picture[y, x].astype(int)
     assert np.abs(shown - upper).sum() < np.abs(shown - lower).sum()
+
+
+def test_an_id_is_in_the_middle_of_the_longest_piece_without_a_crossing():
+    line = np.array([[0.0, 100.0], [1000.0, 100.0]])
+    cable = Instance(line, 8.0, 1000.0, False, fit_spline(line, tolerance_px=1.0), (), 1.0)
+    places = [StrandPosition(1, u) for u in (0.2, 0.9)]
+    crossings = tuple(Crossing((0.0, 0.0), p, StrandPosition(2, 0.5), 1.0) for p in places)
+    scene = Scene((cable, cable), crossings, np.zeros((200, 1000), np.uint8))
+    picture = overlay(np.zeros((200, 1000, 3), np.uint8), scene)
+    box = np.all(picture[92:98] == palette()[1], axis=2).any(axis=0)
+    assert np.flatnonzero(box).mean() == pytest.approx(550, abs=20)
 
 
 def test_overlay_of_nothing_is_the_picture():

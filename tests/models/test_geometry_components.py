@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from models.geometry.components import components
+from models.geometry.components import components, runs
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -27,3 +27,11 @@ def test_nothing_and_no_pairs() -> None:
     none = np.zeros((0, 2), np.int64)
     assert len(components(none, 0)) == 0
     assert components(none, 3).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [("", []), ("...", []), ("##", [(0, 2)]), ("#..##.#", [(0, 1), (3, 5), (6, 7)])],
+)
+def test_runs_of_true(flags, expected):
+    assert runs(np.array([flag == "#" for flag in flags], dtype=bool)) == expected

@@ -21,6 +21,7 @@ from models.geometry.directions import angle_between, quarter_turned, unit
 from models.geometry.polylines import bridge
 from models.geometry.sampling import read_nearest
 from models.strands.sections import NEAREST, Sections, pairs_at_junctions
+from models.strands.seen import NOISE_LEVELS, SHARED_RADII
 
 KINDS = ("junction", "gap", "shared", "absorbed")
 JUNCTION, GAP, SHARED, ABSORBED = range(4)
@@ -29,14 +30,11 @@ section's own two ends: it is shared and no strand of its own."""
 FEATURES = ("one", "turn", "sideways", "width", "chroma", "brightness", "gap", "length", "seen_gap")
 """``gap``: length off the mask where the picture does not show the DLO either; ``seen_gap``: where
 it does."""
-_NOISE_LEVELS = 8.0
 _BOWS_RADII = (-3.0, -1.5, 0.0, 1.5, 3.0)
-"""Gray levels that a color varies by along one DLO; ways to bow in a gap that are looked at, in
-radii."""
+"""Ways to bow in a gap that are looked at, in radii."""
 
 WEIGHTS_FILE = Path(__file__).with_name("link_weights.toml")
 
-_SHARED_RADII = 16.0
 _SHARED_THICK = 1.3
 """A section may be shared if it is short or this much thicker than what leads to it."""
 _SAMPLES = 16
@@ -122,7 +120,7 @@ def _along_shared(sections: Sections) -> tuple[IntArray, IntArray]:
             continue
         leading = median(sections.end_radius[here + there].tolist())
         thick = sections.radius[section] > _SHARED_THICK * leading
-        if thick or sections.length[section] <= _SHARED_RADII * leading:
+        if thick or sections.length[section] <= SHARED_RADII * leading:
             found = [(min(a, b), max(a, b)) for a in here for b in there if a >> 1 != b >> 1]
             pairs += found
             via += [section] * len(found)
@@ -151,7 +149,7 @@ def _measure(
     leaving = angle_between(sections.outward[a], toward)
     arriving = angle_between(onward, -sections.outward[b])
     turn = angle_between(sections.outward[a], -sections.outward[b])
-    known = length**2 / (length**2 + (1.5 * radius + 2) ** 2)
+    known = length**2 / (length**2 + (2 * radius) ** 2)
     points, off = _between(sections, a, b, mask)
     color = (sections.color[a] - sections.color[b]) / 100
     brightness = color.mean(axis=1)
@@ -239,7 +237,7 @@ def _likeness(
     a, b, points, off = a[rows], b[rows], points[rows], off[rows]
     beside = (sections.beside[a] + sections.beside[b]) / 2
     contrast = np.abs(beside - (sections.color[a] + sections.color[b]) / 2).mean(axis=1)
-    width = 0.4 * contrast + _NOISE_LEVELS
+    width = 0.4 * contrast + NOISE_LEVELS
     radius = np.maximum(sections.end_radius[a], sections.end_radius[b])
     normal = quarter_turned(unit(sections.tip[b] - sections.tip[a]))
     bulge = np.sin(np.linspace(0, np.pi, points.shape[1]))[:, None]

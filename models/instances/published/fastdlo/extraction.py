@@ -9,7 +9,6 @@ import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from models.instances.assembly import assemble
-from models.instances.published import SHARED_RADII
 from models.instances.published.fastdlo.similarity import (
     FEATURES,
     SimilarityNetwork,
@@ -22,11 +21,9 @@ from models.strands.foreground import Foreground
 from models.strands.pairing import greedy
 from models.strands.pixel_graph import trace
 from models.strands.sections import Sections, pairs_at_junctions, sections_of
+from models.strands.seen import SHARED_RADII
 from models.strands.stopwatch import Stopwatch
 from models.strands.walks import strands_of
-
-_MAX_PIXELS = 1_500_000
-"""Larger pictures are reduced."""
 
 
 @dataclass(frozen=True)
@@ -48,16 +45,13 @@ def extract(
     ``mask``: ``(H, W)``. ``image``: ``(H, W, 3)`` RGB or None (then width and direction decide).
     ``networks``: that of 3.4.4; without it, connections follow the features' plain distance.
 
-    Any mask is allowed, and the work is bounded: beyond 1.5 megapixels the mask is reduced, at most
+    Any mask is allowed, and the work is bounded: beyond 4 megapixels the mask is reduced, at most
     3 000 segments and 255 instances remain. Raises ``ValueError`` when the image is of another size
     than the mask.
     """
     settings = params or FastDloParams()
     return at_working_size(
-        mask,
-        image,
-        lambda m, i: _extract(m, i, settings, networks[0] if networks else None),
-        _MAX_PIXELS,
+        mask, image, lambda m, i: _extract(m, i, settings, networks[0] if networks else None)
     )
 
 
@@ -74,7 +68,8 @@ def _extract(
     with watch.step("network"):
         pairs, probability = process_intersections(sections, similarity)
     with watch.step("merging"):
-        partner = merge_informed(len(sections.node), pairs, probability, params.min_probability)
+        # Algorithm 3: best pairs first, each endpoint once.
+        partner = greedy(len(sections.node), pairs, probability, params.min_probability)
         chains = strands_of(sections, partner, {})
     return assemble(chains, mask, foreground.distances, image, watch, method="fastdlo")
 
@@ -104,9 +99,3 @@ def process_intersections(
     place = np.searchsorted(ends, pairs)
     apart = embedded[place[:, 0]].astype(np.float64) - embedded[place[:, 1]]
     return pairs, probabilities(apart)
-
-
-def merge_informed(ends: int, pairs: IntArray, probability: FloatArray, least: float) -> IntArray:
-    """Algorithm 3: ``(ends,)`` partner of every endpoint, itself if it has none; best pairs first,
-    each end once."""
-    return greedy(ends, pairs, probability, least)

@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 
 from models.geometry.polylines import arc_lengths
-from models.instances.published import SHARED_RADII
 from models.instances.published.rt_dlo.arms import ARM_VERTICES, Arm, arm_of, continuation
 from models.instances.published.rt_dlo.graph import Vertices
 from models.strands.pairing import match
+from models.strands.seen import SHARED_RADII
 
 Graph = dict[int, set[int]]
 """Vertex to its neighbors, both ways."""

@@ -22,13 +22,10 @@ _GAP_RADII = 12.0
 """Longest part of a joint that may run off the foreground."""
 _JOINT_RADII = 24.0
 """Longest joint, as where two strands share their foreground."""
-_LEAST_COSINE, _LEAST_COSINE_NEAR = 0.6, 0.2
-"""How straight a joint must leave both ends; the second holds for joints of at most four radii."""
-_NEAR_RADII = 4.0
 _TURN_RADII = 2.5
 """A turn is measured over so many radii to either side."""
 _SHARP_COSINE = 0.5
-_LEAST_SCORE = 0.05
+"""Of a turn within a path, or from an end into a joint, that is no smooth one."""
 _LEAST_LIKE = 0.5
 """Likeness in color of the two sides of a kink in one DLO."""
 
@@ -106,7 +103,7 @@ def join_paths(cut: list[list[Path]], vertices: Vertices, mask: BoolArray) -> li
     """
     open_paths = [path for pieces in cut for path in pieces if not path.closed]
     arms = [arm_of(chain, vertices) for p in open_paths for chain in (p.vertices, p.vertices[::-1])]
-    partner = greedy(len(arms), *_scored_joints(arms, mask), _LEAST_SCORE)
+    partner = greedy(len(arms), *_scored_joints(arms, mask), 0.0)
     for a in _cut_ends(cut):
         if partner[a] == a and partner[a + 1] == a + 1 and _of_one_color(arms[a], arms[a + 1]):
             partner[a], partner[a + 1] = a + 1, a
@@ -135,10 +132,8 @@ def _scored_joints(arms: list[Arm], mask: BoolArray) -> tuple[IntArray, FloatArr
     leaving = np.einsum("ij,ij->i", outward[a], toward)
     arriving = -np.einsum("ij,ij->i", outward[b], toward)
     radius = np.maximum(radii[a], radii[b])
-    least = np.where(length < _NEAR_RADII * radius, _LEAST_COSINE_NEAR, _LEAST_COSINE)
-    near = np.flatnonzero(
-        (length < _JOINT_RADII * radius) & (np.minimum(leaving, arriving) > least)
-    )
+    smooth = np.minimum(leaving, arriving) > _SHARP_COSINE
+    near = np.flatnonzero((length < _JOINT_RADII * radius) & smooth)
     a, b, length, radius = a[near], b[near], length[near] / radius[near], radius[near]
     shares = np.linspace(0, 1, 24)[None, :, None]
     on_mask = read_nearest(mask, xy[a][:, None] * (1 - shares) + xy[b][:, None] * shares).mean(
