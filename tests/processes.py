@@ -17,6 +17,9 @@ from workers.queue import JobQueue, WorkerInfo
 from workers.settings import Settings
 
 ROOT = Path(__file__).parent.parent
+ONE_CHILD = {"DLO_SPARE_CHILD": "false"}
+"""For :func:`running_service`: without the second warm child of each worker, whose networks take
+seconds of a core to load, where no test is about it."""
 KEYS = Keys("dlo")
 """Of the deployment that settings are of by default."""
 T = TypeVar("T")

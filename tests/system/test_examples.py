@@ -12,7 +12,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from tests.processes import running_service
+from tests.processes import ONE_CHILD, running_service
 
 pytestmark = pytest.mark.system
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -25,8 +25,7 @@ def address(tmp_path_factory):
     webhooks = {
         "DLO_WEBHOOK_HOSTS": "127.0.0.1",
         "DLO_WEBHOOK_SECRET": SECRET,
-        "DLO_SPARE_CHILD": "false",
-    }
+    } | ONE_CHILD
     with running_service(tmp_path_factory.mktemp("data"), workers=1, more=webhooks) as address:
         yield address
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from services.page_frame import PAGES
 from tests.firefox import NEEDS_FIREFOX, Firefox, firefox
-from tests.processes import ROOT, running_service
+from tests.processes import ONE_CHILD, ROOT, running_service
 
 pytestmark = NEEDS_FIREFOX
 PICTURE = ROOT / "tests" / "samples" / "plain.jpg"
@@ -33,7 +33,7 @@ BRIGHT = """(() => {
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with running_service(tmp_path_factory.mktemp("data"), workers=1) as address:
+    with running_service(tmp_path_factory.mktemp("data"), workers=1, more=ONE_CHILD) as address:
         yield address
 
 

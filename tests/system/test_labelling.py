@@ -19,7 +19,7 @@ from PIL import Image
 
 from models.geometry.rle import decode
 from tests.benchmarks.tracked_scenes import tracked_scene
-from tests.processes import running_service
+from tests.processes import ONE_CHILD, running_service
 
 pytestmark = pytest.mark.system
 SAMPLES = Path(__file__).parent.parent / "samples"
@@ -29,7 +29,7 @@ KILLS = 10
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    with running_service(tmp_path_factory.mktemp("data"), workers=1) as address:
+    with running_service(tmp_path_factory.mktemp("data"), workers=1, more=ONE_CHILD) as address:
         yield address
 
 

@@ -27,7 +27,7 @@ from tests.browser import NEEDS_BROWSER, Chromium
 from tests.clients.browser_pages import place
 from tests.clients.curve_samples import straight
 from tests.clients.test_viewer_labels import seen
-from tests.processes import ROOT, running_service, wait_until
+from tests.processes import ONE_CHILD, ROOT, running_service, wait_until
 
 pytestmark = NEEDS_BROWSER
 OURS = ["", *(f"viewer/{name}.html" for name in PAGES)]
@@ -68,9 +68,8 @@ def folder(labels: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory, labels: Path) -> Iterator[str]:
-    with running_service(
-        tmp_path_factory.mktemp("data"), workers=1, more={"DLO_LABELS_DIR": str(labels)}
-    ) as address:
+    more = ONE_CHILD | {"DLO_LABELS_DIR": str(labels)}
+    with running_service(tmp_path_factory.mktemp("data"), workers=1, more=more) as address:
         yield address
 
 

@@ -27,7 +27,7 @@ from dlo_client.contracts import (
 from PIL import Image
 
 from services.examples import EXAMPLES
-from tests.processes import running_service
+from tests.processes import ONE_CHILD, running_service
 from workers.record import REQUEST
 
 pytestmark = pytest.mark.system
@@ -36,7 +36,7 @@ SAMPLES = Path(__file__).parent.parent / "samples"
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    with running_service(tmp_path_factory.mktemp("data"), workers=2) as address:
+    with running_service(tmp_path_factory.mktemp("data"), workers=2, more=ONE_CHILD) as address:
         yield address
 
 

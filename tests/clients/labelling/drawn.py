@@ -3,6 +3,8 @@ hole."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from dlo_client.contracts import Crossing, MaskRLE, StrandPosition
 from dlo_client.labelling import LabelledInstance, PictureLabel
@@ -20,6 +22,12 @@ def disk_line(points: np.ndarray, radius: float) -> np.ndarray:
 
 
 def label(name: str = NAME) -> PictureLabel:
+    """One that nothing else holds: a test may change it."""
+    return _drawn().model_copy(update={"name": name}, deep=True)
+
+
+@lru_cache(maxsize=1)
+def _drawn() -> PictureLabel:
     t = np.linspace(0, 1, 200)
     upper = np.stack([4 + 80 * t, 20 + 10 * np.sin(5 * t)], 1)
     lower = np.stack([30 + 6 * np.sin(4 * t), 2 + 64 * t], 1)
@@ -28,7 +36,7 @@ def label(name: str = NAME) -> PictureLabel:
     masks = [top, disk_line(lower, 2.4) & ~top, disk_line(ring, 2.0) & ~top]
     lines = [upper[::10], lower[::10], ring[::10]]
     return PictureLabel(
-        name=name,
+        name=NAME,
         width=WIDTH,
         height=HEIGHT,
         instances=[

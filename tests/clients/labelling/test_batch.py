@@ -358,26 +358,26 @@ def test_a_source_without_pictures_is_refused(
         find_pictures(wrong)
 
 
-def test_a_run_over_a_hundred_thousand_files_goes_on_where_it_was(
+def test_a_run_over_twenty_thousand_files_goes_on_where_it_was(
     service: Service, tmp_path: Path
 ) -> None:
     """The ledger holds all but three of the list's pictures: those three are asked for, and nothing
     else is."""
     fill(tmp_path / "in", {f"new {k}.png": str(k).encode() for k in range(3)})
-    known = [f"shelf {k // 1000}/{k}.png" for k in range(100_000)]
+    known = [f"shelf {k // 1000}/{k}.png" for k in range(20_000)]
     listed = tmp_path / "in" / "list.txt"
     listed.write_text(
-        "\n".join([*known[:50_000], "new 0.png", "new 1.png", *known[50_000:], "new 2.png"])
+        "\n".join([*known[:10_000], "new 0.png", "new 1.png", *known[10_000:], "new 2.png"])
     )
     with LabelStore(tmp_path / "out", write=True) as kept:
         rows = ((name, "failed", "", "", "cannot be read", 0.0, 0.0) for name in known)
         kept._ledger.executemany("INSERT INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
         kept._ledger.commit()
     report = run(service, listed, tmp_path / "out")
-    assert (report.pictures, report.labelled, len(report.failed)) == (100_003, 3, 100_000)
+    assert (report.pictures, report.labelled, len(report.failed)) == (20_003, 3, 20_000)
     assert sorted(service.asked) == [b"0", b"1", b"2"]
     assert len(report.lines()) < 50, "a person is shown the first ones"
-    assert len(json.loads((tmp_path / "out" / "report.json").read_text())["failed"]) == 100_000
+    assert len(json.loads((tmp_path / "out" / "report.json").read_text())["failed"]) == 20_000
 
 
 def test_a_list_that_names_one_picture_again_and_again_is_read_through(tmp_path: Path) -> None:

@@ -67,7 +67,11 @@ def alive(pid: int) -> bool:
 def service(tmp_path):
     """A running service: its process and its address."""
     process = subprocess.Popen(
-        command(tmp_path / "data"), cwd=ROOT, env=environment(), stdout=subprocess.PIPE, text=True
+        command(tmp_path / "data"),
+        cwd=ROOT,
+        env=environment(DLO_SPARE_CHILD="false"),  # which takes seconds to load
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         line = process.stdout.readline()
