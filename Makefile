@@ -10,8 +10,9 @@ DATA ?= data
 SHARED ?= ../shared
 SOAK ?= 0
 COUNT ?= 10000
+CORES := $(shell nproc 2>/dev/null || echo 2)
 # Processes that run tests, each with a queue server of its own: one more than cores, for many tests wait for others.
-JOBS ?= $(shell expr 1 + $$(nproc 2>/dev/null || echo 2))
+JOBS ?= $(shell expr 1 + $(CORES))
 
 .PHONY: run serve dev test quick lint audit rehearse docs bench faults load fuzz lock clean
 
@@ -28,16 +29,16 @@ serve: $(BIN)/.service
 dev: $(BIN)/.dev
 
 # Threads within a process would only take the processor from the other processes.
-PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS)
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --dist worksteal
 
 ## Everything that CI runs. The summary at its end names what was skipped and why, what hung once and was run again, and
 ## the slowest.
 test: lint docs
-	$(PYTEST) -rR --durations=8 --reruns 1 --only-rerun "from pytest-timeout" --dist worksteal --cov --cov-report=html:build/coverage/html --cov-report=
+	$(PYTEST) -n $(JOBS) -rR --durations=8 --reruns 1 --only-rerun "from pytest-timeout" --cov --cov-report=html:build/coverage/html --cov-report=
 
-## Lint, types and the unit tests: what to run while working.
+## Lint, types and the unit tests: what to run while working. Of these few wait, and each process imports all tests.
 quick: lint
-	$(PYTEST) --dist worksteal -m "not system and not slow"
+	$(PYTEST) -n $(CORES) -m "not system and not slow"
 
 lint: $(BIN)/.dev
 	$(BIN)/ruff check .

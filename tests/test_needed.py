@@ -8,6 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parent.parent
 SKIPPED = """
 import pytest
@@ -43,7 +47,12 @@ def run(folder: Path, needed: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*command, str(program)],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "DLO_TESTS_NEED": needed},
+        env=os.environ
+        | {
+            "PYTHONPATH": str(ROOT),
+            "DLO_TESTS_NEED": needed,
+            "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+        },
         capture_output=True,
         text=True,
         check=False,

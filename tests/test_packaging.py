@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import yaml
 
 from models.weights.providers import CPU, CUDA
@@ -34,6 +35,7 @@ def test_compose_builds_targets_that_the_dockerfile_has():
     assert services["service"]["volumes"] == services["worker"]["volumes"], "they share the blobs"
 
 
+@pytest.mark.slow
 def test_service_and_workers_run_where_torch_is_not_installed():
     """The images install requirements/service.txt alone and hold neither training nor synthesis."""
     program = (

@@ -88,6 +88,7 @@ def test_the_library_installs_and_works_elsewhere(tmp_path):
     assert said.split() == [dlo_client.__version__, "2", "1", "(120,", "160)"]
 
 
+@pytest.mark.slow
 def test_no_import_of_the_sources_is_missed_by_the_renaming():
     """What setup.py cannot rename ends the build; here without building."""
     program = (

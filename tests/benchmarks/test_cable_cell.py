@@ -9,6 +9,7 @@ from dlo_client.contracts import ImageRef, InstancesRequest, NoopRequest, NoopRe
 from tests.benchmarks import cable_cell
 
 
+@pytest.mark.slow
 def test_it_answers_as_the_client_does() -> None:
     """The client's ``run`` gave the result, the stand-in a job: no scan could be measured."""
     service = cable_cell.InProcess(cable_cell.tools())

@@ -47,6 +47,7 @@ def test_two_cables_that_both_get_wider_share_what_is_between_them() -> None:
     assert (np.diff(found[:80, 100][found[:80, 100] > 0]) >= 0).all()
 
 
+@pytest.mark.slow
 def test_the_same_pictures_come_at_every_call() -> None:
     first, again = (next(iter(pictures(1))) for _ in range(2))
     assert first[0] == again[0]

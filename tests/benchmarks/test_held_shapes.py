@@ -18,6 +18,7 @@ def test_a_limp_rope_keeps_every_shape_and_a_straight_one_is_always_kept():
     assert max(limp, rod) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_stiff_rope_keeps_less_of_a_bend_than_a_soft_one():
     soft, stiff = (nearest_held(ROPES[1], 0.4, s, shape("U", ROPES[1].length)) for s in (1.0, 8.0))
     assert soft is not None

@@ -69,6 +69,7 @@ def test_contracts_load_no_http_client() -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_the_sdk_needs_no_command_line_extra() -> None:
     done = _python(
         "-c", "import sys, dlo_client; dlo_client.Client; sys.exit('typer' in sys.modules)"
@@ -86,6 +87,7 @@ def test_the_command_without_its_extra_says_what_to_install() -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_the_type_of_a_request_gives_that_of_its_result(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     program = tmp_path / "program.py"

@@ -222,6 +222,7 @@ def test_a_file_that_cannot_be_read_is_an_os_error(tmp_path: Path) -> None:
         parts_of(tmp_path, "image")
 
 
+@pytest.mark.slow
 def test_pictures_need_neither_numpy_nor_pillow() -> None:
     program = (
         "import sys; sys.modules['numpy'] = sys.modules['PIL'] = None\n"

@@ -91,6 +91,7 @@ def test_a_target_that_there_is_not():
         target_shape("Q")
 
 
+@pytest.mark.slow
 def test_a_shape_is_reached_and_the_rope_learnt(client, tmp_path):
     table, target = SimulatedTable(0.45), target_shape("U", 0.45)
     controller = ShapeController(client, table, OBJECT, target)
@@ -156,6 +157,7 @@ class GluedTable(SimulatedTable):
         pass
 
 
+@pytest.mark.slow
 def test_it_stops_when_the_actions_bring_nothing(client):
     """All ten actions were done on a rope that had come to rest after three."""
     controller = ShapeController(client, GluedTable(0.45), OBJECT, target_shape("S", 0.45))

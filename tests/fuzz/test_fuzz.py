@@ -13,6 +13,8 @@ from tests.fuzz.__main__ import PARTS, Run, kept, note
 from tests.fuzz.bench import whole
 from tests.fuzz.mutations import damaged_bytes
 
+pytestmark = pytest.mark.slow
+
 COUNTS = {"requests": 11, "damaged": 33, "pictures": 30}
 """Without ``schema``, which takes its time; tests/services/test_documents.py tries a few of its
 cases."""

@@ -159,6 +159,7 @@ def test_an_exam_measures_every_picture(folder: Path) -> None:
     assert scores == Scores((100.0, 100.0), (100.0,))
 
 
+@pytest.mark.slow
 def test_a_course_goes_on_from_its_checkpoint_and_leaves_the_first_stages_alone(
     folder: Path, tmp_path: Path
 ) -> None:

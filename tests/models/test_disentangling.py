@@ -151,6 +151,7 @@ def test_turning_by_a_quarter_takes_x_to_y():
     )
 
 
+@pytest.mark.slow
 def test_most_single_crossings_are_undone_in_a_world_with_errors(plan):
     undone = 0
     for k in range(12):
@@ -319,6 +320,7 @@ def scaled(harness: Topology, factor: float) -> Topology:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gripper_px", [None, 20.0])
 @pytest.mark.parametrize("harness", [crossed(), twice_crossed(), touching()])
 def test_the_best_action_stays_the_same_at_another_resolution(plan, harness, gripper_px):

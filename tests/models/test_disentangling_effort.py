@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from models.disentangling import plan as planner
 from models.disentangling import turn_candidates
@@ -46,6 +47,7 @@ def test_only_segments_that_a_turn_can_bring_together_are_looked_at():
         assert all(np.isclose(every, xy).all(1).any() for xy in found)
 
 
+@pytest.mark.slow
 def test_a_plan_looks_at_a_limited_number_of_places_and_segments(monkeypatch):
     """With more crossings, and with finer pictures of longer cables, a plan took as long as it
     took: 18 s."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from models.disentangling.evidence import MOVE_FEATURES
 from models.disentangling.rigid_piece import Pivot
@@ -18,6 +19,8 @@ from models.training.disentangling.table_world import (
     unclear,
 )
 from tests.models.harnesses import section, shipped
+
+pytestmark = pytest.mark.slow
 
 
 def harness_of(*lines: list[tuple[float, float]]) -> Harness:

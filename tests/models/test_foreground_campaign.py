@@ -168,6 +168,7 @@ def test_a_training_that_would_wait_for_ever_is_refused(
         CampaignParams(**settings)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_renders_alone_train_too_with_a_teacher(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -198,6 +199,7 @@ def test_renders_alone_train_too_with_a_teacher(
     assert (state["params"]["network"], state["params"]["slim"]) == ("compact", 4)
 
 
+@pytest.mark.slow
 def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     photographs(tmp_path / "real", names("a", 2))
     (tmp_path / "empty").mkdir()
@@ -238,6 +240,7 @@ def test_a_run_is_resumed_where_it_ended(tmp_path: Path, monkeypatch: pytest.Mon
     assert 0 <= state["metrics"]["dice"] <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", ["air_share", "fan_share", "ribbon_share", "alike_share"])
 def test_every_new_kind_of_scene_is_drawn_and_labelled(share: str) -> None:
     params = SceneParams((96, 160), style="workshop", empty_share=0.0, **{share: 1.0})

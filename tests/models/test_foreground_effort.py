@@ -46,6 +46,7 @@ def dice(found: np.ndarray, true: np.ndarray) -> float:
     return float(2 * (found & true).sum() / (found.sum() + true.sum()))
 
 
+@pytest.mark.slow
 def test_a_wire_thin_at_the_networks_scale_is_whole_after_the_closer_look() -> None:
     """9 px in a 12 MP photograph are 1.4 at the network's scale: reduced alone, a good part of the
     wire was gone."""
@@ -139,6 +140,7 @@ def test_the_mirror_image_is_turned_back() -> None:
     assert found[:, 45:].max() < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(1, 5000), (5000, 1), (33, 2000), (3000, 3000)])
 def test_every_shape_keeps_its_size(size: tuple[int, int]) -> None:
     for effort in PASSES:

@@ -10,7 +10,7 @@ import torch
 from models.training.foreground.learning import Learning
 from models.training.state import Config
 
-pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 TEACHER = "foreground_compact"
 

@@ -15,7 +15,7 @@ from models.training.foreground.rounded import RoundedActivations, RoundedWeight
 from models.training.state import Config, Course
 from models.weights.inference import WEIGHTS, manifest
 
-pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 FILE = WEIGHTS / manifest()["foreground_compact"].file
 

@@ -16,7 +16,7 @@ from models.training.foreground.network_convnext import ConvNeXt
 from models.training.foreground.network_swin import Swin
 from models.training.foreground.stages import Pair, learn, paired, shown, unexplained
 
-pytestmark = pytest.mark.no_cover  # of training and synthesis: nothing there is measured
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 TEACHER = "foreground_deeplab_convnext_t"
 

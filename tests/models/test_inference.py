@@ -119,6 +119,7 @@ def weights(tmp_path, monkeypatch):
     inference.manifest.cache_clear()
 
 
+@pytest.mark.slow
 def test_export_registers_what_can_then_be_loaded(weights):
     examples = [torch.rand(n, 3) for n in (4, 2, 9)]
     difference = export.export(
@@ -154,6 +155,7 @@ class Adder(nn.Module):
         )
 
 
+@pytest.mark.slow
 def test_a_network_with_several_inputs_and_outputs(weights):
     """Message passing over any number of nodes and edges, none included."""
     cases = [(torch.rand(n, 3), torch.randint(0, n, (2, e))) for n, e in ((5, 7), (2, 3), (4, 0))]
@@ -169,6 +171,7 @@ def test_a_network_with_several_inputs_and_outputs(weights):
         inference.load("adder").run(edges)
 
 
+@pytest.mark.slow
 def test_a_changed_file_is_refused(weights):
     export.export(Doubler(), "doubler", CARD, [torch.rand(4, 3)], {0: torch.export.Dim("n")}, 1e-6)
     path = weights / "doubler.onnx"
@@ -177,6 +180,7 @@ def test_a_changed_file_is_refused(weights):
         inference.load("doubler")
 
 
+@pytest.mark.slow
 def test_an_export_that_differs_is_not_registered(weights):
     class Noisy(Doubler):
         def forward(self, x: Tensor) -> Tensor:

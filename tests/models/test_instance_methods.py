@@ -106,6 +106,7 @@ UGLY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_image", [True, False])
 @pytest.mark.parametrize("mask", UGLY)
 @pytest.mark.parametrize("name", NAMES)

@@ -143,6 +143,7 @@ def test_the_shipped_rule_believes_a_certain_network_more() -> None:
     assert likely.argmin() == second
 
 
+@pytest.mark.slow
 def test_the_fit_finds_what_tells_them_apart() -> None:
     rng = np.random.default_rng(4)
     seen = []

@@ -106,6 +106,7 @@ def test_lengths_hardly_change():
     assert np.abs(stretch).mean() < 0.02
 
 
+@pytest.mark.slow
 def test_a_finer_step_changes_little_and_less_the_finer():
     rng = np.random.default_rng(5)
     ropes, acts = Ropes.random(rng, 30), Actions.random(rng, 30, 16)
@@ -121,6 +122,7 @@ def test_a_finer_step_changes_little_and_less_the_finer():
     assert errors[0] > errors[1] > errors[2]
 
 
+@pytest.mark.slow
 def test_forward_euler_with_tiny_steps_gives_the_same():
     """The thesis's integration of eq. 5.1, for a rope soft enough that it is stable at 10
     microseconds."""

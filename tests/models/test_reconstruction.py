@@ -195,6 +195,7 @@ def _turned(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return out
 
 
+@pytest.mark.slow
 def test_the_stated_uncertainty_covers_the_truth():
     """90 % ellipsoids across the curve, over DLOs whose errors are independent from point to point
     and from view to view: so nothing is said to be shared, and nothing to stray."""

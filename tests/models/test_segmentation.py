@@ -135,6 +135,7 @@ def test_loss_prefers_the_truth():
     assert float(foreground_loss(-right, labels)) > 5
 
 
+@pytest.mark.slow
 def test_training_learns_and_resumes_where_it_was(tmp_path):
     config = Config(minutes=1.0, batch=2, keep=0.99)
     learning = Learning("compact", 1, config)
@@ -214,6 +215,7 @@ def test_a_swin_goes_on_from_its_checkpoint_alone():
         )
 
 
+@pytest.mark.slow
 def test_the_eight_bit_network_sees_what_the_full_one_sees():
     settings = ForegroundInput.from_manifest(manifest()["foreground_compact"].preprocess)
     full, small = load("foreground_compact"), load("foreground_compact_int8")
@@ -225,6 +227,7 @@ def test_the_eight_bit_network_sees_what_the_full_one_sees():
     assert (settings.long_side, settings.most_enlarged) == (960, 2.0)
 
 
+@pytest.mark.slow
 def test_every_convolution_but_the_first_is_quantized(tmp_path):
     """With all of them in 8 bits, photographs lost .7 Dice."""
     spec = manifest()["foreground_compact"]

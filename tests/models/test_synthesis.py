@@ -188,6 +188,7 @@ def test_empty_scenes_have_no_labels():
         assert int(render_scene(np.random.default_rng(seed), params, NO_TEXTURES).ids.max()) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("painter", sorted({*PAINTERS, mural}, key=lambda p: p.__name__))
 def test_clutter_paints_and_never_labels(painter):
     changed = 0

@@ -21,6 +21,7 @@ def test_plate_is_in_the_documentation(name: str) -> None:
     assert f"images/kinds/{name}.jpg" in (_PLATES.parents[1] / "renders.md").read_text()
 
 
+@pytest.mark.slow
 def test_plates_show_their_kind() -> None:
     pool = load_pool(None)
     thin, mat = scene_plate("thin_wires", pool), lookalike_plate("ruled_mat", pool)

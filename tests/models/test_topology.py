@@ -260,6 +260,7 @@ def test_the_same_mask_gives_the_same_answer(networks):
     assert first.crossings[0].xy == second.crossings[0].xy
 
 
+@pytest.mark.slow
 def test_random_scenes_are_read_right(networks):
     """A small part of the benchmark's floor: link Dice .944, branch-points .915, crossings .949 on
     280 scenes."""

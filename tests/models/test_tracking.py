@@ -53,6 +53,7 @@ def ids_by_number(track: Track) -> dict[int, int]:
     return {cable.number: cable.id for cable in track.cables if cable.number}
 
 
+@pytest.mark.slow
 def test_ids_stay_although_the_order_of_the_instances_changes() -> None:
     rng = np.random.default_rng(0)
     track = Track()
@@ -313,6 +314,7 @@ def test_an_end_that_was_covered_comes_back_with_its_arc_length() -> None:
     assert cable.start_px == pytest.approx(0.0, abs=WIDTH)
 
 
+@pytest.mark.slow
 def test_the_course_tells_how_far_a_piece_without_ends_has_slid() -> None:
     """Only motion across a curve shows: errors along it added up while a cable was pulled to and
     fro."""

@@ -38,6 +38,7 @@ def test_an_arm_is_noticed_and_its_end_too() -> None:
     assert [track.cover.covered for track in tracks[18:]] == [False, False, *[True] * 5, False]
 
 
+@pytest.mark.slow
 def test_ends_at_the_edge_of_an_arm_are_no_ends() -> None:
     """Cables were cut, or new ones begun, where the arm lay for long."""
     *_, before, after = covered_then(80)
@@ -86,6 +87,7 @@ def test_cables_that_leave_the_picture_are_no_arm() -> None:
     assert not any(track.cover.covered for track in run(frames))
 
 
+@pytest.mark.slow
 def test_an_arm_that_stays_is_the_usual_picture_at_last() -> None:
     tracks = run([whole()] * 20 + [scene(*parts())] * 300)
     assert not tracks[-1].cover.covered

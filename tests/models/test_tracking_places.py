@@ -26,6 +26,7 @@ def place_at(cable: TrackedCable, arc_px: float) -> np.ndarray:
     return np.array([np.interp(arc_px, along, axis) for axis in cable.xy.T])
 
 
+@pytest.mark.slow
 def test_an_end_that_is_not_there_does_not_move_the_places_of_a_cable() -> None:
     """A cable was met with a piece of another one at its end; the end of its own was taken for that
     one the sooner, the longer that was out of view, and all of its places slid along it by what it

@@ -24,6 +24,7 @@ def upright(x: float, bend: float = 20.0) -> np.ndarray:
     return np.column_stack([x + bend * np.sin(y / 70), y])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [2.0, 3.0, 5.0])
 def test_a_cable_that_sweeps_over_another_one_goes_on(speed: float) -> None:
     """For some frames both are one strand."""

@@ -24,6 +24,8 @@ from models.training.log import Log
 from models.training.state import Config, Course, rate_at
 from models.weights import inference
 
+pytestmark = pytest.mark.slow
+
 TINY = {
     "rt_dlo_orientation": {"patches": 96, "held_out": 48, "batch": 48},
     "fastdlo_similarity": {"crossings": 10, "held_out": 4},

@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from tests.properties.judging import Bench, check_finite
 from tests.properties.requests import KINDS
 
+pytestmark = pytest.mark.slow
+
 COUNT = int(os.environ.get("PROPERTY_EXAMPLES", "10"))
 FOLD = [[0.01 * (k % 2), 0.0] for k in range(16)]
 LINE = [[0.03 * k, 0.0] for k in range(16)]

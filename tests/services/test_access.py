@@ -47,6 +47,7 @@ def test_each_key_opens(guarded, key):
     assert guarded.get("/v1/jobs", headers={"Authorization": f"Bearer {key}"}).status_code == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["/healthz", "/docs", "/openapi.json"])
 def test_probes_and_docs_need_no_key(guarded, path):
     assert guarded.get(path).status_code == 200

@@ -6,6 +6,8 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 from tests.processes import ROOT
 
 PROGRAM = """
@@ -18,6 +20,7 @@ logging.getLogger("services.test").error("incident")
 """
 
 
+@pytest.mark.slow
 def test_logs_are_json_lines_when_uvicorn_starts_it():
     """Only ``python -m services`` configured them: in containers they were colored text."""
     done = subprocess.run(

@@ -103,6 +103,7 @@ def test_documentation_pages_name_no_other_server(client, page):
         assert client.get(script).status_code == 200, script
 
 
+@pytest.mark.slow
 def test_whatever_is_sent_the_document_holds(address):
     """Generated requests, good and bad, to every operation; waiting is cut short, streams are left
     out."""

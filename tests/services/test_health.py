@@ -114,6 +114,7 @@ def test_the_documentation_page_needs_no_network(client):
     assert all(client.get(source).status_code == 200 for source in sources)
 
 
+@pytest.mark.slow
 def test_a_job_whose_last_worker_is_gone_is_put_right_by_the_service(client, ledger, job_queue):
     """Nobody but a worker looked after lost jobs: with the last one killed, its job was running for
     ever."""

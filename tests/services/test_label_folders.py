@@ -168,6 +168,7 @@ def test_the_picture_is_the_one_that_was_labelled(client, problem, root):
     problem(get(client, "picture", TWIN), 404, "unknown_image")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["coco-polygons", "cvat", "png"])
 def test_labels_leave_in_the_format_of_another_tool(client, name, tmp_path):
     label = drawn.label(NAME).model_copy(update={"origin": "corrected", "sha256": sha256(png(10))})
@@ -191,6 +192,7 @@ def test_labels_leave_in_the_format_of_another_tool(client, name, tmp_path):
     assert len(back.instances) == 3
 
 
+@pytest.mark.slow
 def test_yolo_says_where_the_pictures_belong(client):
     lines = "\n".join(drawn.label(name).model_dump_json() for name in ("a/1.png", "b/1.jfif"))
     answer = client.post("/v1/label-exports?format=yolo", content=lines)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 
 from services.examples import EXAMPLES
@@ -34,6 +35,7 @@ UNIT = re.compile(
 )
 
 
+@pytest.mark.slow
 def test_the_document_is_valid(document):
     validate(document, cls=OpenAPIV31SpecValidator)
 

@@ -9,6 +9,8 @@ from workers.child_process import ChildDied, ChildProcess
 from workers.connection import connect
 from workers.ledger import Ledger
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def child(settings, monkeypatch):

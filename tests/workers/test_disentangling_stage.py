@@ -67,6 +67,7 @@ def test_an_action_that_more_likely_fails_is_called_unsure_first(tools, monkeypa
     assert unsure.actions == sure.actions, "they are still proposed"
 
 
+@pytest.mark.slow
 def test_the_grippers_size_is_taken_in_pixels_or_in_meters(tools):
     mask = put(tools, harness_mask())
     given = [Gripper(width_px=12), Gripper(width_m=0.006, m_per_px=0.0005), Gripper(width_px=90)]

@@ -11,6 +11,8 @@ from tests.processes import ROOT, wait_until
 from workers import embedded
 from workers.embedded import EmbeddedQueue
 
+pytestmark = pytest.mark.slow
+
 
 def client_of(server):
     return redis.Redis.from_url(server.url, decode_responses=True)

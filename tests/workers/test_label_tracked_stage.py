@@ -21,6 +21,8 @@ from tests.benchmarks.tracked_scenes import TrackedScene, tracked_scene
 from workers import stages
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def scene() -> TrackedScene:

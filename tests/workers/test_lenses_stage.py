@@ -19,6 +19,8 @@ from models.synthesis.views import Cable3D, Scene3D, noise_texture, random_cable
 from tests.workers.test_reconstruct_stage import view
 from workers import stages
 
+pytestmark = pytest.mark.slow
+
 RADIUS_M = 0.0018
 LENSES = {
     "plumb_bob": (-0.28, 0.07, 5e-4, -3e-4),

@@ -11,6 +11,8 @@ from models.synthesis.views import Cable3D, Optics, Scene3D, noise_texture, rand
 from tests.benchmarks import cable_cell as cell
 from workers.stages.outcome import Tools
 
+pytestmark = pytest.mark.slow
+
 HEIGHT_M = 0.0012
 LIGHT = (-1.2, 0.0, 0.7)
 """Along the slide of the camera: the shadow is beside the cable where depth comes from."""

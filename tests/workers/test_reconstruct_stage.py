@@ -89,6 +89,7 @@ def test_pictures_become_a_curve(outcome, truth):
     assert len(result.curve.points_m) == len(result.curve.sigma_m) == 60
 
 
+@pytest.mark.slow
 def test_a_ros_camera_info_gives_the_same_curve(tools, views, outcome):
     """And the bent lens of one is not passed over."""
     i = ROW[0].intrinsics
@@ -155,6 +156,7 @@ def test_the_published_method_can_be_asked_for(tools, views, truth):
     assert 1000 * distances(np.array(result.curve.points_m), truth).mean() < 1.5
 
 
+@pytest.mark.slow
 def test_a_pixel_or_an_id_names_the_target(tools, views):
     x, y = ROW[1].project(np.array([0.0, 0.0, 0.01]))
     by_pixel = ReconstructRequest(
@@ -175,6 +177,7 @@ def test_a_target_that_is_not_there_is_named(tools, views, target, field):
     assert caught.value.field == field
 
 
+@pytest.mark.slow
 def test_a_view_without_the_cable_is_dropped_by_name(tools, views, pictures):
     empty = view(tools, pictures[4], ROW[3], "left camera")
     result = stages.run(ReconstructRequest(views=[*views[:3], empty]), tools).result
@@ -190,6 +193,7 @@ def test_a_cable_in_one_view_only_fails_clearly(tools, views, pictures):
     assert caught.value.field == "views"
 
 
+@pytest.mark.slow
 def test_a_pose_wrong_by_five_centimeters_is_said(tools, pictures, truth):
     wrong = camera_above(np.array([0.08, 0.0]), 0.25)
     cameras = [*ROW[:3], wrong]
@@ -206,6 +210,7 @@ def test_two_views_say_that_they_cannot_check_each_other(tools, views):
     assert any("two views" in warning for warning in result.warnings)
 
 
+@pytest.mark.slow
 def test_cameras_that_look_the_other_way_fail_clearly(tools, pictures):
     """The cable would lie behind them."""
     swapped = [view(tools, rgb, camera) for rgb, camera in zip(pictures, ROW[2::-1], strict=False)]
@@ -224,6 +229,7 @@ def test_intrinsics_of_another_picture_are_refused(tools, views):
     assert caught.value.field == "views.0.intrinsics"
 
 
+@pytest.mark.slow
 def test_a_scan_is_continued(tools, outcome, truth):
     """The cameras have moved 4 cm along the cable."""
     rng = np.random.default_rng(8)
@@ -282,6 +288,7 @@ def _lowered(pose):
     return (*pose[:2], (*pose[2][:3], -1.0), pose[3])
 
 
+@pytest.mark.slow
 def test_a_large_picture_from_a_bent_lens(tools, truth):
     """Thresholds in pixels hold for a camera of 1600 × 1200, and the lens is undone."""
     lens = Intrinsics(1600, 1200, 1500.0, 1500.0, 799.5, 599.5, (-0.2, 0.06, 0.0, 0.0))

@@ -229,6 +229,7 @@ def test_the_whole_chain_from_a_picture(tools, method, networks):
     assert [m.name for m in outcome.result.models] == ["foreground_compact_int8", *networks]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effort", "suffix"), [("fast", "_int8"), ("normal", "_int8"), ("thorough", "")]
 )

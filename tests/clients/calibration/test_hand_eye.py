@@ -47,6 +47,7 @@ def corners(
     return views
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("board", [CHARUCO, CHESSBOARD], ids=["charuco", "chessboard"])
 def test_twelve_rendered_views(board, tmp_path):
     moved = flanges()
@@ -71,6 +72,7 @@ def test_twelve_rendered_views(board, tmp_path):
     assert found.residual_px < 0.2
 
 
+@pytest.mark.slow
 def test_the_uncertainty_is_that_of_repeated_calibrations():
     found = [calibrate(corners(flanges(), seed=seed), flanges(), LENS) for seed in range(12)]
     off = np.array([result.T[:3, 3] - T_FLANGE_CAMERA[:3, 3] for result in found])

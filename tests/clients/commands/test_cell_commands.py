@@ -166,6 +166,7 @@ def test_a_bridge_without_a_camera_does_not_start(tmp_path):
     assert "picture: Field required" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("missing", "extra"), [("asyncua", "opcua"), ("defusedxml", "label"), ("scipy", "calibrate")]
 )

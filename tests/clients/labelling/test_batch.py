@@ -358,6 +358,7 @@ def test_a_source_without_pictures_is_refused(
         find_pictures(wrong)
 
 
+@pytest.mark.slow
 def test_a_run_over_twenty_thousand_files_goes_on_where_it_was(
     service: Service, tmp_path: Path
 ) -> None:
@@ -380,6 +381,7 @@ def test_a_run_over_twenty_thousand_files_goes_on_where_it_was(
     assert len(json.loads((tmp_path / "out" / "report.json").read_text())["failed"]) == 20_000
 
 
+@pytest.mark.slow
 def test_a_list_that_names_one_picture_again_and_again_is_read_through(tmp_path: Path) -> None:
     """It took as many steps as the square of the lines: a hundred thousand were never done."""
     fill(tmp_path, {"a.png": b"picture"})

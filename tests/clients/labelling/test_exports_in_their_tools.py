@@ -20,6 +20,8 @@ from pycocotools.coco import COCO
 
 from tests.clients.labelling import drawn, foreign
 
+pytestmark = pytest.mark.slow
+
 NAMES = ["cam.jpg", "cam.png", "shelf 2/näh bild.png", "images/a.png", "b.jfif", "c.png"]
 
 

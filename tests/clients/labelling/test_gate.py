@@ -51,6 +51,7 @@ def test_a_coordinate_that_is_none_costs_that_picture_alone(
     assert areas(imported, "1.png") == [200]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", ["coco", "cvat", "label-studio"])
 def test_outlines_that_would_fill_the_memory_are_refused(tmp_path: Path, tool: str) -> None:
     """Every point is near the picture, but the way along them is endless, or there are too many."""

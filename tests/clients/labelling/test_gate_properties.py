@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from dlo_client.labelling.formats import FormatError, Imported
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from tests.clients.labelling import drawn
 from tests.clients.labelling.foreign import SQUARE, coco, cvat, read, region, shape, task
 
+pytestmark = pytest.mark.slow
 SETTINGS = settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 PLAIN = st.one_of(
     st.none(),

@@ -41,6 +41,7 @@ def test_a_name_that_is_alone_keeps_its_form() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", ALIKE)
 def test_every_picture_has_a_mask_and_a_label_of_its_own(tmp_path: Path, names: list[str]) -> None:
     """`cam.jpg` and `cam.png` wrote one file, the later over the earlier, exit code 0."""

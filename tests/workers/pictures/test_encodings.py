@@ -4,6 +4,7 @@ nothing."""
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from dlo_client.contracts import ImageRef, InstancesRequest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
@@ -13,6 +14,7 @@ from tests.workers.pictures import drawn
 from workers import stages
 from workers.stages.outcome import InvalidInput, Outcome, Tools
 
+pytestmark = pytest.mark.slow
 LEVELS = {
     np.uint8: [(0, 1), (0, 2), (0, 76), (0, 255), (255, 0), (1, 2), (30, 200), (255, 254), (7, 5)],
     np.uint16: [(0, 1), (0, 255), (0, 1023), (0, 40_000), (65_535, 0), (1000, 26_001)],
