@@ -14,7 +14,7 @@ CORES := $(shell nproc 2>/dev/null || echo 2)
 # Processes that run tests, each with a queue server of its own: one more than cores, for many tests wait for others.
 JOBS ?= $(shell expr 1 + $(CORES))
 
-.PHONY: run serve dev test quick lint audit rehearse docs bench faults load fuzz lock clean
+.PHONY: run serve dev test quick lint audit rehearse docs coverage bench faults load fuzz lock clean
 
 ## Start everything, find the cables of IMAGE through HTTP, print them, stop.
 run: $(BIN)/.service
@@ -34,7 +34,11 @@ PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --dis
 ## Everything that CI runs. The summary at its end names what was skipped and why, what hung once and was run again, and
 ## the slowest.
 test: lint docs
-	$(PYTEST) -n $(JOBS) -rR --durations=8 --reruns 1 --only-rerun "from pytest-timeout" --cov --cov-report=html:build/coverage/html --cov-report=
+	$(PYTEST) -n $(JOBS) -rR --durations=8 --reruns 1 --only-rerun "from pytest-timeout" --cov --cov-report=
+
+## The lines that the last `make test` did not reach, to build/coverage/html.
+coverage: $(BIN)/.dev
+	$(BIN)/coverage html -q -d build/coverage/html
 
 ## Lint, types and the unit tests: what to run while working. Of these few wait, and each process imports all tests.
 quick: lint
