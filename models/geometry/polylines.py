@@ -61,11 +61,11 @@ def point_at(points_xy: FloatArray, lengths: FloatArray, wanted: FloatArray) -> 
     return np.stack([np.interp(wanted, lengths, axis) for axis in points_xy.T], axis=-1)
 
 
-def around(points_xy: FloatArray, u: float, reach_px: float, count: int = 9) -> FloatArray:
-    """``count`` points from ``reach_px`` before to ``reach_px`` after the place ``u``, 0 to 1."""
+def around(points_xy: FloatArray, u: float, reach_px: float) -> FloatArray:
+    """``(9, 2)`` points from ``reach_px`` before to ``reach_px`` after the place ``u``, 0 to 1."""
     lengths = arc_lengths(points_xy)
     at = u * lengths[-1]
-    return point_at(points_xy, lengths, np.linspace(at - reach_px, at + reach_px, count))
+    return point_at(points_xy, lengths, np.linspace(at - reach_px, at + reach_px, 9))
 
 
 def bridge(

@@ -59,7 +59,8 @@ def thin_to_grid(points_xy: IntArray, at_most: int) -> IntArray:
 
 
 def middle(values: FloatArray, axis: int) -> FloatArray:
-    """The median along an axis, as ``np.median``, which takes three times as long for few numbers."""
+    """The median along an axis, as ``np.median``, which takes three times as long for few
+    numbers."""
     count = values.shape[axis]
     ordered = np.sort(values, axis=axis)
     return np.asarray((ordered.take((count - 1) // 2, axis) + ordered.take(count // 2, axis)) / 2)

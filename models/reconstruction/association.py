@@ -14,7 +14,6 @@ from models.reconstruction.views import View
 
 Verdict = Literal["used", "not_found", "does_not_fit", "out_of_sight"]
 
-_VOTE_PX = 6.0
 _LEAST_SHARE = 0.08
 """Of the samples near any strand: a strand with fewer does not belong to the curve."""
 _FITS = 0.4
@@ -37,7 +36,7 @@ class Support:
     """For a view that does not fit: how far its strand is from where the DLO should be."""
 
 
-def belonging(points_m: FloatArray, view: View, reach_px: float = _VOTE_PX) -> IntArray:
+def belonging(points_m: FloatArray, view: View, reach_px: float) -> IntArray:
     """Numbers of the view's strands near (n, 3) points of a curve, by majority along it."""
     samples = view.samples
     if not len(samples.xy):

@@ -15,8 +15,6 @@ not in the other, but is no such edge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
@@ -34,23 +32,18 @@ _OUTSIDE = 4
 _COLORED, _LEAST_HUE = 0.3, 12.0
 """Share of the difference between DLO and ground that is one of hue, and its size (of 255), to be
 used alone."""
-
-
-@dataclass(frozen=True)
-class CenterParams:
-    """``level``: of the edge, as a share of the profile's height at its center. ``wider``: edges
-    farther apart than so many typical widths belong to two DLOs. ``smooth_px`` along the DLO.
-    ``rounds``: normals improve with the line. ``colors_px``: how far along the DLO the picture's
-    colors are smoothed; its edges are looked for within ``reach_px`` of those of the probability,
-    or ``reach`` widths."""
-
-    level: float = 0.5
-    wider: float = 1.5
-    smooth_px: float = 3.0
-    rounds: int = 2
-    colors_px: float = 6.0
-    reach_px: float = 1.5
-    reach: float = 0.15
+_LEVEL = 0.5
+"""Of the edge, as a share of the profile's height at its center."""
+_WIDER = 1.5
+"""Edges farther apart than so many typical widths belong to two DLOs."""
+_SMOOTH_PX = 3.0
+"""Along the DLO."""
+_ROUNDS = 2
+"""Normals improve with the line."""
+_COLORS_PX = 6.0
+"""How far along the DLO the picture's colors are smoothed."""
+_REACH_PX, _REACH_WIDTHS = 1.5, 0.15
+"""From the edges of the probability to those of the picture."""
 
 
 def center(
@@ -58,7 +51,6 @@ def center(
     width_px: float,
     probability: Float32Array,
     image: ByteArray | None = None,
-    params: CenterParams | None = None,
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """(n, 2) centerline about every pixel, its (n,) widths, and (n,) where both edges are clear;
     None if they are nowhere.
@@ -66,32 +58,31 @@ def center(
     ``probability`` (H, W) 0 to 1 of the picture ``image`` (H, W, 3) that ``centerline_xy`` (m, 2)
     is from.
     """
-    settings = params or CenterParams()
     count = max(int(arc_lengths(centerline_xy)[-1] / _STEP_PX) + 1, 4)
     line = resample(centerline_xy, count)
-    for _ in range(settings.rounds):
+    for _ in range(_ROUNDS):
         normal = _normals(line)
-        low, high, known = _edges(line, normal, width_px, probability, settings)
+        low, high, known = _edges(line, normal, width_px, probability)
         if known.sum() < 4:
             return None
         first, last = np.flatnonzero(known)[[0, -1]]
         at = np.flatnonzero(known)
         index = np.arange(first, last + 1)
-        shift = _smooth(np.interp(index, at, ((low + high) / 2)[known]), settings.smooth_px)
-        width = _smooth(np.interp(index, at, (high - low)[known]), settings.smooth_px)
+        shift = _smooth(np.interp(index, at, ((low + high) / 2)[known]), _SMOOTH_PX)
+        width = _smooth(np.interp(index, at, (high - low)[known]), _SMOOTH_PX)
         line = line[index] + shift[:, None] * normal[index]
     if image is None:
         return line, width, known[index]
-    return *_onto_edges(line, width, known[index], image, settings), known[index]
+    return *_onto_edges(line, width, known[index], image), known[index]
 
 
 def _onto_edges(
-    line: FloatArray, width: FloatArray, known: BoolArray, image: ByteArray, params: CenterParams
+    line: FloatArray, width: FloatArray, known: BoolArray, image: ByteArray
 ) -> tuple[FloatArray, FloatArray]:
     """``line`` (n, 2) in the middle between the picture's edges, and the (n,) distance of those;
     between what is ``known`` (n,) they are interpolated."""
     normal = _normals(line)
-    reach = max(params.reach_px, params.reach * float(np.median(width)))
+    reach = max(_REACH_PX, _REACH_WIDTHS * float(np.median(width)))
     half = int(np.ceil((float(width.max()) / 2 + reach + 1.0) / _PROFILE_PX))
     across: FloatArray = np.asarray(np.arange(-half, half + 1) * _PROFILE_PX, np.float64)
     if len(line) * len(across) > _MOST_PLACES:
@@ -99,14 +90,14 @@ def _onto_edges(
     at = line[:, None] + across[:, None] * normal[:, None]
     x, y = (at[..., axis].astype(np.float32) for axis in (0, 1))
     read = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    colors = gaussian_filter1d(read.astype(np.float64), params.colors_px, axis=0, mode="nearest")
+    colors = gaussian_filter1d(read.astype(np.float64), _COLORS_PX, axis=0, mode="nearest")
     colors = gaussian_filter1d(colors, 0.5 / _PROFILE_PX, axis=1, mode="nearest")
     index, sure = np.arange(len(line)), np.flatnonzero(known)
     steepest = [
         _steepest(_change(colors, half, side), across, width, side, reach) for side in (-1, 1)
     ]
     low, high = (np.interp(index, sure, places[sure]) for places in steepest)
-    low, high = _smooth(low, params.smooth_px), _smooth(high, params.smooth_px)
+    low, high = _smooth(low, _SMOOTH_PX), _smooth(high, _SMOOTH_PX)
     return line + ((low + high) / 2)[:, None] * normal, np.maximum(high - low, _PROFILE_PX)
 
 
@@ -150,10 +141,9 @@ def _edges(
     normal: FloatArray,
     width_px: float,
     probability: Float32Array,
-    params: CenterParams,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """(n,) signed distances of the two edges along the normal, and where both are known."""
-    reach = max(width_px, 2.0) * params.wider / 2 + 2.0
+    reach = max(width_px, 2.0) * _WIDER / 2 + 2.0
     half = int(np.ceil(reach / _PROFILE_PX))
     across = np.arange(-half, half + 1) * _PROFILE_PX
     at = line[:, None] + across[:, None] * normal[:, None]
@@ -169,7 +159,7 @@ def _edges(
         profile[:, near] - 1e-3 * np.abs(across[near]), axis=1
     )
     height = profile[np.arange(len(line)), top]
-    level = params.level * height[:, None]
+    level = _LEVEL * height[:, None]
     above = profile >= level
     low = _crossing(profile[:, ::-1], level, above[:, ::-1], len(across) - 1 - top)
     high = _crossing(profile, level, above, top)
@@ -181,9 +171,7 @@ def _edges(
     return (
         low,
         high,
-        known
-        & (np.nan_to_num(width) < params.wider * typical)
-        & (np.nan_to_num(width) > typical / 2),
+        known & (np.nan_to_num(width) < _WIDER * typical) & (np.nan_to_num(width) > typical / 2),
     )
 
 

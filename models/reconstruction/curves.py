@@ -87,6 +87,12 @@ def basis(knots: FloatArray, parameters: FloatArray) -> FloatArray:
     return dense
 
 
+def third_differences(count: int) -> FloatArray:
+    """(count - 3, count) matrix of control points to their third differences; of fewer than four
+    points to the highest there are."""
+    return np.diff(np.eye(count), n=min(3, count - 1), axis=0)
+
+
 def fit(
     points_m: FloatArray, spans: int, smooth: float = 1e-4, parameters: FloatArray | None = None
 ) -> Spline3D:
@@ -97,7 +103,7 @@ def fit(
         parameters = along / along[-1]
     knots = clamped_knots(spans)
     matrix = basis(knots, parameters)
-    rough = np.diff(np.eye(matrix.shape[1]), n=min(3, matrix.shape[1] - 1), axis=0)
+    rough = third_differences(matrix.shape[1])
     normal = matrix.T @ matrix + smooth * len(points_m) / spans * rough.T @ rough
     normal += 1e-9 * np.eye(len(normal))
     return Spline3D(knots, np.asarray(np.linalg.solve(normal, matrix.T @ points_m), np.float64))

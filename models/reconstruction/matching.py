@@ -11,6 +11,7 @@ cheapest path through the candidates is the match; samples whose candidates are 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,8 +61,7 @@ class Match:
         return np.isfinite(self.depth)
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidates:
+class _Candidates(NamedTuple):
     """A row per candidate: the sample it is for, depth along the ray, the view (index) and strand
     it comes from."""
 
@@ -86,9 +86,10 @@ def match(
     """
     xy = strand.xy[index]
     rays = reference.camera.rays(xy)
-    found = _join(
-        [_candidates(reference.camera, xy, rays, k, view, params) for k, view in enumerate(others)]
-    )
+    parts = [
+        _candidates(reference.camera, xy, rays, k, view, params) for k, view in enumerate(others)
+    ]
+    found = _Candidates(*map(np.concatenate, zip(*parts, strict=True)))
     if not len(found.sample):
         return Match(np.full(len(index), np.nan), float("inf"))
     cost = _evidence(reference.camera, rays, strand.width_px[index], found, others, params)
@@ -167,15 +168,6 @@ def _along(off: FloatArray, params: MatchParams) -> tuple[IntArray, IntArray]:
     lowest = (padded[:, 1:-1] <= padded[:, :-2]) & (padded[:, 1:-1] <= padded[:, 2:])
     row, column = np.nonzero(near & (every[None] | lowest))
     return row, column
-
-
-def _join(parts: list[_Candidates]) -> _Candidates:
-    return _Candidates(
-        np.concatenate([p.sample for p in parts]),
-        np.concatenate([p.depth for p in parts]),
-        np.concatenate([p.view for p in parts]),
-        np.concatenate([p.strand for p in parts]),
-    )
 
 
 def _evidence(

@@ -25,7 +25,7 @@ import numpy as np
 from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.cameras import NEAREST_M, Camera
 from models.geometry.directions import quarter_turned, unit
-from models.reconstruction.curves import Spline3D, basis
+from models.reconstruction.curves import Spline3D, basis, third_differences
 from models.reconstruction.views import Samples, View
 
 _UNSURE = 0.2
@@ -67,7 +67,7 @@ class Refined:
     correlation: float
     alone_m2: FloatArray
 
-    def covariance_at(self, parameters: FloatArray, stray: float = 0.0) -> FloatArray:
+    def covariance_at(self, parameters: FloatArray, stray: float) -> FloatArray:
         """(n, 3, 3) of the position across the curve. ``stray``: share of the noise that does not
         average out along the curve; it counts for most where strands run along the epipolar
         lines."""
@@ -109,8 +109,10 @@ def refine(
     spans = len(spline.control_m) - 3
     parameters = np.linspace(0, 1, spans * params.samples_per_span + 1)
     weights = basis(spline.knots, parameters)
-    rough = _roughness(len(spline.control_m))
-    state = _State(spline, noise=1.0, correlation=0.0, smooth=1e-2 / _scale(spline) ** 2)
+    rough = third_differences(len(spline.control_m))
+    # What a third difference is compared with at the start: the distance between control points.
+    apart = float(np.linalg.norm(np.diff(spline.control_m, axis=0), axis=1).mean()) + 1e-9
+    state = _State(spline, noise=1.0, correlation=0.0, smooth=1e-2 / apart**2)
     for step in range(params.iterations):
         share = min(step / max(params.iterations // 2, 1), 1.0)
         gate = params.gate_px[0] * (1 - share) + params.gate_px[1] * share
@@ -311,12 +313,3 @@ def _correlation(residual: FloatArray, used: BoolArray) -> float:
     product = float(np.mean((residual[:, 1:] * residual[:, :-1])[both]))
     square = float(np.mean((residual[:, 1:] ** 2 + residual[:, :-1] ** 2)[both])) / 2
     return min(max(product / max(square, 1e-12), 0.0), 0.9)
-
-
-def _roughness(count: int) -> FloatArray:
-    return np.diff(np.eye(count), n=min(3, count - 1), axis=0)
-
-
-def _scale(spline: Spline3D) -> float:
-    """Distance between control points: what a third difference is compared with at the start."""
-    return float(np.linalg.norm(np.diff(spline.control_m, axis=0), axis=1).mean()) + 1e-9

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
+from models.geometry.arrays import ByteArray, Float32Array, FloatArray
 from models.geometry.cameras import Camera
 from models.geometry.components import runs
 from models.instances.scene import Scene
@@ -59,18 +59,14 @@ def strands_of(
             continue
         xy, width, known = centered
         ideal = camera.undistort(xy)
-        shown = _longest_run(np.asarray(np.isfinite(ideal).all(axis=1)))
+        inside = runs(np.asarray(np.isfinite(ideal).all(axis=1)))
+        shown = slice(*max(inside, key=lambda run: run[1] - run[0], default=(0, 0)))
         if len(ideal[shown]) > _SHORTEST_PX:
             strands.append(
                 Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown])
             )
             ids.append(number)
     return tuple(strands), ids
-
-
-def _longest_run(flags: BoolArray) -> slice:
-    """The longest stretch of (n,) ``flags`` that are all true; empty where none is."""
-    return slice(*max(runs(flags), key=lambda run: run[1] - run[0], default=(0, 0)))
 
 
 def scaled(xy: FloatArray, scale: float) -> FloatArray:

@@ -54,8 +54,8 @@ def _pixels(areas: FloatArray, lengths: FloatArray, is_hole: BoolArray) -> Float
 
 
 def _remove_slabs(binary: ByteArray) -> None:
-    """Clear what is wider than any DLO and not long, with its rim, in place. Looked for in a smaller
-    mask: it is large."""
+    """Clear what is wider than any DLO and not long, with its rim, in place. Looked for in a
+    smaller mask: it is large."""
     limit = round(_WIDEST * max(binary.shape, default=0) / _REDUCED)
     if limit < 3 or min(binary.shape) < _REDUCED * limit:
         return

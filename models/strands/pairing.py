@@ -65,7 +65,7 @@ def match(
     return partner
 
 
-def greedy(count: int, pairs: IntArray, scores: FloatArray, least: float = -np.inf) -> IntArray:
+def greedy(count: int, pairs: IntArray, scores: FloatArray, least: float) -> IntArray:
     """``(n,)`` the partner of every end, itself where it has none: best of ``(m, 2)`` pairs first,
     each end once.
 

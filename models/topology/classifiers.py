@@ -20,9 +20,9 @@ sums to 1."""
 
 @dataclass(frozen=True)
 class Classifiers:
-    """``crossing``: of :func:`sites.evidence`, the columns are :class:`sites.Reading`; ``bridge``: of
-    :func:`bridges.proposals`; ``stub``: of :func:`stubs.candidates`, the probability that the strand is part of a
-    DLO."""
+    """``crossing``: of :func:`sites.evidence`, the columns are :class:`sites.Reading`; ``bridge``:
+    of :func:`bridges.proposals`; ``stub``: of :func:`stubs.candidates`, the probability that the
+    strand is part of a DLO."""
 
     crossing: Classifier
     bridge: Classifier

@@ -88,9 +88,8 @@ def sample(web: Web, distances: Float32Array) -> Graph:
         count += len(inner)
     nodes = np.concatenate(xy)
     edges, traced = _edges(nodes, chains)
-    return Graph(
-        nodes, _read_radii(distances, nodes), spacing, edges, traced, tuple(chains), web, distances
-    )
+    radii = np.maximum(read_nearest(distances, nodes) - 0.5, 0.5)
+    return Graph(nodes, radii, spacing, edges, traced, tuple(chains), web, distances)
 
 
 def without(graph: Graph, dropped: set[int]) -> Graph:
@@ -133,10 +132,6 @@ def _spacing(web: Web) -> float:
     length = sum(s.length for s in web.strands)
     wanted = max(_LEAST_SPACING_PX, _SPACING_WIDTHS * (2 * float(np.median(radii)) - 1))
     return max(wanted, length / (_MAX_NODES - len(web.knots_xy)))
-
-
-def _read_radii(distances: Float32Array, xy: FloatArray) -> FloatArray:
-    return np.maximum(read_nearest(distances, xy) - 0.5, 0.5)
 
 
 def _edges(xy: FloatArray, chains: list[IntArray]) -> tuple[IntArray, BoolArray]:

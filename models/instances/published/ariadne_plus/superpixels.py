@@ -44,7 +44,7 @@ class Regions:
 
 
 def region_graph(
-    mask: BoolArray, image: ByteArray | None, superpixels: int, width_px: float = 1.0
+    mask: BoolArray, image: ByteArray | None, superpixels: int, width_px: float
 ) -> Regions:
     """MaskSLIC, adjacency, and intersections as single nodes.
 
