@@ -137,14 +137,3 @@ def smaller(picture: ByteArray, steps: int, how: int = cv2.INTER_AREA) -> ByteAr
     height, width = (max(1, side // steps) for side in picture.shape[:2])
     part = picture[: height * steps, : width * steps]
     return np.asarray(cv2.resize(part, (width, height), interpolation=how), np.uint8)
-
-
-def moved(xy: FloatArray, steps: int) -> FloatArray:
-    """``(…, 2)`` places in a picture to those in the reduced one; pixel centers are at ``(k + 0.5)
-    s - 0.5``."""
-    return (xy + 0.5) / steps - 0.5
-
-
-def moved_point(xy: tuple[float, float], steps: int) -> tuple[float, float]:
-    x, y = moved(np.array(xy), steps).tolist()
-    return x, y

@@ -1,4 +1,4 @@
-"""Picking points from a mask."""
+"""Picking points from a mask, and places at another resolution."""
 
 from __future__ import annotations
 
@@ -9,6 +9,17 @@ from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArra
 
 _LEAST_DISTANCE = np.float32(0.5)
 """Between the distance of the background, 0, and that of the outermost foreground, about 1."""
+
+
+def at_scale(xy: FloatArray | tuple[float, float], scale: float | FloatArray) -> FloatArray:
+    """``(…, 2)`` places with ``scale`` pixels for each, one or (x, y): pixel centers are whole
+    numbers at any resolution."""
+    return np.asarray((np.asarray(xy) + 0.5) * scale - 0.5)
+
+
+def point_at_scale(xy: tuple[float, float], scale: float | FloatArray) -> tuple[float, float]:
+    x, y = at_scale(xy, scale).tolist()
+    return x, y
 
 
 def local_maxima(distances: Float32Array) -> IntArray:

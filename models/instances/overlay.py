@@ -33,7 +33,9 @@ def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteA
     picture's size."""
     steps = painting.steps_to(image, longest)
     if steps > 1:
-        image, scene = painting.smaller(image, steps), _reduced(scene, steps)
+        labels = painting.smaller(scene.labels, steps, cv2.INTER_NEAREST)
+        image, scene = painting.smaller(image, steps), scene.at_scale(1 / steps)
+        scene = replace(scene, labels=labels)
     picture = _tinted(image, scene.labels)
     instances = scene.instances
     for number, instance in enumerate(instances, start=1):
@@ -55,20 +57,6 @@ def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteA
         for number, instance in enumerate(instances, start=1):
             painting.tag(picture, str(number), _tag_place(instance, number, scene), _color(number))
     return picture
-
-
-def _reduced(scene: Scene, steps: int) -> Scene:
-    instances = tuple(
-        replace(
-            i,
-            centerline_xy=painting.moved(i.centerline_xy, steps),
-            width_px=i.width_px / steps,
-            endpoints=tuple(replace(e, xy=painting.moved_point(e.xy, steps)) for e in i.endpoints),
-        )
-        for i in scene.instances
-    )
-    crossings = tuple(replace(c, xy=painting.moved_point(c.xy, steps)) for c in scene.crossings)
-    return Scene(instances, crossings, painting.smaller(scene.labels, steps, cv2.INTER_NEAREST))
 
 
 def _tinted(image: ByteArray, labels: ByteArray) -> ByteArray:

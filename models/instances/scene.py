@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+import numpy as np
+
 from models.geometry.arrays import ByteArray, FloatArray
+from models.geometry.sampling import at_scale, point_at_scale
 from models.geometry.splines import Spline
 
 EndpointKind = Literal["free", "border", "hidden"]
@@ -90,3 +93,21 @@ class Scene:
     labels: ByteArray
     timings_ms: dict[str, float] = field(default_factory=dict)
     features: dict[str, FloatArray] = field(default_factory=dict)
+
+    def at_scale(self, scale: float | FloatArray) -> Scene:
+        """The instances and crossings with ``scale`` pixels, one or (x, y), for each; the labels
+        stay as they are."""
+        size = float(np.mean(scale))
+        instances = (
+            replace(
+                i,
+                centerline_xy=at_scale(i.centerline_xy, scale),
+                width_px=i.width_px * size,
+                length_px=i.length_px * size,
+                spline=replace(i.spline, control_xy=at_scale(i.spline.control_xy, scale)),
+                endpoints=tuple(replace(e, xy=point_at_scale(e.xy, scale)) for e in i.endpoints),
+            )
+            for i in self.instances
+        )
+        crossings = (replace(c, xy=point_at_scale(c.xy, scale)) for c in self.crossings)
+        return replace(self, instances=tuple(instances), crossings=tuple(crossings))

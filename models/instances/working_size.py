@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from models.geometry.arrays import BoolArray, ByteArray
-from models.geometry.splines import Spline
 from models.instances.drawing import draw_labels
-from models.instances.scene import Crossing, Endpoint, Instance, Scene
-from models.strands.resolution import Reduced, reduced
+from models.instances.scene import Scene
+from models.strands.resolution import reduced
 
 MAX_PIXELS = 4_000_000
 """Larger masks are reduced: time and memory stay bounded, and a DLO is still several pixels
@@ -30,29 +29,8 @@ def at_working_size(
     """
     binary = np.ascontiguousarray(mask, dtype=bool)
     small = reduced(binary, image, max_pixels)
-    return (
-        method(binary, image)
-        if small is None
-        else _enlarged(method(small.mask, small.image), binary, small)
-    )
-
-
-def _enlarged(scene: Scene, mask: BoolArray, small: Reduced) -> Scene:
-    def instance(old: Instance) -> Instance:
-        return replace(
-            old,
-            centerline_xy=small.enlarged(old.centerline_xy),
-            width_px=old.width_px * small.size,
-            length_px=old.length_px * small.size,
-            spline=Spline(
-                old.spline.degree, old.spline.knots, small.enlarged(old.spline.control_xy)
-            ),
-            endpoints=tuple(Endpoint(small.point(e.xy), e.kind) for e in old.endpoints),
-        )
-
-    def crossing(old: Crossing) -> Crossing:
-        return replace(old, xy=small.point(old.xy))
-
-    instances = tuple(instance(i) for i in scene.instances)
-    crossings = tuple(crossing(c) for c in scene.crossings)
-    return Scene(instances, crossings, draw_labels(mask, instances, crossings), scene.timings_ms)
+    if small is None:
+        return method(binary, image)
+    scene = method(small.mask, small.image).at_scale(small.scale)
+    labels = draw_labels(binary, scene.instances, scene.crossings)
+    return replace(scene, labels=labels, features={})

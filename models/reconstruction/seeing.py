@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.geometry.arrays import ByteArray, Float32Array, FloatArray
+from models.geometry.arrays import ByteArray, Float32Array
 from models.geometry.cameras import Camera
 from models.geometry.components import runs
+from models.geometry.sampling import at_scale
 from models.instances.scene import Scene
 from models.reconstruction.centering import center
 from models.reconstruction.views import Strand, View
@@ -63,12 +64,7 @@ def strands_of(
         shown = slice(*max(inside, key=lambda run: run[1] - run[0], default=(0, 0)))
         if len(ideal[shown]) > _SHORTEST_PX:
             strands.append(
-                Strand.through(scaled(ideal[shown], scale), width[shown] * scale, known[shown])
+                Strand.through(at_scale(ideal[shown], scale), width[shown] * scale, known[shown])
             )
             ids.append(number)
     return tuple(strands), ids
-
-
-def scaled(xy: FloatArray, scale: float) -> FloatArray:
-    """Places with ``scale`` pixels for each; pixel centers at ``(k + 0.5) s - 0.5``."""
-    return (xy + 0.5) * scale - 0.5

@@ -22,21 +22,6 @@ class Reduced:
     image: ByteArray | None
     scale: FloatArray
 
-    @property
-    def size(self) -> float:
-        """By what lengths grow."""
-        return float(self.scale.mean())
-
-    def enlarged(self, xy: FloatArray | tuple[float, float]) -> FloatArray:
-        """``(…, 2)`` places in the pixels of the picture: pixel centers are whole numbers at both
-        sizes."""
-        out: FloatArray = (np.asarray(xy) + 0.5) * self.scale - 0.5
-        return out
-
-    def point(self, xy: tuple[float, float]) -> tuple[float, float]:
-        x, y = self.enlarged(xy).tolist()
-        return x, y
-
 
 def reduced(mask: BoolArray, image: ByteArray | None, max_pixels: int) -> Reduced | None:
     """Both reduced by a whole number to at most so many pixels; None where they are small enough.

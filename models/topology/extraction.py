@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.geometry.arrays import BoolArray, ByteArray, FloatArray
-from models.geometry.polylines import arc_lengths
-from models.strands.resolution import Reduced, reduced
+from models.geometry.sampling import at_scale
+from models.strands.resolution import reduced
 from models.strands.stopwatch import Stopwatch
 from models.topology.classifiers import Classifiers
 from models.topology.encodings import encode
@@ -61,10 +61,9 @@ def extract(
     small = reduced(binary, image, MAX_PIXELS)
     if small is None:
         return _extract(binary, network, classifiers, image, surfaces)
-    seen = [replace(s, read=_scaled(s.read, small)) for s in surfaces]
-    return _enlarged(
-        _extract(small.mask, network, classifiers, small.image, seen), mask.shape, small
-    )
+    seen = [replace(s, read=_scaled(s.read, small.scale)) for s in surfaces]
+    found = _extract(small.mask, network, classifiers, small.image, seen).at_scale(small.scale)
+    return replace(found, size=(mask.shape[0], mask.shape[1]))
 
 
 def predict(graph: Graph, network: TopologyNetwork) -> Predictions:
@@ -171,26 +170,6 @@ def _apart(colors: list[FloatArray], i: int, j: int) -> float:
 
 
 def _scaled(
-    read: Callable[[FloatArray], FloatArray], small: Reduced
+    read: Callable[[FloatArray], FloatArray], scale: FloatArray
 ) -> Callable[[FloatArray], FloatArray]:
-    return lambda places: read(small.enlarged(places))
-
-
-def _enlarged(topology: Topology, shape: tuple[int, ...], small: Reduced) -> Topology:
-    """The topology in the pixels of the picture as it was sent."""
-    sections = []
-    for section in topology.sections:
-        xy = small.enlarged(section.xy)
-        first, last = section.end_widths
-        whole = replace(
-            section, xy=xy, width=section.width * small.size, length=float(arc_lengths(xy)[-1])
-        )
-        sections.append(replace(whole, end_widths=(first * small.size, last * small.size)))
-    return replace(
-        topology,
-        size=(shape[0], shape[1]),
-        sections=tuple(sections),
-        branch_points=tuple(replace(b, xy=small.point(b.xy)) for b in topology.branch_points),
-        crossings=tuple(replace(c, xy=small.point(c.xy)) for c in topology.crossings),
-        nodes_xy=small.enlarged(topology.nodes_xy),
-    )
+    return lambda places: read(at_scale(places, scale))

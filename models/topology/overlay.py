@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 
@@ -38,7 +36,7 @@ def overlay(
     side before it is drawn on."""
     steps = painting.steps_to(ground, longest)
     if steps > 1:
-        ground, topology = painting.smaller(ground, steps), _reduced(topology, steps)
+        ground, topology = painting.smaller(ground, steps), topology.at_scale(1 / steps)
     picture = np.asarray(cv2.convertScaleAbs(ground, alpha=_DIM), np.uint8)
     sections = topology.sections
     for k, section in enumerate(sections):
@@ -60,18 +58,3 @@ def overlay(
         middle = section.xy[len(section.xy) // 2]
         painting.tag(picture, (names or {}).get(k, str(k + 1)), middle, section_color(k))
     return picture
-
-
-def _reduced(topology: Topology, steps: int) -> Topology:
-    sections = (
-        replace(s, xy=painting.moved(s.xy, steps), width=s.width / steps) for s in topology.sections
-    )
-    branches = (replace(b, xy=painting.moved_point(b.xy, steps)) for b in topology.branch_points)
-    crossings = (replace(c, xy=painting.moved_point(c.xy, steps)) for c in topology.crossings)
-    return replace(
-        topology,
-        sections=tuple(sections),
-        branch_points=tuple(branches),
-        crossings=tuple(crossings),
-        nodes_xy=painting.moved(topology.nodes_xy, steps),
-    )

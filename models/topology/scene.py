@@ -3,10 +3,13 @@ read from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+import numpy as np
+
 from models.geometry.arrays import FloatArray, IntArray
+from models.geometry.sampling import at_scale, point_at_scale
 
 EndKind = Literal["branch", "free", "border"]
 Status = Literal["branched", "plain", "closed", "empty", "unsure", "too_complex"]
@@ -75,6 +78,29 @@ class Topology:
     links: IntArray
     link_scores: FloatArray
     timings_ms: dict[str, float] = field(default_factory=dict)
+
+    def at_scale(self, scale: float | FloatArray) -> Topology:
+        """All places and lengths with ``scale`` pixels, one or (x, y), for each."""
+        size = float(np.mean(scale))
+        sections = (
+            replace(
+                s,
+                xy=at_scale(s.xy, scale),
+                width=s.width * size,
+                length=s.length * size,
+                end_widths=(s.end_widths[0] * size, s.end_widths[1] * size),
+            )
+            for s in self.sections
+        )
+        branches = (replace(b, xy=point_at_scale(b.xy, scale)) for b in self.branch_points)
+        crossings = (replace(c, xy=point_at_scale(c.xy, scale)) for c in self.crossings)
+        return replace(
+            self,
+            sections=tuple(sections),
+            branch_points=tuple(branches),
+            crossings=tuple(crossings),
+            nodes_xy=at_scale(self.nodes_xy, scale),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from models.geometry import painting
+from models.geometry.sampling import at_scale
 
 RED, BLUE = (200, 0, 0), (0, 0, 200)
 ACROSS = np.array([[10.0, 50.0], [90.0, 50.0]])
@@ -41,7 +42,7 @@ def test_places_move_as_pixels_do_when_a_picture_is_reduced():
     small = painting.smaller(picture, steps)
     assert (steps, small.shape) == (4, (25, 25, 3))
     assert small[15, 10].tolist() == [255, 255, 255]
-    assert painting.moved_point((41.5, 61.5), steps) == pytest.approx((10, 15))
+    assert at_scale((41.5, 61.5), 1 / steps) == pytest.approx((10, 15))
     assert painting.steps_to(picture, None) == painting.steps_to(picture, 100) == 1
 
 

@@ -11,9 +11,10 @@ from dlo_client.contracts.foreground import ReferenceUsed
 from numpy.typing import NDArray
 
 from models.geometry.cameras import Camera
+from models.geometry.sampling import at_scale
 from models.reconstruction.curves import Curve
 from models.reconstruction.joining import rejoin
-from models.reconstruction.seeing import scaled, view_of
+from models.reconstruction.seeing import view_of
 from models.reconstruction.tracking import continuing_strand
 from models.reconstruction.views import View
 from workers.stages.foreground import Source
@@ -130,7 +131,7 @@ def _target(target: Target, seen: SeenView) -> int:
     pixel = seen.camera.undistort(np.array([target.xy], np.float64))
     if not np.isfinite(pixel).all():
         raise InvalidInput("target.xy", "lies outside of what the lens shows", NO_CURVE)
-    distance, nearest = samples.tree.query(scaled(pixel, seen.scale)[0])
+    distance, nearest = samples.tree.query(at_scale(pixel, seen.scale)[0])
     if distance > _NEAR_TARGET_PX:
         raise InvalidInput(
             "target.xy", f"the nearest DLO is {distance / seen.scale:.0f} pixels away", NO_CURVE
