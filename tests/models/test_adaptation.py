@@ -18,6 +18,7 @@ from models.training.foreground.initial import refold, unfold
 from models.training.foreground.networks import build
 from models.weights.inference import WEIGHTS, manifest
 
+pytestmark = pytest.mark.no_cover  # of training: nothing there is measured
 PARENT = WEIGHTS / "foreground_compact.onnx"
 FED = ForegroundInput.from_manifest(manifest()["foreground_compact"].preprocess)
 

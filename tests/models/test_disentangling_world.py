@@ -20,7 +20,7 @@ from models.training.disentangling.table_world import (
 )
 from tests.models.harnesses import section, shipped
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 
 def harness_of(*lines: list[tuple[float, float]]) -> Harness:

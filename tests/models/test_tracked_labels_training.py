@@ -27,7 +27,7 @@ from models.training.corrector.network_corrector import CorrectorNetwork, Correc
 from models.training.fit import fit
 from models.weights.inference import load
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 PARAMS = CropParams(scenes=2, per_scene=12, height=192, width=256)
 

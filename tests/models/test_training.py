@@ -24,7 +24,7 @@ from models.training.log import Log
 from models.training.state import Config, Course, rate_at
 from models.weights import inference
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.no_cover]  # of training: nothing there is measured
 
 TINY = {
     "rt_dlo_orientation": {"patches": 96, "held_out": 48, "batch": 48},
