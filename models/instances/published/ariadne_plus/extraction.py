@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from models.geometry.arrays import BoolArray, ByteArray, Float32Array, FloatArray
 from models.geometry.directions import quarter_turned, tangents
-from models.geometry.polylines import arc_lengths, point_at
+from models.geometry.polylines import arc_lengths, around
 from models.geometry.sampling import read_nearest
 from models.instances.assembly import Order, assemble
 from models.instances.crossings import Meeting, Strand, order_meetings, ordered
@@ -186,14 +186,9 @@ def _masked(meeting: Meeting, strands: list[Strand], image: ByteArray) -> list[B
     pair = ((strands[meeting.a], meeting.at_a), (strands[meeting.b], meeting.at_b))
     step = reduction((pair[0][0].width + pair[1][0].width) / 2)
     whole = patch(image, meeting.xy, CROSSING_PIXELS, step)
-    reach = 0.8 * CROSSING_PIXELS * step
     patches = []
     for strand, at in pair:
-        line = point_at(
-            strand.xy,
-            strand.lengths,
-            np.clip(at + np.linspace(-reach, reach, 33), 0, strand.lengths[-1]),
-        )
+        line = around(strand.xy, at / strand.lengths[-1], CROSSING_PIXELS * step)
         patches.append(
             only(whole, (line - meeting.xy) / step + (CROSSING_PIXELS - 1) / 2, strand.width / step)
         )

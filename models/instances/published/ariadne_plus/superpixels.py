@@ -19,8 +19,6 @@ _COMPACTNESS = 40.0
 _LEAST_AREA = 2.0
 """Typical area of a superpixel in squared widths, at least: smaller ones lie side by side across a
 DLO and fork."""
-_LEAST_CONTACT = 2
-"""Pixel pairs along which two superpixels must touch to be neighbors."""
 _GRADIENT = 5
 """Side of the kernel that finds a superpixel's neighbors."""
 _SLIVER = 0.3
@@ -157,7 +155,7 @@ def _grown(labels: IntArray) -> IntArray:
 
 
 def _adjacent(labels: IntArray, count: int) -> IntArray:
-    """``(m, 2)`` pairs of superpixels (from 0, ascending) that touch along enough pixels."""
+    """``(m, 2)`` pairs of superpixels (from 0, ascending) that touch."""
     steps = (
         (labels[:, :-1], labels[:, 1:]),
         (labels[:-1], labels[1:]),
@@ -169,9 +167,7 @@ def _adjacent(labels: IntArray, count: int) -> IntArray:
         meet = (one != other) & (one > 0) & (other > 0)
         a, b = one[meet] - 1, other[meet] - 1
         keys.append(np.minimum(a, b) * count + np.maximum(a, b))
-    found, contact = np.unique(np.concatenate(keys), return_counts=True)
-    kept = found[contact >= _LEAST_CONTACT]
-    return np.stack((kept // max(count, 1), kept % max(count, 1)), axis=1)
+    return np.stack(np.divmod(np.unique(np.concatenate(keys)), max(count, 1)), axis=1)
 
 
 def _simplified(pairs: IntArray, count: int) -> IntArray:

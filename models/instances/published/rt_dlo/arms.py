@@ -12,7 +12,7 @@ from models.geometry.directions import angle_between, unit
 from models.instances.published.rt_dlo.graph import Vertices
 
 ARM_VERTICES = 12
-_ARM_RADII = 5.0
+ARM_RADII = 5.0
 """How much of a strand gives its direction, width and color."""
 _TURN_SCALE = np.deg2rad(50.0)
 """Turn at which a continuation counts 1/e."""
@@ -38,7 +38,7 @@ def arm_of(chain: Sequence[int], vertices: Vertices) -> Arm:
     """The arm that ends in the chain's first vertex. A chain of one vertex has no direction."""
     near = list(chain[:ARM_VERTICES])
     away = np.hypot(*(vertices.xy[near] - vertices.xy[near[0]]).T)
-    near = near[: 1 + max(1, int(np.searchsorted(away, _ARM_RADII * vertices.typical_radius)))]
+    near = near[: 1 + max(1, int(np.searchsorted(away, ARM_RADII * vertices.typical_radius)))]
     outward = unit(vertices.xy[near[0]] - vertices.xy[near[-1]])
     middle = len(near) // 2
     radius = float(np.sort(vertices.radii[near])[middle])

@@ -109,7 +109,8 @@ def select_edges(
     source_cosines = _dots(vertices.directions[sources], along)
     target_cosines = _dots(vertices.directions[targets], along)
     vertex_similarity = np.abs(_dots(vertices.directions[sources], vertices.directions[targets]))
-    on_mask = _is_supported(mask, vertices, sources, targets)
+    # Half way, an edge between strands side by side is off the foreground.
+    on_mask = read_nearest(mask, (vertices.xy[sources] + vertices.xy[targets]) / 2)
     chosen = []
     for rows, scores in ((sources, source_cosines), (targets, target_cosines)):
         weighted = scores * vertex_similarity * _length_weights(rows, lengths, count) * on_mask
@@ -125,20 +126,6 @@ def select_edges(
 def _dots(a: FloatArray, b: FloatArray) -> FloatArray:
     out: FloatArray = np.einsum("ij,ij->i", a, b)
     return out
-
-
-def _is_supported(
-    mask: BoolArray, vertices: Vertices, sources: IntArray, targets: IntArray
-) -> BoolArray:
-    """``(E,)`` True where the edge runs on the foreground: it cannot jump between neighboring
-    strands."""
-    inside = np.ones(len(sources), dtype=bool)
-    for share in (0.25, 0.5, 0.75):
-        inside &= (
-            read_nearest(mask, (1 - share) * vertices.xy[sources] + share * vertices.xy[targets])
-            > 0
-        )
-    return inside
 
 
 def _length_weights(rows: IntArray, lengths: FloatArray, count: int) -> FloatArray:

@@ -23,9 +23,6 @@ from models.strands.seen import SHARED_RADII
 Graph = dict[int, set[int]]
 """Vertex to its neighbors, both ways."""
 
-_LONGEST_CHAIN = 64
-"""No chain of more vertices is that short."""
-
 
 def graph_of(edges: Iterable[tuple[int, int]]) -> Graph:
     """Undirected graph of the edges; vertices without an edge are not in it."""
@@ -96,7 +93,7 @@ def _without_inner_chains(
     groups = [set(group) for group in groups]
     home = {v: index for index, group in enumerate(groups) for v in group}
     for vertex in sorted(home):
-        mine, chain = home[vertex], chain_from(graph, vertex, _LONGEST_CHAIN)
+        mine, chain = home[vertex], chain_from(graph, vertex)
         other = home.get(chain[-1]) if len(chain) > 1 else None
         if other is None or not _is_short(chain, vertices):
             continue

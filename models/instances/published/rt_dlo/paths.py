@@ -11,19 +11,21 @@ from models.geometry.arrays import BoolArray, FloatArray, IntArray
 from models.geometry.directions import unit
 from models.geometry.polylines import arc_lengths
 from models.geometry.sampling import read_nearest
-from models.instances.published.rt_dlo.arms import Arm, arm_of, color_likeness, continuation
+from models.instances.published.rt_dlo.arms import (
+    ARM_RADII,
+    Arm,
+    arm_of,
+    color_likeness,
+    continuation,
+)
 from models.instances.published.rt_dlo.graph import Vertices
 from models.instances.published.rt_dlo.intersections import Graph, chain_from
 from models.strands.pairing import greedy
 from models.strands.walks import follow
 
 _MAX_PATHS = 400
-_GAP_RADII = 12.0
-"""Longest part of a joint that may run off the foreground."""
 _JOINT_RADII = 24.0
-"""Longest joint, as where two strands share their foreground."""
-_TURN_RADII = 2.5
-"""A turn is measured over so many radii to either side."""
+"""Longest joint, over a gap or where two strands share their foreground."""
 _SHARP_COSINE = 0.5
 """Of a turn within a path, or from an end into a joint, that is no smooth one."""
 _LEAST_LIKE = 0.5
@@ -78,7 +80,7 @@ def _one_sided(xy: FloatArray, directions: FloatArray) -> IntArray:
 def _sharp_turns(xy: FloatArray, vertices: Vertices) -> IntArray:
     """The vertex of the largest turn in each stretch of vertices where the path turns sharply."""
     reach = max(
-        1, round(_TURN_RADII * vertices.typical_radius * (len(xy) - 1) / float(arc_lengths(xy)[-1]))
+        1, round(ARM_RADII * vertices.typical_radius * (len(xy) - 1) / float(arc_lengths(xy)[-1]))
     )
     if len(xy) <= 2 * reach:
         return np.zeros(0, dtype=np.int64)
@@ -140,10 +142,8 @@ def _scored_joints(arms: list[Arm], mask: BoolArray) -> tuple[IntArray, FloatArr
         axis=1
     )
     gap = length * (1 - on_mask)
-    able = np.flatnonzero(gap < _GAP_RADII)
-    a, b, gap, length = a[able], b[able], gap[able], length[able]
     fit = np.array([continuation(arms[i], arms[j]) for i, j in zip(a, b, strict=True)])
-    return np.stack((a, b), axis=1), fit / (1 + gap / _GAP_RADII + length / _JOINT_RADII)
+    return np.stack((a, b), axis=1), fit / (1 + (gap + length) / _JOINT_RADII)
 
 
 def _joined(paths: list[Path], partner: IntArray) -> list[Path]:
