@@ -35,6 +35,8 @@ _ONE_PLACE_PX = 1e-6
 _FITTED_PX = 3.0
 """Nearer points than this, on average, are thinned out before a spline is fitted: a skeleton has
 one a pixel."""
+_TIP_POINTS = 3
+"""So many of these show the direction of an end."""
 _POINTS_A_SPAN = 8
 _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
@@ -153,7 +155,7 @@ def _to_the_tips(points: FloatArray, mask: BoolArray, most: float) -> FloatArray
 
     Maxima of a distance transform end half a width before the strand does.
     """
-    first, last = (beyond(way, mask, most) for way in (points, points[::-1]))
+    first, last = (beyond(way, mask, most, _TIP_POINTS) for way in (points, points[::-1]))
     return np.concatenate((first, points, last))
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from models.geometry.arrays import BoolArray, Float32Array, FloatArray
 from models.geometry.sampling import middle
 
-_BEHIND = 8
-"""So many points farther in, a line shows the direction of its end."""
 _EDGE_PX = 3
 """Nearer to the picture's edge than this and half its width, a strand leaves the picture."""
 
@@ -24,15 +22,17 @@ def width_of(radii: FloatArray) -> float:
     return max(1.0, 2 * float(middle(radii, axis=0)) - 1)
 
 
-def beyond(line: FloatArray, foreground: BoolArray | Float32Array, most: float) -> FloatArray:
+def beyond(
+    line: FloatArray, foreground: BoolArray | Float32Array, most: float, behind: int
+) -> FloatArray:
     """``(1, 2)`` the tip of a strand beyond the first of ``(n, 2)`` points, ``(0, 2)`` where that
     is the tip already.
 
     A medial line ends before its strand does: the tip is the last foreground pixel ahead of it, at
-    most ``most`` pixels away, in the direction from a point farther in.
+    most ``most`` pixels away, in the direction from the point ``behind`` places farther in.
     """
     x, y = line[0].tolist()
-    back_x, back_y = line[min(_BEHIND, len(line) - 1)].tolist()
+    back_x, back_y = line[min(behind, len(line) - 1)].tolist()
     length = math.hypot(x - back_x, y - back_y)
     if length == 0:
         return line[:0]

@@ -19,6 +19,8 @@ from models.topology.sites import ends_at
 from models.topology.solver import End, Solution
 
 _POINT_SPACING_PX = 4.0
+_TIP_POINTS = 8
+"""So many of a line's pixels show the direction of its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,7 @@ def _with_tips(line: FloatArray, branches: tuple[int, int], walk: Walk, graph: G
     if walk.closed:
         return line
     tips = [
-        beyond(way, graph.distances, float(radius)) if branch < 0 else line[:0]
+        beyond(way, graph.distances, float(radius), _TIP_POINTS) if branch < 0 else line[:0]
         for way, radius, branch in zip(
             (line, line[::-1]), walk.radii[[0, -1]], branches, strict=True
         )
