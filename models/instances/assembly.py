@@ -37,6 +37,8 @@ _FITTED_PX = 3.0
 one a pixel."""
 _TIP_POINTS = 3
 """So many of these show the direction of an end."""
+_TIP_WIDTHS = 1.5
+"""A skeleton ends up to a width and a half before the strand does."""
 _POINTS_A_SPAN = 8
 _TOLERANCE_PX = 1.0
 """Root mean square distance of the spline to the points it is fitted to."""
@@ -61,20 +63,18 @@ def assemble(
     *,
     method: str,
     follow_edges: bool = False,
-    tip_widths: float = 1.0,
     order: Order = order_meetings,
 ) -> Scene:
     """Splines, widths, endpoints, crossings and labels of the chains, longest first.
 
     What is too short for a DLO, or is on another one, is left out; at most 255 instances remain.
     With ``follow_edges`` outlines and widths are those of the picture, where it shows them near the
-    mask's. ``tip_widths``: how far a chain may be moved on to the strand's tip. ``order``: what
-    decides which strand is on top. ``method``: whose calibration turns evidence into
+    mask's. ``order``: what decides which strand is on top. ``method``: whose calibration turns evidence into
     probabilities; what is short and less likely a DLO than not is left out. ``watch`` measures the
     steps.
     """
     with watch.step("splines"):
-        fits = ((_fit(c, mask, distances, tip_widths), c.doubt) for c in chains)
+        fits = ((_fit(c, mask, distances), c.doubt) for c in chains)
         fitted = [(found, doubt) for found, doubt in fits if found is not None]
         instances, doubts = _without_fragments(fitted, mask.shape)
         shifts = None
@@ -115,15 +115,14 @@ def _likely(instances: list[Instance], in_doubt: int) -> list[int]:
     return likely or list(range(min(in_doubt, len(instances))))
 
 
-def _fit(
-    chain: Chain, mask: BoolArray, distances: Float32Array, tip_widths: float
-) -> Instance | None:
-    """The instance of one chain, or None if it is too short for its own width."""
+def _fit(chain: Chain, mask: BoolArray, distances: Float32Array) -> Instance | None:
+    """The instance of one chain, or None if it is too short for its own width; its score is the
+    share of it on foreground until it is rated."""
     width = width_of(read_nearest(distances, chain.xy))
     points = (
         np.concatenate((chain.xy, chain.xy[:1]))
         if chain.closed
-        else _to_the_tips(chain.xy, mask, tip_widths * width)
+        else _to_the_tips(chain.xy, mask, _TIP_WIDTHS * width)
     )
     lengths = arc_lengths(points)
     rough_length = float(lengths[-1])
@@ -135,9 +134,7 @@ def _fit(
     count = max(2, round(rough_length / _POINT_SPACING_PX) + 1)
     centerline = resample(spline.at(np.linspace(0, 1, 2 * count)), count)
     length = float(arc_lengths(centerline)[-1])
-    score = float(read_nearest(mask, centerline).mean()) * (
-        1 - float(np.exp(-length / (4 * width)))
-    )
+    score = float(read_nearest(mask, centerline).mean())
     return Instance(centerline, width, length, chain.closed, spline, (), score)
 
 

@@ -23,8 +23,6 @@ from models.instances.scene import Instance, Scene
 _TINT = 0.4
 _END = 4.0
 """Radius of an endpoint."""
-_TAGGED_PX = 64
-"""Smaller pictures have no room for ids."""
 
 
 def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteArray:
@@ -53,9 +51,8 @@ def overlay(image: ByteArray, scene: Scene, longest: int | None = None) -> ByteA
             if endpoint.kind != "border":
                 inside = _color(number) if endpoint.kind == "free" else DARK
                 painting.disc(picture, endpoint.xy, inside, _END)
-    if min(image.shape[:2]) >= _TAGGED_PX:
-        for number, instance in enumerate(instances, start=1):
-            painting.tag(picture, str(number), _tag_place(instance, number, scene), _color(number))
+    for number, instance in enumerate(instances, start=1):
+        painting.tag(picture, str(number), _tag_place(instance, number, scene), _color(number))
     return picture
 
 

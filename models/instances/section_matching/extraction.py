@@ -29,8 +29,6 @@ border is near: DLOs that leave the picture side by side meet, too."""
 _FAR_RADII = 12.0
 """The border is not near; and a section of so many radii from a crossing to a free end is no
 stub."""
-_TIP_WIDTHS = 1.5
-"""A skeleton ends up to a width and a half before the strand does."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,6 @@ def _extract(mask: BoolArray, image: ByteArray | None, params: SectionMatchingPa
         watch,
         method="section_matching",
         follow_edges=True,
-        tip_widths=_TIP_WIDTHS,
     )
 
 

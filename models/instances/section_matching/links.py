@@ -102,8 +102,7 @@ def _over_gaps(sections: Sections, gap_widths: float) -> IntArray:
     link = sections.tip[pairs[:, 1]] - sections.tip[pairs[:, 0]]
     leaving = np.einsum("ij,ij->i", sections.outward[pairs[:, 0]], link)
     arriving = -np.einsum("ij,ij->i", sections.outward[pairs[:, 1]], link)
-    facing = np.einsum("ij,ij->i", sections.outward[pairs[:, 0]], sections.outward[pairs[:, 1]])
-    return pairs[(leaving > 0) & (arriving > 0) & (facing < 0.3)]
+    return pairs[(leaving > 0) & (arriving > 0)]
 
 
 def _along_shared(sections: Sections) -> tuple[IntArray, IntArray]:
@@ -161,8 +160,8 @@ def _measure(
     seen = _likeness(sections, a, b, points, off, image)
     columns = (
         np.ones(len(pairs)),
-        np.minimum(turn**2, 4.0),
-        known * np.minimum(leaving**2 + arriving**2, 6.0),
+        turn**2,
+        known * (leaving**2 + arriving**2),
         np.minimum(width**2, 2.0),
         np.minimum(chroma, 1.0),
         np.minimum(abs(brightness), 1.0),
