@@ -80,9 +80,9 @@ def sections_of(
     ``shared_radii``: a chain up to so many radii long between two forks is the foreground that two
     crossing DLOs share: it is left out and the forks become one group.
 
-    Strategy: a chain of which no more than a radius would be left is inside a crossing; its two
-    junctions become one group. All values at ends come from one gather: ``_LOOK`` samples a few radii back along the
-    chain from each end.
+    Strategy: a chain of which at most a radius would be left is inside a crossing; its junctions
+    become one group. All values at ends come from one gather: ``_LOOK`` samples a few radii back
+    along the chain from each end.
     """
     bounds, lengths = graph.bounds, np.diff(graph.bounds)
     radii = np.maximum(distances[graph.xy[:, 1], graph.xy[:, 0]].astype(np.float64) - 0.5, 0.5)
