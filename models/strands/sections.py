@@ -89,9 +89,8 @@ def sections_of(
     typical = _medians(radii, bounds)
     junction_radius = np.maximum(_junction_radii(graph, distances), 1.0)
     cut = _cuts(graph, radii, typical, junction_radius)
-    inner = (
-        (graph.ends != FREE).all(axis=1) & (lengths <= cut.sum(axis=1) + typical) & ~graph.closed
-    )
+    inside = lengths <= cut.sum(axis=1) + typical
+    inner = inside & (graph.ends != FREE).all(axis=1) & ~graph.closed
     spur = ((graph.ends == FREE).sum(axis=1) == 1) & _is_spur(graph, lengths, junction_radius)
     if shared_radii > 0:
         inner[
