@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import gc
+from collections.abc import Callable, Generator, Iterator
 from itertools import count
 
 import httpx
@@ -15,6 +16,18 @@ from workers.queue import JobQueue
 from workers.settings import Settings
 
 pytest_plugins = ["tests.needed", "tests.browser"]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is imported for tests is no garbage: to look through it took a quarter of the time of
+    importing it, and a twentieth of that of tests."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")
