@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 
-from dlo_client import Client, DisentangleAction, DisentangleRequest
+from dlo_client import Client, DisentangleAction, DisentangleRequest, Earlier
 from PIL import Image, ImageDraw
 
 SIZE = (640, 480)
@@ -25,9 +25,11 @@ def main(arguments: list[str] | None = None) -> list[int]:
     options = parser.parse_args(arguments)
     strands = tangled()
     counts: list[int] = []
+    earlier: Earlier | None = None
     with Client(options.url) as client:
         for _ in range(options.actions + 1):
-            plan = client.run(DisentangleRequest(at_most=1, files=[]), mask=mask_of(strands))
+            request = DisentangleRequest(at_most=1, files=[], earlier=earlier)
+            plan = client.run(request, mask=mask_of(strands))
             assert plan.topology is not None
             counts.append(len(plan.topology.crossings))
             print(f"{counts[-1]} crossings: {plan.message}")
@@ -38,6 +40,7 @@ def main(arguments: list[str] | None = None) -> list[int]:
                 f"  hold {best.hold.xy}, turn {math.degrees(best.turn_rad):.0f} degrees: {best.why}"
             )
             turn(strands, best)
+            earlier = Earlier.model_validate({"topology": plan.topology, "action": best})
     return counts
 
 

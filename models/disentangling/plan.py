@@ -10,7 +10,7 @@ picture's resolution changes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -103,6 +103,9 @@ _LIKELY = 0.4
 """Where no turn has a better chance, preparing ones are looked at too."""
 _STUCK = 0.02
 """Chance of going on where no turn leaves fewer crossings."""
+_PREPARING = 0.7
+"""What a turn that only prepares another one is worth beside one that leads on, as one such turn
+must not follow another for ever."""
 _OUT_OF_VIEW = 4
 """Where crossings are left, a piece of which a tenth leaves the view is worth a third less: they
 have to be seen again. After the last one it is worth a tenth less."""
@@ -172,7 +175,7 @@ def _preferred(options: list[Option]) -> list[Option]:
 def _best(options: list[Option]) -> list[Option]:
     """Those whose chance is as good as equal to the highest one."""
     highest = max((o.chance for o in options), default=0.0)
-    return [o for o in options if o.chance >= highest - _EQUAL]
+    return [o for o in options if o.chance >= highest - _EQUAL * min(1.0, highest / _LIKELY)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,21 +214,20 @@ class Search:
         """Strategy: rank by the chance that all crossings go; of the best options that part
         different crossings, look at what they leave; where none is likely, look at turns too that
         only prepare another one."""
-        options = self.options(scene, 1, MOST_HOLDS)
-        if max((o.chance for o in options), default=0.0) < _LIKELY:
-            options = self.options(scene, 0, MOST_HOLDS)
-        different: dict[object, Option] = {}
-        for option in options:
-            parted = frozenset(k for k, _ in option.turn.held.parted)
-            different.setdefault((parted, option.turn.after), option)
-        looked = list(different.values())[:_MOST_AHEAD]
-        ahead = [self.with_what_follows(scene, o) for o in looked]
-        least = min((o.chance for o in ahead), default=0.0)
-        return ahead + [
-            replace(o, chance=min(o.chance, least))
-            for o in options
-            if all(o is not k for k in looked)
-        ]
+        looked: dict[object, Option] = {}
+        options: list[Option] = []
+        for gain in (1, 0):
+            options = self.options(scene, gain, MOST_HOLDS)
+            if gain and max((o.chance for o in options), default=0.0) < _LIKELY:
+                continue
+            different: dict[object, Option] = {}
+            for option in options:
+                different.setdefault(_kind(option), option)
+            new = [(kind, o) for kind, o in different.items() if kind not in looked]
+            looked |= {kind: self.with_what_follows(scene, o) for kind, o in new[:_MOST_AHEAD]}
+            if max((o.chance for o in looked.values()), default=0.0) >= _LIKELY:
+                break
+        return [_in_light_of(o, looked) for o in options]
 
     def options(self, scene: Topology, gain: int, most_holds: int) -> list[Option]:
         """The best first: as if each crossing that is left took a move as likely to work as this
@@ -249,13 +251,37 @@ class Search:
         return updated(learned, holds, np.array([t.angle for t in turns]), self.attempts)
 
     def with_what_follows(self, scene: Topology, option: Option) -> Option:
-        """The option with its chance looked up in the scene that it leaves."""
+        """The option with its chance looked up in the scene that it leaves; behind a preparing one
+        the best that follows is looked up, too, or what it makes possible seems better than it
+        is."""
         chance = option.score * _seen_again(option.turn)
         left = after_turn(scene, option.turn)
+        prepares = option.turn.after >= len(scene.crossings)
         if left.crossings:
-            following = self.options(left, 1, _MOST_HOLDS_AHEAD)
+            following = self.options(left, 1, _MOST_HOLDS_AHEAD)[:1]
+            if prepares:
+                following = [self.with_what_follows(left, o) for o in following]
             chance *= following[0].chance if following else _STUCK
-        return replace(option, chance=chance)
+        return replace(option, chance=chance * (_PREPARING if prepares else 1.0))
+
+
+def _kind(option: Option) -> object:
+    """Which crossings a turn parts, and how many are left: what follows is alike where these are
+    the same."""
+    return frozenset(k for k, _ in option.turn.held.parted), option.turn.after
+
+
+def _in_light_of(option: Option, looked: Mapping[object, Option]) -> Option:
+    """The option with its chance as that of its kind that was looked at, or as the least of them
+    where none of its kind was."""
+    example = looked.get(_kind(option))
+    if example is None:
+        least = min((o.chance for o in looked.values()), default=0.0)
+        return replace(option, chance=min(option.chance, least))
+    if example.turn is option.turn:
+        return example
+    here, there = (o.score * _seen_again(o.turn) for o in (option, example))
+    return replace(option, chance=example.chance * min(1.0, here / max(there, 1e-9)))
 
 
 def _seen_again(turn: Turn) -> float:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from models.disentangling.hold_candidates import moves_with
-from models.disentangling.rigid_piece import as_pair, turned
+from models.disentangling.rigid_piece import Body, Pivot, as_pair, turned
 from models.disentangling.sweep import Sweep
 from models.disentangling.turn_candidates import Turn
 from models.geometry.arrays import FloatArray
@@ -16,15 +17,26 @@ from models.topology.scene import BranchPoint, Crossing, Place, Section, Topolog
 
 
 def after_turn(topology: Topology, turn: Turn) -> Topology:
-    """The same sections, some of them elsewhere. Crossings within the piece and within the rest
-    stay as they are; where the piece is now over something, it is on top for sure."""
-    pivot, body = turn.held.pivot, turn.held.body
+    """The same sections, some of them elsewhere."""
+    body = turn.held.body
+    return after_move(
+        topology, turn.held.pivot, body, lambda xy: turned(xy, body.center, turn.angle)
+    )
+
+
+def after_move(
+    topology: Topology,
+    pivot: Pivot,
+    body: Body,
+    moved: Callable[[FloatArray], FloatArray],
+    score: float = 1.0,
+) -> Topology:
+    """The same sections, those of a piece where ``moved`` brings their points. Crossings within the
+    piece and within the rest stay as they are; where the piece is now over something (``score``: how
+    probably it is), it is on top for sure."""
     beyond = {k for k, _ in body.moving} - {pivot.section}
     far = topology.sections[pivot.section].branches[1 if pivot.side > 0 else 0]
     branches = {b for k in beyond for b in topology.sections[k].branches} | {far}
-
-    def moved(xy: FloatArray) -> FloatArray:
-        return turned(xy, body.center, turn.angle)
 
     def section(k: int, line: Section) -> Section:
         if k == pivot.section:
@@ -46,9 +58,10 @@ def after_turn(topology: Topology, turn: Turn) -> Topology:
             kept.append(
                 replace(crossing, xy=as_pair(moved(np.array(crossing.xy)))) if over else crossing
             )
+    there = replace(body, moving=tuple((k, moved(xy)) for k, xy in body.moving))
     new = [
-        Crossing(as_pair(xy), _place(sections, k, xy), _place(sections, rest, xy), 1.0, 1.0)
-        for k, rest, xy in Sweep(topology, body).crossings(turn.angle)
+        Crossing(as_pair(xy), _place(sections, k, xy), _place(sections, rest, xy), score, 1.0)
+        for k, rest, xy in Sweep(topology, there).crossings(0.0)
     ]
     points = tuple(branch(k, p) for k, p in enumerate(topology.branch_points))
     return replace(topology, sections=sections, branch_points=points, crossings=(*kept, *new))

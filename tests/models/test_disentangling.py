@@ -250,6 +250,43 @@ def test_a_preparing_turn_is_proposed_where_no_other_is_likely():
         assert {o.turn.after for o in options} == left
 
 
+def test_where_all_chances_are_small_the_best_one_still_comes_first():
+    """Chances below a fiftieth counted as equal: the smallest turn came first, whatever its
+    score."""
+    small, large = sorted(options_of(twice_crossed())[:2], key=lambda o: abs(o.turn.angle))
+    places = [replace(small, chance=0.001), replace(large, chance=0.018)]
+    turned_about = [
+        replace(o, turn=replace(o.turn, held=replace(o.turn.held, pivot=Pivot(0, at, 1, -1))))
+        for o, at in zip(places, (1.0, 2.0), strict=True)
+    ]
+    assert planner._preferred(turned_about)[0].chance == 0.018
+
+
+def test_preparing_turns_are_looked_at_where_the_likely_ones_lead_nowhere(monkeypatch):
+    """What would follow a likely turn was looked at, found to be hopeless, and chosen all the
+    same."""
+    scene = in_hands(crossed(), HAND_PX)
+    looked_at = Search.with_what_follows
+
+    def hopeless(self, before, option):
+        found = looked_at(self, before, option)
+        lost = before is scene and option.turn.after == 0
+        return replace(found, chance=0.01) if lost else found
+
+    monkeypatch.setattr(Search, "with_what_follows", hopeless)
+    assert planner._preferred(search(crossed(), 0.9).ranked(scene))[0].turn.after == 1
+
+
+def test_what_follows_a_preparing_turn_is_looked_at_as_deeply_as_what_follows_another():
+    """One step less was looked at behind it, so that one preparing turn followed another."""
+    scene = in_hands(twice_crossed(), HAND_PX)
+    every = search(twice_crossed(), 0.9)
+    prepares = next(o for o in every.options(scene, 0, 50) if o.turn.after == 2)
+    with_one_left = [0.9, 0.9 * 0.9]
+    followed = every.with_what_follows(scene, prepares).chance / (0.9 * planner._PREPARING)
+    assert min(abs(followed - c) for c in with_one_left) < 1e-6
+
+
 def test_a_branch_point_that_is_set_back_lies_on_the_bundle():
     """Two lanes part at (200, 100) in the picture, in truth 10 px before: the turned one crosses
     the other there."""

@@ -11,6 +11,7 @@ from dlo_client.contracts import (
     ArmBase,
     DisentangleRequest,
     DisentangleResult,
+    Earlier,
     Gripper,
     HarnessState,
     TopologyRequest,
@@ -160,6 +161,61 @@ def test_expectations_follow_what_was_tried(tools):
 
     assert after(best.crossings_after + 1) < 0.7 * best.score
     assert after(best.crossings_after) >= best.score
+
+
+def earlier(tools: Tools) -> dict[str, object]:
+    """What stands in a request of the action that the mask's own plan begins with, not done yet."""
+    planned = stages.run(DisentangleRequest(mask=put(tools, harness_mask())), tools).result
+    action = planned.actions[0].model_copy(update={"turn_rad": 0.0})
+    return {"topology": planned.topology, "action": action}
+
+
+def test_an_earlier_topology_that_the_picture_agrees_with_is_carried_over(tools):
+    """Read as surely as it was in the earlier picture, and named as there."""
+    known = earlier(tools)
+    crossing = known["topology"].crossings[0].model_copy(update={"order_score": 0.97})
+    known["topology"] = known["topology"].model_copy(update={"crossings": [crossing]})
+    request = DisentangleRequest.model_validate(
+        {"mask": put(tools, harness_mask()), "earlier": known}
+    )
+    result = stages.run(request, tools).result
+    assert result.carried
+    assert result.topology.crossings[0].order_score == 0.97
+    again = Earlier.model_validate({"topology": result.topology, "action": result.actions[0]})
+    assert again.topology.width == 400, "an answer fits into the next request"
+
+
+def test_a_picture_that_shows_something_else_is_planned_on_alone(tools):
+    mask = put(tools, np.ascontiguousarray(harness_mask()[:, ::-1]))
+    request = DisentangleRequest.model_validate({"mask": mask, "earlier": earlier(tools)})
+    assert not stages.run(request, tools).result.carried
+
+
+def test_where_nothing_helps_by_what_was_known_the_picture_is_planned_on(tools):
+    """A reading that has no crossing any more was kept, though the picture shows one."""
+    known = earlier(tools)
+    known["topology"] = known["topology"].model_copy(update={"crossings": []})
+    request = DisentangleRequest.model_validate(
+        {"mask": put(tools, harness_mask()), "earlier": known}
+    )
+    result = stages.run(request, tools).result
+    assert result.status in ("planned", "unsure")
+    assert not result.carried
+
+
+def test_an_earlier_picture_of_another_size_is_refused(tools):
+    mask = put(tools, harness_mask()[:200])
+    request = DisentangleRequest.model_validate({"mask": mask, "earlier": earlier(tools)})
+    with pytest.raises(InvalidInput, match="400 × 280") as error:
+        stages.run(request, tools)
+    assert error.value.field == "earlier.topology"
+
+
+def test_an_earlier_topology_needs_a_new_picture(tools):
+    state = topology_of(tools).model_dump(mode="json")
+    known = earlier(tools)
+    with pytest.raises(ValidationError, match="`earlier` is compared with a new picture"):
+        DisentangleRequest.model_validate({"topology": state, "earlier": known})
 
 
 @pytest.mark.parametrize(

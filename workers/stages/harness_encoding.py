@@ -168,8 +168,9 @@ def _place(place: found.Place) -> SectionPlace:
     return SectionPlace(section=place.section + 1, u=round(min(1.0, max(0.0, place.u)), 4))
 
 
-def decode(state: HarnessState) -> found.Topology:
-    """A topology as it travels to one to compute with: indices count from 0."""
+def decode(state: HarnessState, field: str = "topology") -> found.Topology:
+    """A topology as it travels to one to compute with: indices count from 0. Raises InvalidInput
+    naming the request's ``field``."""
     sections = []
     for s in state.sections:
         xy = np.array(s.points_xy, dtype=np.float64)
@@ -177,7 +178,7 @@ def decode(state: HarnessState) -> found.Topology:
         length = float(arc_lengths(xy)[-1])
         if length <= 0:
             raise InvalidInput(
-                "topology.sections", f"section {s.id} has no length", "invalid_topology"
+                f"{field}.sections", f"section {s.id} has no length", "invalid_topology"
             )
         sections.append(
             found.Section(xy, s.width_px, length, s.ends, (first, last), s.closed, s.score)

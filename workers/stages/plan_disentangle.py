@@ -4,6 +4,7 @@ crossing."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import chain, islice
 from typing import Literal
 
@@ -18,6 +19,7 @@ from dlo_client.contracts import (
 from dlo_client.contracts.disentangling import Attempt as AttemptGiven
 from numpy.typing import NDArray
 
+from models.disentangling.carried import Done, readings
 from models.disentangling.evidence import MOVE_FEATURES
 from models.disentangling.expectations import Attempt
 from models.disentangling.overlay import draw_action
@@ -51,9 +53,9 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
     seen: SeenHarness | None = None
     if request.topology is None:
         seen = see_harness(request, tools, watch)
-        topology = seen.topology
+        known = _readings(request, seen.topology, watch)
     else:
-        topology = decode(request.topology)
+        known = [decode(request.topology)]
     tools.progress(0.6)
     network = moves_network(tools)
     with watch.step("plan"):
@@ -62,7 +64,12 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
         settings = DisentangleParams(
             hand_px, margin_px=request.margin_px, at_most=request.at_most, attempts=done
         )
-        any_helps, feasible = _within_reach(proposed(topology, network, settings), request)
+        for topology in known:
+            any_helps, feasible = _within_reach(proposed(topology, network, settings), request)
+            if any_helps:
+                break
+        else:
+            topology = known[0]
     with watch.step("encode"):
         height, width = topology.size
         status, message = _status(topology, any_helps, [a for a, _ in feasible])
@@ -72,7 +79,8 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
             status=status,
             message=message,
             actions=[_action(k, a, arms) for k, (a, arms) in enumerate(feasible, start=1)],
-            topology=None if seen is None else encode(seen),
+            topology=None if seen is None else encode(replace(seen, topology=topology)),
+            carried=len(known) > 1 and topology is known[0],
             reference=seen.foreground.references if seen else [],
             warnings=seen.remarks if seen else [],
             models=[*(seen.models if seen else []), model_used(network.spec)],
@@ -83,6 +91,19 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
             best = draw_action(picture, feasible[0][0]) if feasible else picture
             files["overlay.png"] = overlay_png(best)
     return Outcome(result, files, watch.timings_ms)
+
+
+def _readings(
+    request: DisentangleRequest, seen: found.Topology, watch: Stopwatch
+) -> list[found.Topology]:
+    """What to plan on, the best first. Raises InvalidInput where the earlier picture was of another
+    size."""
+    if request.earlier is None:
+        return [seen]
+    before, action = decode(request.earlier.topology, "earlier.topology"), request.earlier.action
+    check_size("earlier.topology", before.size, "picture", seen.size)
+    with watch.step("carry"):
+        return readings(before, Done(action.hold.xy, action.pick.xy, action.turn_rad), seen)
 
 
 def moves_network(tools: Tools) -> Network:

@@ -178,7 +178,13 @@ class DisentangleResult(Reply):
     )
     message: str = Field(description="the status in words")
     actions: list[DisentangleAction] = Field(description="best first")
-    topology: TopologyResult | None = Field(description="what was seen, when a picture was given")
+    topology: TopologyResult | None = Field(
+        description="what was seen, when a picture was given; where `carried`, its sections, "
+        "branch-points and crossings are those of `earlier` as the action left them, also out of view"
+    )
+    carried: bool = Field(
+        default=False, description="the picture agrees with `earlier`, which the plan is made on"
+    )
     reference: ReferencesUsed = Field(default_factory=list)
     warnings: PictureWarnings = Field(default_factory=list)
     models: list[ModelUsed] = Field(description="networks that took part")
@@ -193,6 +199,24 @@ class DoneAction(Taken):
         ge=0, le=1000, description="number of them, as the simulation counted"
     )
     score: Probability = Field(description="probability that was stated, 0 to 1")
+
+
+class CarriedOut(Taken):
+    """What a new picture is compared with of an action that was carried out; a proposed action
+    fits."""
+
+    hold: GripperPose = Field(description="the gripper that kept still")
+    pick: GripperPose = Field(description="where the other gripper grasped")
+    turn_rad: float = Field(ge=-7, le=7, description="from x towards y, about the held place")
+
+
+class Earlier(Contract):
+    """What was there before the last action, and that action."""
+
+    topology: HarnessState = Field(
+        description="`topology` of the answer that proposed it, in this picture's pixels"
+    )
+    action: CarriedOut = Field(description="as that answer proposed it")
 
 
 class Attempt(Contract):
@@ -223,6 +247,11 @@ class DisentangleRequest(HarnessSource, JobRequest[DisentangleResult]):
         max_length=100,
         description="actions so far, in this picture's pixels: scores follow from what they brought",
     )
+    earlier: Earlier | None = Field(
+        default=None,
+        description="before the last action, of the same camera: what is unclear, or out of view, is "
+        "known from there; needs a picture",
+    )
     files: list[Literal["overlay"]] = Field(
         default=["overlay"], max_length=1, description="to make beside the result"
     )
@@ -242,4 +271,6 @@ class DisentangleRequest(HarnessSource, JobRequest[DisentangleResult]):
             raise ValueError(
                 "`topology` already says what is there: only an `image` to draw on may stand beside it"
             )
+        if self.topology is not None and self.earlier is not None:
+            raise ValueError("`earlier` is compared with a new picture: leave `topology` out")
         return self
