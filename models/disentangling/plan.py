@@ -102,12 +102,12 @@ _MOST_AHEAD = 5
 _LIKELY = 0.4
 """Where no turn has a better chance, preparing ones are looked at too."""
 _STUCK = 0.02
-"""Chance of going on where no turn leaves fewer crossings."""
+"""Chance of going on where no turn is found, not even a preparing one."""
 _PREPARING = 0.7
 """What a turn that only prepares another one is worth beside one that leads on, as one such turn
 must not follow another for ever."""
-_OUT_OF_VIEW = 4
-"""Where crossings are left, a piece of which a tenth leaves the view is worth a third less: they
+_OUT_OF_VIEW = 2
+"""Where crossings are left, a piece of which a tenth leaves the view is worth a fifth less: they
 have to be seen again. After the last one it is worth a tenth less."""
 _TOUCHES = 0.2
 """How often a joint that closes a ring turns out to be a mere touch."""
@@ -259,7 +259,9 @@ class Search:
         prepares = option.turn.after >= len(scene.crossings)
         if left.crossings:
             following = self.options(left, 1, _MOST_HOLDS_AHEAD)[:1]
-            if prepares:
+            if not following and not prepares:
+                following = self.options(left, 0, _MOST_HOLDS_AHEAD)[:1]
+            elif prepares:
                 following = [self.with_what_follows(left, o) for o in following]
             chance *= following[0].chance if following else _STUCK
         return replace(option, chance=chance * (_PREPARING if prepares else 1.0))

@@ -6,10 +6,9 @@ Each scene's mask is drawn, its topology extracted, the best-ranked action execu
 harness (holding 2 px, turning 3 degrees off on average), and the crossings counted there.
 ``triple``: three crossings, planned again after every action, at most six, on the new picture and
 what is carried over from the one before; a scene counts if all are gone and their number never
-rose. Tuning looked at other seeds (1003 to 1011). About 12 minutes on two
-cores; every scene's end is kept in ``build/bench/disentangling.scenes``, and ``--resume``
-goes on with those of an interrupted run of the same code. Prints a table and writes
-``build/bench/disentangling.json``.
+rose. Tuning looked at other seeds (1003 to 1011). About 12 minutes on two cores; every scene's end
+is kept in ``build/bench/disentangling.scenes``, and ``--resume`` goes on with those of an
+interrupted run of the same code. Prints a table and writes ``build/bench/disentangling.json``.
 """
 
 from __future__ import annotations

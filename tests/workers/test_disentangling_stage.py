@@ -19,6 +19,8 @@ from dlo_client.contracts import (
 )
 from pydantic import ValidationError
 
+from models.disentangling.plan import plan
+from tests.models.harnesses import crossed
 from tests.workers.harness_pictures import depth_of, harness_mask, put
 from workers import stages
 from workers.stages import plan_disentangle
@@ -183,6 +185,15 @@ def test_an_earlier_topology_that_the_picture_agrees_with_is_carried_over(tools)
     assert result.topology.crossings[0].order_score == 0.97
     again = Earlier.model_validate({"topology": result.topology, "action": result.actions[0]})
     assert again.topology.width == 400, "an answer fits into the next request"
+
+
+def test_an_action_outside_the_picture_says_so():
+    """Known from an earlier picture only, and planned there without a word."""
+    action = plan(crossed(), lambda rows: np.full(len(rows), 0.9))[0]
+    x, y = action.pick.xy
+    said = [plan_disentangle._why(action, size) for size in ((480, 640), (480, round(x) - 5))]
+    assert ["outside the picture" in why for why in said] == [False, True]
+    assert 0 < y < 480
 
 
 def test_a_picture_that_shows_something_else_is_planned_on_alone(tools):

@@ -78,7 +78,9 @@ def run(request: DisentangleRequest, tools: Tools) -> Outcome:
             height=height,
             status=status,
             message=message,
-            actions=[_action(k, a, arms) for k, (a, arms) in enumerate(feasible, start=1)],
+            actions=[
+                _action(k, a, arms, topology.size) for k, (a, arms) in enumerate(feasible, start=1)
+            ],
             topology=None if seen is None else encode(replace(seen, topology=topology)),
             carried=len(known) > 1 and topology is known[0],
             reference=seen.foreground.references if seen else [],
@@ -160,7 +162,7 @@ def _status(
     return "planned", outcome
 
 
-def _action(rank: int, action: Action, arms: tuple[str | None, str | None]) -> DisentangleAction:
+def _action(rank: int, action: Action, arms: _Pair, size: tuple[int, int]) -> DisentangleAction:
     holder, mover = arms
     return DisentangleAction(
         rank=rank,
@@ -178,11 +180,11 @@ def _action(rank: int, action: Action, arms: tuple[str | None, str | None]) -> D
         passes_over=[k + 1 for k in action.passed],
         clearance_px=round(action.clearance, 2),
         score=round(min(1.0, max(0.0, action.score)), 4),
-        why=_why(action),
+        why=_why(action, size),
     )
 
 
-def _why(action: Action) -> str:
+def _why(action: Action, size: tuple[int, int]) -> str:
     about = (
         f"branch-point {action.branch + 1}" if action.branch >= 0 else "a place along the section"
     )
@@ -203,6 +205,8 @@ def _why(action: Action) -> str:
         parts.append(
             "part of the piece is outside the picture: whether it is free there is not known"
         )
+    if not all(0 <= x < size[1] and 0 <= y < size[0] for x, y in (action.hold.xy, action.pick.xy)):
+        parts.append("it is held or picked outside the picture, where an earlier one showed it")
     return "; ".join(parts)
 
 
