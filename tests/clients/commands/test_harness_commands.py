@@ -3,6 +3,7 @@ print."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from dlo_client.commands import harness_commands  # noqa: F401  it registers the commands
 from dlo_client.commands.app import app
 from dlo_client.contracts import AnyJob, JobState
+from dlo_client.outcomes import result_of
 from typer.testing import CliRunner, Result
 
 from tests.clients import harness_samples, samples
@@ -67,3 +69,27 @@ def test_a_place_of_an_arm_that_is_none_is_named(picture: Path) -> None:
     done = run(harness_samples.job(), [], "disentangle", picture, "--arm", "left:here")
     assert done.exit_code == 2
     assert "expected NAME:X,Y" in done.output
+
+
+def test_the_answer_before_goes_along(picture: Path, tmp_path: Path) -> None:
+    before = tmp_path / "harness.result.json"
+    before.write_text(result_of(harness_samples.job()).model_dump_json())
+    sent: list[bytes] = []
+    done = run(harness_samples.job(), sent, "disentangle", picture, "--earlier", before)
+    assert done.exit_code == 0, done.output
+    assert b'"earlier":{"topology":{"width":160' in sent[0]
+    assert b'"turn_rad":0.5' in sent[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "named"), [({"actions": []}, "no action"), ({"kind": 1}, "kind")]
+)
+def test_an_answer_before_that_leads_nowhere_is_named(
+    picture: Path, tmp_path: Path, change: dict[str, object], named: str
+) -> None:
+    before = tmp_path / "harness.result.json"
+    result = json.loads(result_of(harness_samples.job()).model_dump_json())
+    before.write_text(json.dumps(result | change))
+    done = run(harness_samples.job(), [], "disentangle", picture, "--earlier", before)
+    assert done.exit_code == 2
+    assert named in done.output

@@ -15,6 +15,7 @@ from dlo_client.contracts import (
     ArmBase,
     DisentangleRequest,
     DisentangleResult,
+    Earlier,
     Gripper,
     HarnessDrawing,
     Job,
@@ -39,6 +40,15 @@ Arm = Annotated[
 GripperPx = Annotated[
     float | None,
     typer.Option(min=0.01, max=1e5, help="Room that the gripper needs beside the strand, px."),
+]
+Before = Annotated[
+    Path | None,
+    typer.Option(
+        "--earlier",
+        exists=True,
+        dir_okay=False,
+        help="result.json of the picture before, whose first action was carried out since.",
+    ),
 ]
 Masks = Annotated[
     bool, typer.Option("--masks", help="The pictures are masks: what is not background is DLO.")
@@ -73,6 +83,7 @@ def disentangle(
     out: Out = None,
     arm: Arm = None,
     gripper_px: GripperPx = None,
+    before: Before = None,
     masks: Masks = False,
     threshold: Threshold = None,
     as_json: AsJson = False,
@@ -81,6 +92,7 @@ def disentangle(
     request = DisentangleRequest(
         arms=[_arm(text) for text in arm or []],
         gripper=None if gripper_px is None else Gripper(width_px=gripper_px),
+        earlier=None if before is None else _earlier(before),
         threshold=threshold,
         files=[] if out is None else ["overlay"],
     )
@@ -96,6 +108,18 @@ def _drawing(path: Path) -> HarnessDrawing:
         raise typer.BadParameter(
             f"{path}: {describe_fields(error)}", param_hint="--drawing"
         ) from error
+
+
+def _earlier(path: Path) -> Earlier:
+    try:
+        result = DisentangleResult.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        raise typer.BadParameter(
+            f"{path}: {describe_fields(error)}", param_hint="--earlier"
+        ) from error
+    if result.topology is None or not result.actions:
+        raise typer.BadParameter(f"{path} has no topology or no action", param_hint="--earlier")
+    return Earlier.model_validate({"topology": result.topology, "action": result.actions[0]})
 
 
 def _arm(text: str) -> ArmBase:
