@@ -34,5 +34,7 @@ def components(pairs: IntArray, count: int) -> IntArray:
 
 def runs(flags: BoolArray) -> list[tuple[int, int]]:
     """``(start, stop)`` of every run of True in ``(n,)`` flags."""
+    if not flags.any():
+        return []
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -8,6 +8,8 @@ from models.geometry.arrays import FloatArray, IntArray
 
 _NOTHING = 1e-9
 """A shorter vector has no direction: it stays about 0."""
+_LANES = np.array([-0.25, 0.0, 0.25])
+"""Of a strand's width, aside of its middle."""
 
 
 def unit(vectors: FloatArray) -> FloatArray:
@@ -26,7 +28,7 @@ def quarter_turned(directions: FloatArray) -> FloatArray:
 def middle_lanes(normals: FloatArray, width: float) -> FloatArray:
     """``(3, …, 2)`` offsets along ``normals`` that span the middle half of a strand of this width:
     averaged over it, a highlight counts little."""
-    return np.linspace(-width / 4, width / 4, 3).reshape(3, *[1] * normals.ndim) * normals
+    return (width * _LANES).reshape(3, *[1] * normals.ndim) * normals
 
 
 def tangents(line: FloatArray) -> FloatArray:

@@ -115,11 +115,11 @@ def _beside(instances: Sequence[Instance], points: FloatArray, owner: IntArray) 
     steps = tangents_of_each(points, owner)
     width = np.array([i.width_px for i in instances])
     pairs = cKDTree(points).query_pairs(1.2 * float(np.median(width)) + 2, output_type="ndarray")
-    a, b = pairs.T
+    of = owner[pairs]
+    a, b = pairs[of[:, 0] != of[:, 1]].T
     along = np.abs(np.einsum("ij,ij->i", steps[a], steps[b])) > 0.9
-    both = (owner[a] != owner[b]) & along
     near = np.zeros(len(points), dtype=bool)
-    near[a[both]] = near[b[both]] = True
+    near[a[along]] = near[b[along]] = True
     return np.bincount(owner, near, len(instances)) / np.bincount(owner, minlength=len(instances))
 
 
