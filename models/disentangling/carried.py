@@ -30,6 +30,7 @@ from models.disentangling.moved_piece import (
 from models.disentangling.result_of_turn import after_move
 from models.disentangling.rigid_piece import Pivot, body_of
 from models.geometry.arrays import BoolArray, FloatArray
+from models.geometry.components import runs
 from models.geometry.polylines import arc_lengths
 from models.topology.scene import BranchPoint, Crossing, EndKind, Place, Topology
 
@@ -133,8 +134,7 @@ def _disagreement(expected: Topology, shown: Topology, view: View) -> float:
         for section in ours.sections:
             line = dense(section.xy)
             lost = (tree.query(line)[0] > NEAR) & view.shows(line, _BORDER)
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
-            longest = max([longest, *(edges[1::2] - edges[::2]).tolist()])
+            longest = max([longest, *(stop - start for start, stop in runs(lost))])
     return longest * STEP
 
 

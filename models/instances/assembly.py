@@ -69,9 +69,9 @@ def assemble(
 
     What is too short for a DLO, or is on another one, is left out; at most 255 instances remain.
     With ``follow_edges`` outlines and widths are those of the picture, where it shows them near the
-    mask's. ``order``: what decides which strand is on top. ``method``: whose calibration turns evidence into
-    probabilities; what is short and less likely a DLO than not is left out. ``watch`` measures the
-    steps.
+    mask's. ``order``: what decides which strand is on top. ``method``: whose calibration turns
+    evidence into probabilities; what is short and less likely a DLO than not is left out. ``watch``
+    measures the steps.
     """
     with watch.step("splines"):
         fits = ((_fit(c, mask, distances), c.doubt) for c in chains)

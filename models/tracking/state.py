@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from models.geometry.arrays import BoolArray, FloatArray
+from models.geometry.components import runs
 from models.instances.scene import EndpointKind
 
 NODES = 48
@@ -86,9 +87,8 @@ class TrackedCable:
     @property
     def covered(self) -> list[tuple[float, float]]:
         """Shares (u0, u1) of its length that are out of view."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], ~self.seen, [False]]).astype(int)))
         u = np.linspace(0.0, 1.0, NODES)
-        return [(float(u[a]), float(u[b - 1])) for a, b in edges.reshape(-1, 2)]
+        return [(float(u[a]), float(u[b - 1])) for a, b in runs(~self.seen)]
 
 
 class CrossingOrder(NamedTuple):

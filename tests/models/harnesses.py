@@ -13,6 +13,16 @@ from models.topology.evidence import classifiers_of
 from models.topology.scene import BranchPoint, Crossing, Place, Section, Topology
 from models.weights.inference import Network, Runtime, default_name, load
 
+HAND_PX = 12.0
+"""Of the hand-drawn strands: the room that a gripper needs."""
+ANYWHERE = 1e3
+"""A margin, px: the piece may end anywhere."""
+
+
+def always(probability: float):
+    """A classifier that gives the same for every turn."""
+    return lambda rows: np.full(len(rows), probability)
+
 
 def shipped() -> tuple[Network, Classifiers]:
     """The networks that find a topology."""

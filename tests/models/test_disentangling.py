@@ -13,7 +13,7 @@ from models.disentangling.evidence import MOVE_FEATURES
 from models.disentangling.hands import HAND_WIDTHS, Frame, in_hands, usual_hand_px
 from models.disentangling.hold_candidates import find_holds, room_at
 from models.disentangling.overlay import draw_action
-from models.disentangling.plan import Action, Base, DisentangleParams, Option, Search, assign_arms
+from models.disentangling.plan import Action, Base, DisentangleParams, assign_arms
 from models.disentangling.result_of_turn import after_turn
 from models.disentangling.rigid_piece import Pivot, body_of, set_back, turned
 from models.disentangling.supposed_touches import loosened
@@ -31,7 +31,17 @@ from models.training.disentangling.table_world import (
     truth,
 )
 from models.weights.inference import Network, Runtime, default_name, load
-from tests.models.harnesses import crossed, section, shipped, topology, touching, twice_crossed
+from tests.models.harnesses import (
+    ANYWHERE,
+    HAND_PX,
+    always,
+    crossed,
+    section,
+    shipped,
+    topology,
+    touching,
+    twice_crossed,
+)
 
 
 @pytest.fixture(scope="module")
@@ -45,11 +55,6 @@ def plan(moves):
         return planner.plan(harness, moves, params)
 
     return planned
-
-
-def always(probability: float):
-    """A classifier that gives the same for every turn."""
-    return lambda rows: np.full(len(rows), probability)
 
 
 def test_the_branch_is_turned_away_about_its_branch_point(plan):
@@ -184,51 +189,9 @@ def test_every_turn_comes_with_its_evidence():
     assert all(t.after < 1 for t in turns)
 
 
-HAND_PX = 12.0
-
-
 def turns_of(harness: Topology, margin_px: float = 0.0, gain: int = 1) -> list[Turn]:
     scene = in_hands(harness, HAND_PX)
     return find_turns(scene, find_holds(scene), Frame.of(harness, HAND_PX, margin_px), 1.0, gain)
-
-
-ANYWHERE = 1e3
-"""A margin, px: the piece may end anywhere."""
-
-
-def search(harness: Topology, chance: float, margin_px: float = ANYWHERE) -> Search:
-    """If every turn works with this probability."""
-    return Search(always(chance), Frame.of(harness, HAND_PX, margin_px))
-
-
-def options_of(harness: Topology, margin_px: float = ANYWHERE) -> list[Option]:
-    """If every turn works in nine of ten cases."""
-    return search(harness, 0.9, margin_px).options(in_hands(harness, HAND_PX), 1, 50)
-
-
-def test_each_crossing_that_goes_is_worth_a_move_of_its_own():
-    """At .9 each, two moves are worth .81; both crossings at once .9."""
-    assert {round(o.chance, 6): o.turn.after for o in options_of(twice_crossed())} == {
-        0.9: 0,
-        0.81: 1,
-    }
-
-
-def test_a_piece_that_leaves_the_picture_is_worth_less_and_least_where_crossings_are_left():
-    found = [o for o in options_of(twice_crossed(), 0.0) if o.turn.in_view < 0.9]
-    left, done = (next(o for o in found if o.turn.after == n) for n in (1, 0))
-    assert left.chance == pytest.approx(0.9**2 * left.turn.in_view**2)
-    assert done.chance == pytest.approx(0.9 * done.turn.in_view)
-
-
-def test_what_a_turn_leaves_counts_too():
-    """With one crossing undone the other is still there to be undone: .9 times .9."""
-    harness = twice_crossed()
-    option = next(o for o in options_of(harness) if o.turn.after == 1)
-    scene = in_hands(harness, HAND_PX)
-    assert len(after_turn(scene, option.turn).crossings) == 1
-    followed = search(harness, 0.9).with_what_follows(scene, option)
-    assert followed.chance == pytest.approx(0.81)
 
 
 def test_after_a_turn_the_piece_is_where_it_was_put_and_on_top():
@@ -242,49 +205,6 @@ def test_after_a_turn_the_piece_is_where_it_was_put_and_on_top():
         assert arc_lengths(after.xy)[-1] == pytest.approx(before.length, rel=0.02)
     again = topology(list(left.sections), [b.xy for b in left.branch_points])
     assert Sweep(again, body_of(again, Pivot(2, 0.0, 1, 0))).crossings(0.0)[0][:2] == (2, 0)
-
-
-def test_a_preparing_turn_is_proposed_where_no_other_is_likely():
-    for chance, left in ((0.1, {0, 1}), (0.9, {0})):
-        options = search(crossed(), chance).ranked(in_hands(crossed(), HAND_PX))
-        assert {o.turn.after for o in options} == left
-
-
-def test_where_all_chances_are_small_the_best_one_still_comes_first():
-    """Chances below a fiftieth counted as equal: the smallest turn came first, whatever its
-    score."""
-    small, large = sorted(options_of(twice_crossed())[:2], key=lambda o: abs(o.turn.angle))
-    places = [replace(small, chance=0.001), replace(large, chance=0.018)]
-    turned_about = [
-        replace(o, turn=replace(o.turn, held=replace(o.turn.held, pivot=Pivot(0, at, 1, -1))))
-        for o, at in zip(places, (1.0, 2.0), strict=True)
-    ]
-    assert planner._preferred(turned_about)[0].chance == 0.018
-
-
-def test_preparing_turns_are_looked_at_where_the_likely_ones_lead_nowhere(monkeypatch):
-    """What would follow a likely turn was looked at, found to be hopeless, and chosen all the
-    same."""
-    scene = in_hands(crossed(), HAND_PX)
-    looked_at = Search.with_what_follows
-
-    def hopeless(self, before, option):
-        found = looked_at(self, before, option)
-        lost = before is scene and option.turn.after == 0
-        return replace(found, chance=0.01) if lost else found
-
-    monkeypatch.setattr(Search, "with_what_follows", hopeless)
-    assert planner._preferred(search(crossed(), 0.9).ranked(scene))[0].turn.after == 1
-
-
-def test_what_follows_a_preparing_turn_is_looked_at_as_deeply_as_what_follows_another():
-    """One step less was looked at behind it, so that one preparing turn followed another."""
-    scene = in_hands(twice_crossed(), HAND_PX)
-    every = search(twice_crossed(), 0.9)
-    prepares = next(o for o in every.options(scene, 0, 50) if o.turn.after == 2)
-    with_one_left = [0.9, 0.9 * 0.9]
-    followed = every.with_what_follows(scene, prepares).chance / (0.9 * planner._PREPARING)
-    assert min(abs(followed - c) for c in with_one_left) < 1e-6
 
 
 def test_a_branch_point_that_is_set_back_lies_on_the_bundle():
